@@ -58,6 +58,11 @@ def read_log_map(path: Path | None, *, servo: bool = False) -> LogMap:
     path : of the file
     servo : whether the logs are of a servo and its command
 
+    Returns
+    -------
+    LogMap
+        As written, checked.
+
     Raises
     ------
     InputError

@@ -21,7 +21,7 @@ SETTLED = 6.0
 """Lags after which it is forgotten how the servo moved before the log."""
 VALLEYS = 14
 """Bandwidths at which a better fit is looked for."""
-ROUNDS = 3
+ROUNDS = 2
 """How often noise and numbers are fitted to each other."""
 LEAST_SPAN = 8
 """Rows over which a way is compared: in one of them the encoder is all that one sees."""
@@ -176,9 +176,9 @@ def _found(seen: ServoLog, order: int) -> tuple[_Task, Floats]:
     task = _prepared(seen, order, at, Noise(seen.rounding, 0.01 * seen.sample_time))
     for _ in range(ROUNDS):
         task, at = _refined(task, at)
-        at = _better_elsewhere(task, at)
         task = _prepared(seen, order, at, task.noise)
-    return task, at
+    at = _better_elsewhere(task, at)
+    return _prepared(seen, order, at, task.noise), at
 
 
 def _refined(task: _Task, at: Floats) -> tuple[_Task, Floats]:

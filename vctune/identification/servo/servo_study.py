@@ -86,7 +86,13 @@ class ServoStudy:
         return self.chi2_of(self.fit, Noise(self.fit.noise.encoder, 0.0))
 
     def chi2_of(self, fit: ServoFit, noise: Noise) -> float:
-        """Return the power of what a fit leaves over that of a noise, per row."""
+        """Return the power of what a fit leaves over that of a noise, per row.
+
+        Parameters
+        ----------
+        fit : of either order
+        noise : Noise
+        """
         white, _ = whitened(fit.left, noise, fit.exposed, is_position=self.seen.is_position)
         return float(np.mean(white**2))
 
@@ -129,6 +135,11 @@ def servo_study(recording: Recording, sample_time: float) -> ServoStudy:
     ----------
     recording : checked
     sample_time : s
+
+    Returns
+    -------
+    ServoStudy
+        Both orders, SI units.
 
     Raises
     ------

@@ -1,0 +1,259 @@
+"""Simulated servos, identified: the truth is in the box, the file is solved, and what a log does not tell is said."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from command import run
+from jsonschema import Draft202012Validator
+from servo_logs import moved, servo_case
+
+from vctune import check, identify, problem, solve
+from vctune.design.verdict.gains_check import CheckVerdict
+from vctune.document.records.json_schemas import SCHEMAS
+from vctune.document.text.errors import InputError
+from vctune.identification.servo.servo_motion import interpolating_velocity, positions, sampled_response
+
+SERVO = {"T": 4e-3, "late": 3.4, "order": 1, "bandwidth": 12.0, "command": "velocity", "jitter": 0.0}
+MANY = range(100)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One servo: whether delay, bandwidth and order are in the file, and the half-width of the delay over T."""
+
+    kind: str
+    inside: bool
+    half_width: float
+
+
+def trial(case, folder) -> Trial:
+    found = identify(case.write(folder), servo=True).found
+    delay, bandwidth = (found.bounded(f"servo.{name}") for name in ("delay", "bandwidth_hz"))
+    (study,) = (each.servo for each in found.records)
+    inside = delay.low <= case.delay <= delay.high and bandwidth.low <= case.bandwidth_hz <= bandwidth.high
+    order = found.device.servo.order == case.order or not study.told
+    return Trial(case.kind, inside and order, (delay.high - delay.low) / 2 / case.T)
+
+
+def tables(case, coupling):
+    """Return the true servo with a coupling as a problem."""
+    servo = {"delay": case.delay, "bandwidth_hz": case.bandwidth_hz, "order": case.order, "command": case.command}
+    numbers = {name: float(getattr(coupling, name)) for name in ("damping", "mass", "drag")}
+    return {"device": {"sample_time": case.T, "servo": servo}, "coupling": numbers}
+
+
+def certified_for_the_truth(case, folder) -> bool:
+    solved = solve(identify(case.write(folder), servo=True).file)
+    return check(problem(tables(case, solved.judgement.coupling))).result is CheckVerdict.PASSED
+
+
+def codes(said):
+    return {line.rpartition(" [")[2].rstrip("]") for line in said}
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("late", [0.3, 1.0, 41.7])
+def test_the_motion_is_exact_at_uneven_instants(order, late):
+    """Against the sum of all step responses."""
+    random = np.random.default_rng(order)
+    time = np.cumsum(4e-3 * random.uniform(0.8, 1.2, 600))
+    velocity = random.normal(size=600)
+    velocity[:3] = 0.0
+    expected = moved(time, velocity, time + late * 4e-3, 9.0, order)
+    found = positions(time, velocity, late * 4e-3, 9.0, order)
+    assert found - found[0] == pytest.approx(expected, abs=1e-12 * np.ptp(expected) * 600)
+
+
+def test_a_position_is_reached_one_sample_later():
+    time = np.array([0.0, 1.0, 1.9, 3.1])
+    velocity = interpolating_velocity(time, np.array([0.0, 2.0, 3.0, -1.0]))
+    assert np.cumsum(velocity[1:3] * np.diff(time)[1:]) == pytest.approx([2.0, 3.0])
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("late", [0.3, 1.0, 3.7])
+def test_the_sampled_response_is_that_of_an_impulse(order, late):
+    T, n = 1e-3, 2000
+    time, theta = np.arange(n) * T, np.array([0.01, 0.1, 1.0, 3.0])
+    steps = np.diff(positions(time, 1.0 * (np.arange(n) == 1), late * T, 30.0, order), prepend=0.0) / T
+    expected = [np.sum(steps * np.exp(-1j * each * (np.arange(n) - 1))) for each in theta]
+    assert sampled_response(theta / T, T, late * T, 30.0, order) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", [2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, 9, 76))])
+def test_a_simulated_servo_is_in_its_box(seed, tmp_path):
+    found = trial(servo_case(seed, n=2500), tmp_path)
+    assert found.inside
+    assert found.half_width <= 0.25 or found.kind != "sweep"
+
+
+@pytest.mark.slow
+def test_nineteen_of_twenty_servos_are_in_their_boxes(tmp_path):
+    trials = [trial(servo_case(seed), tmp_path) for seed in MANY]
+    assert np.mean([each.inside for each in trials]) >= 0.95
+    assert max(each.half_width for each in trials if each.kind == "sweep") <= 0.25
+
+
+@pytest.mark.slow
+def test_nineteen_of_twenty_slow_motions_have_the_servo_in_their_boxes(tmp_path):
+    assert np.mean([trial(servo_case(seed, kind="slow"), tmp_path).inside for seed in MANY[:40]]) >= 0.95
+
+
+def test_a_design_for_the_box_is_certified_for_the_truth(tmp_path):
+    slow = SERVO | {"T": 8e-3, "late": 1.0, "order": 2, "bandwidth": 1.4}
+    assert certified_for_the_truth(servo_case(0, n=1500, **slow), tmp_path)
+
+
+@pytest.mark.slow
+def test_designs_for_nineteen_of_twenty_boxes_are_certified_for_the_truth(tmp_path):
+    cases = [each for each in map(servo_case, MANY) if each.kind == "sweep"][:40]
+    assert np.mean([certified_for_the_truth(case, tmp_path) for case in cases]) >= 0.95
+
+
+def test_a_slow_motion_shows_a_latency_and_no_bandwidth(tmp_path):
+    case = servo_case(1, kind="slow", n=1500, **SERVO)
+    quantum = 1e-3
+    position = quantum * np.floor(case.columns["position_m"] / quantum + 0.5)
+    identified = identify(case.write(tmp_path, position_m=position), servo=True)
+    found, record = identified.found, identified.record
+    assert {"remark-latency-only", "remark-order"} <= codes(record.remarks)
+    delay, bandwidth = (found.bounded(f"servo.{name}") for name in ("delay", "bandwidth_hz"))
+    assert delay.low <= case.delay <= delay.high and bandwidth.low <= case.bandwidth_hz <= bandwidth.high
+    (study,) = (each.servo for each in found.records)
+    latency = case.delay + 1 / (2 * np.pi * case.bandwidth_hz)
+    assert study.fit.delay.value + study.fit.lag == pytest.approx(latency, abs=0.3 * case.T)
+    assert bandwidth.high > 100 * bandwidth.low
+    assert max(radius for hertz, radius in found.unmodelled if hertz > 0.1 / case.T) > 0.3  # the other order
+
+
+@pytest.mark.slow
+def test_jitter_of_the_link_widens_the_delay(tmp_path):
+    calm, hasty = (
+        identify(servo_case(2, n=2500, **(SERVO | {"jitter": jitter})).write(tmp_path), servo=True)
+        for jitter in (0.0, 0.4)
+    )
+    delays = [each.found.bounded("servo.delay") for each in (calm, hasty)]
+    assert delays[0].high - delays[0].low < delays[1].high - delays[1].low < 0.5 * SERVO["T"]
+    (study,) = (each.servo for each in hasty.found.records)
+    assert study.fit.jitter == pytest.approx(0.4 * SERVO["T"] / np.sqrt(12), rel=0.3)
+    assert "remark-jitter" in codes(hasty.record.remarks) - codes(calm.record.remarks)
+
+
+@pytest.mark.slow
+def test_steps_of_the_clock_may_jitter(tmp_path):
+    case, random = servo_case(3, n=2000, **SERVO), np.random.default_rng(3)
+    time = case.columns["time_s"] + 0.25 * case.T * random.uniform(-1, 1, 2000)
+    velocity = case.columns["velocity_command_m_s"]
+    position = moved(time, velocity, time + case.delay, case.bandwidth_hz, case.order)
+    path = case.write(tmp_path, time_s=time, position_m=np.round(position, 6))
+    found = identify(path, servo=True).found
+    for key, truth in (("servo.delay", case.delay), ("servo.bandwidth_hz", case.bandwidth_hz)):
+        assert found.bounded(key).low <= truth <= found.bounded(key).high
+
+
+def test_a_servo_that_yields_is_outside_the_model(tmp_path):
+    case, random = servo_case(4, n=1200, **SERVO), np.random.default_rng(4)
+    force = 10 * np.convolve(random.normal(size=1200), np.ones(40) / 40, "same")
+    stiff = identify(case.write(tmp_path, hand_N=force), servo=True)
+    (study,) = (each.servo for each in stiff.found.records)
+    assert not study.yielding.clear and "remark-unpushed" not in codes(stiff.record.remarks)
+    position = case.columns["position_m"] + 2e-4 * force
+    soft = identify(case.write(tmp_path, force_N=force, position_m=position), servo=True)
+    (study,) = (each.servo for each in soft.found.records)
+    assert study.yielding.compliance[0] == pytest.approx(2e-4, rel=0.05)
+    assert "warn-yields" in codes(soft.record.warnings)
+    assert "outside the model" in soft.text
+
+
+def test_what_is_written_is_a_problem_a_record_and_a_report(tmp_path):
+    case = servo_case(5, n=1500, **(SERVO | {"command": "position", "order": 2}))
+    case.write(tmp_path)
+    done = run("identify", "--servo", "servo.csv", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    folder = tmp_path / "results/servo"
+    assert {path.name for path in folder.iterdir()} == {
+        "device.toml", "identification.json", "report.html", "following.svg", "response.svg", "numbers.svg"
+    }  # fmt: skip
+    record = json.loads((folder / "identification.json").read_text())
+    Draft202012Validator(SCHEMAS["identification"]()).validate(record)
+    stated = tomllib.loads((folder / "device.toml").read_text())
+    assert stated["device"]["servo"] == record["device"]["servo"]
+    assert stated["device"]["servo"]["command"] == "position" and stated["device"]["servo"]["order"] == 2
+    assert set(stated["uncertainty"]) == {"servo.delay", "servo.bandwidth_hz", "unmodelled"}
+    for line in record["remarks"]:
+        assert line in done.stdout and line in (folder / "device.toml").read_text()
+    assert [each["chosen"] for each in record["recordings"][0]["candidates"]] == [True, False]
+
+
+@pytest.mark.slow
+def test_two_logs_and_other_headers(tmp_path):
+    case, other = servo_case(6, n=1500, **SERVO), servo_case(7, kind="steps", n=1500, **SERVO)
+    paths = []
+    for name, each in (("one.csv", case), ("two.csv", other)):
+        named = {"t": each.columns["time_s"], "v": each.columns["velocity_command_m_s"]}
+        paths.append(tmp_path / name)
+        rows = np.column_stack([*named.values(), 1e3 * each.columns["position_m"]])
+        np.savetxt(paths[-1], rows, delimiter=",", header="t,v,x_mm", comments="", fmt="%.12g")
+    config = tmp_path / "log.toml"
+    config.write_text(
+        '[columns]\ntime = { column = "t", unit = "s" }\nposition = "x_mm"\n'
+        'velocity_command = { column = "v", unit = "m/s" }\n[device.force_sensor]\nbandwidth_hz = 30.0\n'
+    )
+    identified = identify(paths, config, servo=True)
+    assert len(identified.found.bounded("servo.delay").estimates) == 2
+    assert identified.file.problem.device.force_sensor.bandwidth_hz == 30.0
+    assert "remark-assumed-sensor" not in codes(identified.record.remarks)
+
+
+def test_a_rotary_servo_has_hands_so_that_it_can_be_solved(tmp_path):
+    case = servo_case(8, n=1500, **SERVO)
+    columns = {
+        "time_s": case.columns["time_s"],
+        "velocity_command_rad_s": case.columns["velocity_command_m_s"],
+        "position_rad": case.columns["position_m"],
+    }
+    np.savetxt(
+        tmp_path / "wrist.csv", np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns),
+        comments="", fmt="%.12g",
+    )  # fmt: skip
+    (tmp_path / "log.toml").write_text("rotary = true\n")
+    identified = identify(tmp_path / "wrist.csv", tmp_path / "log.toml", servo=True)
+    assert identified.file.problem.device.units == "rotary"
+    assert "# assumed: vctune's hand, 0.1 m from the axis" in identified.text
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda c: {"position_m": 1e3 * c["position_m"]}, "moves at up to"),
+        (lambda c: {"position_m": 10 * c["position_m"]}, "position_m moves 10 times as far as velocity_command_m_s"),
+        (lambda c: {"position_m": -c["position_m"]}, "position_m moves against velocity_command_m_s; turn one sign"),
+        (lambda c: {"position_m": c["position_m"][::-1]}, "of the motion of position_m does not follow velocity"),
+        (lambda c: {"position_command_m": c["position_m"]}, "a servo is sent a velocity or a position, and"),
+        (lambda c: {"velocity_command_m_s": 1e4 * c["velocity_command_m_s"]}, "velocity_command_m_s: reaches"),
+    ],
+)
+def test_a_log_that_is_of_no_servo_is_refused(change, message, tmp_path):
+    case = servo_case(9, n=1000, **SERVO)
+    with pytest.raises(InputError, match=message):
+        identify(case.write(tmp_path, **change(case.columns)), servo=True)
+
+
+def test_what_a_servo_has_not_is_refused(tmp_path):
+    case = servo_case(9, n=1000, **SERVO)
+    path, config = case.write(tmp_path), tmp_path / "log.toml"
+    with pytest.raises(InputError, match=r"columns.command: without a force nothing can be identified"):
+        identify(path)
+    with pytest.raises(InputError, match="--excitation: suggests a force, which no servo takes"):
+        identify(path, servo=True, excitation=True)
+    config.write_text("[device]\ndelay = 1e-3\n")
+    with pytest.raises(InputError, match=r"log.toml:2: device.delay: a servo has none"):
+        identify(path, config, servo=True)
+    del case.columns["velocity_command_m_s"]
+    with pytest.raises(InputError, match=r"columns.velocity_command: without a command nothing can be identified"):
+        identify(case.write(tmp_path), servo=True)

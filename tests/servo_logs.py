@@ -1,0 +1,105 @@
+"""Logs of simulated servos: every jump of a command acts when it arrives, by its step response in closed form.
+
+It shares nothing with `vctune.identification`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi, sqrt
+
+import numpy as np
+
+KINDS = ("sweep", "steps", "motion", "slow")
+SPEED = 0.1
+
+
+def step_response(t, w, order):
+    """Return the way that a low-pass of the velocity makes of a step of 1 m/s."""
+    t = np.maximum(t, 0.0)
+    if order == 1:
+        return t - (1 - np.exp(-w * t)) / w
+    a = w / sqrt(2)
+    return t - (1 - np.exp(-a * t) * np.cos(a * t)) / a
+
+
+def moved(at, velocity, arrivals, bandwidth_hz, order):
+    """Return where a servo is at some instants, of velocities that arrive at others and stay."""
+    x = np.zeros(at.size)
+    for arrival, jump in zip(arrivals, np.diff(velocity, prepend=0.0), strict=True):
+        first = np.searchsorted(at, arrival)
+        x[first:] += jump * step_response(at[first:] - arrival, 2 * pi * bandwidth_hz, order)
+    return x
+
+
+@dataclass(frozen=True)
+class ServoCase:
+    """A servo, how it was moved, and its log.
+
+    Attributes
+    ----------
+    T, delay, bandwidth_hz : s, s, Hz
+    order, command : as in a problem file
+    kind : of motion
+    link : standard deviation of the delay, s
+    columns : arrays by header
+    """
+
+    T: float
+    delay: float
+    bandwidth_hz: float
+    order: int
+    command: str
+    kind: str
+    link: float
+    columns: dict[str, np.ndarray]
+
+    def write(self, folder, name="servo.csv", **more):
+        """Write its log, with more columns or others in the place of its own; return the path."""
+        columns = self.columns | more
+        rows = np.column_stack(list(columns.values()))
+        np.savetxt(folder / name, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
+        return folder / name
+
+
+def motion(kind, random, n, T):
+    """Return a velocity for each row."""
+    t, whole = np.arange(n) * T, n * T
+    if kind == "sweep":
+        low, high = 0.002 / T, 0.25 / T
+        return SPEED * np.sin(2 * pi * low * whole / np.log(high / low) * ((high / low) ** (t / whole) - 1))
+    if kind == "steps":
+        levels = np.repeat(random.uniform(-1, 1, n // 100 + 1), 100)[:n]
+        return SPEED * (levels - levels.mean())
+    f = np.fft.rfftfreq(n, T) * T
+    share = 1 / (1 + (f / 0.01) ** 4) if kind == "motion" else f < 0.002
+    wave = np.fft.irfft(np.fft.rfft(random.normal(size=n)) * share, n)
+    return SPEED * wave / wave.std()
+
+
+def servo_case(seed, *, kind=None, n=4000, **fixed) -> ServoCase:
+    """Return a random servo with encoder, noise and a link that may jitter; a sweep of it in three of five."""
+    random = np.random.default_rng(seed)
+    T = float(random.choice([1e-3, 2e-3, 4e-3, 8e-3]))
+    late = float(np.exp(random.uniform(np.log(0.2), np.log(80.0))))
+    order = int(random.integers(1, 3))
+    bandwidth = float(np.exp(random.uniform(np.log(0.01), np.log(0.2)))) / T
+    kind = kind or KINDS[0 if random.uniform() < 0.6 else int(random.integers(0, 3))]
+    command = str(random.choice(["velocity", "position"]))
+    jitter = float(random.choice([0.0, 0.0, 0.1, 0.3]))
+    fineness, noise = float(np.exp(random.uniform(np.log(1e-6), np.log(1e-4)))), float(random.choice([0, 0.3, 1, 3]))
+    made = {"T": T, "late": late, "order": order, "bandwidth": bandwidth, "command": command, "jitter": jitter} | fixed
+    T, late, order, bandwidth, command, jitter = made.values()
+    velocity, time = motion(kind, random, n, T), np.arange(n) * T
+    arrivals = time + late * T + jitter * T * random.uniform(-0.5, 0.5, n)
+    if command == "velocity":
+        told, header = velocity, "velocity_command_m_s"
+        x = moved(time, velocity, arrivals, bandwidth, order)
+    else:
+        told, header = np.concatenate([[0.0], np.cumsum(velocity[:-1]) * T]), "position_command_m"
+        reached = arrivals + T
+        x = moved(time, np.append(np.diff(told) / np.diff(reached), 0.0), reached, bandwidth, order)
+    quantum = fineness * float(np.ptp(x))
+    position = quantum * np.floor((x + noise * quantum * random.normal(size=n)) / quantum + 0.5)
+    columns = {"time_s": time, header: told, "position_m": position}
+    return ServoCase(T, late * T, bandwidth, order, command, kind, jitter * T / sqrt(12), columns)
