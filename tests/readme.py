@@ -74,16 +74,18 @@ def reference(schema: dict) -> str:
     def add(prefix: str, table: dict) -> None:
         for key, entry in table["properties"].items():
             form = entry.get("items", entry) if entry.get("type") == "array" else entry
-            target = schema["$defs"].get(form.get("$ref", "").removeprefix("#/$defs/"))
+            forms = [one.get("$ref", "").removeprefix("#/$defs/") for one in (form, *form.get("oneOf", ()))]
+            targets = [target for one in forms if "properties" in (target := schema["$defs"].get(one, {}))]
             name = f"{prefix}{key}"
-            if target and "properties" in target:
+            for target in targets:
                 shown = f"[{name}]" if form is entry else f"[[{name}]]"
                 rows.append(f"| **`{shown}`** | {' '.join(target['description'].split())} |")
                 add(f"{name}.", target)
-            else:
-                default = entry.get("default")
-                shown = "" if default in (None, "") else f" Default {str(default).lower()}."
-                rows.append(f"| `{name}` | {entry.get('description', '')}{shown} |")
+            if targets:
+                continue
+            default = entry.get("default")
+            shown = "" if default in (None, "") else f" Default {str(default).lower()}."
+            rows.append(f"| `{name}` | {entry.get('description', '')}{shown} |")
 
     add("", schema)
     escaped = [re.sub(r"\|(S|1 - G_he|G_hh|Z_c|1/G_hh|1 - A H/N|1/Z_c)\|", r"\\|\1\\|", row) for row in rows]

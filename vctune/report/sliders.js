@@ -28,11 +28,13 @@ window.vctune = (() => {
   const within = (hz, [low, high]) => hz >= low * (1 - 1e-9) && (high === null || hz <= high * (1 + 1e-9));
 
   function coupling(numbers, omega) {
+    if (given.rigid) return [numbers[1], numbers[0] * omega];
     const [b, m, drag] = numbers.slice(-3), x = m * omega, share = x / (b * b + x * x);
     return [drag + b * x * share, b * b * share];
   }
 
   function ofMass(numbers, i) {
+    if (given.rigid) return numbers[1];
     const [b, m, drag] = numbers.slice(-3), theta = constants.hands.theta[i];
     const r = m * 2 * Math.sin(theta / 2) / given.sample_time, c = b * Math.cos(theta / 2);
     return drag + b * (r * r / (c * c + r * r));

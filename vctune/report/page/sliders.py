@@ -45,6 +45,7 @@ def sliders(problem: Problem, gains: Gains, coupling: AnyCoupling, record: Desig
     hands = _hands(problem, worst)
     return {
         "display": problem.device.display,
+        "rigid": coupling.damping == inf,
         "variables": _variables(problem, gains, coupling),
         "sample_time": problem.device.sample_time,
         "factor": stability.safety_factor,
@@ -136,5 +137,5 @@ def _variables(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[di
         {"key": key, "symbol": symbol, "unit": unit, "value": value, "top": REACH * value if value > 0 else most,
          "low": value / REACH if value > 0 else 0.0, "bounds": None if range_.fixed else [range_.min, range_.max]}
         for key, symbol, unit, value, range_, most in named
-        if key in device.kind.stated
+        if key in device.kind.stated and value < inf
     ]  # fmt: skip
