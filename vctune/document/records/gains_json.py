@@ -53,6 +53,12 @@ class CouplingRecord(Part):
     mass: Annotated[Positive, Shown("mass m_c", digits=8, of="mass")]
     drag: Annotated[NotNegative, Shown("drag b_0", digits=8, of="damping")] = 0.0
 
+    def rows(self, units: Units) -> Iterator[Row]:
+        """Yield its numbers; an infinite damping is rigid."""
+        damping, *others = super().rows(units)
+        yield damping if self.damping is not None else Row(damping.label, "rigid", "")
+        yield from others
+
     @property
     def plain(self) -> AnyCoupling:
         """The coupling."""
