@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 from math import pi
 
 import numpy as np
@@ -14,6 +14,7 @@ from device_oracle import Coupling, Gains, LowPass, Real, coupling_impedance, la
 from device_pairs import device_of, loop, open_over_closed
 
 from vctune.analysis.demands import stability_ratio
+from vctune.model import gains
 from vctune.model.loop.impedances import tracking_abs2
 from vctune.model.loop.limits import low_frequency_limit
 from vctune.model.loop.llewellyn import required_resistance
@@ -120,7 +121,9 @@ def test_friction_wheel_with_slow_force_sensors() -> None:
     devices = [replace(WHEEL, force_sensor=sensor) for sensor in (LowPass(), LowPass(500.0), LowPass(100.0))]
     for of in (
         lambda device: ratio(device, WHEEL_GAINS, WHEEL_COUPLING, 0.5),
-        lambda device: stability_ratio(device_of(device), WHEEL_GAINS, WHEEL_COUPLING, np.array(pi)),
+        lambda device: stability_ratio(
+            device_of(device), WHEEL_GAINS, gains.Coupling(*astuple(WHEEL_COUPLING)), np.array(pi)
+        ),
     ):
         found = [of(device) for device in devices]
         assert to_all_digits("1.05", found[0])

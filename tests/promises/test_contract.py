@@ -165,9 +165,10 @@ def test_units_are_those_of_the_key_reference():
 def described(schema, table, path):
     for name, entry in table["properties"].items():
         form = entry.get("items", entry)
-        inner = schema["$defs"][form["$ref"].rpartition("/")[2]] if "$ref" in form else {}
-        if "properties" in inner:
-            yield from described(schema, inner, (*path, name))
+        forms = [schema["$defs"][one["$ref"].rpartition("/")[2]] for one in form.get("oneOf", [form]) if "$ref" in one]
+        if forms and "properties" in forms[0]:
+            for inner in forms:
+                yield from described(schema, inner, (*path, name))
         elif entry.get("type") not in ("string", "boolean", "integer"):
             yield (*path, name), entry["description"]
 

@@ -198,7 +198,7 @@ def test_the_delays_beside_a_whole_number_of_samples():
     others = beside_whole_sample(sensed, FIRM)
     assert [(other.delay, other.number("force_sensor.delay")) for other in others] == [(0.0, 9.999999e-4), (0.0, 1e-3)]
     others = beside_whole_sample(replace(sensed, delay=1.01e-3), FIRM)
-    sums = [sum(other.number(key) for key in DELAYS) for other in others]
+    sums = [sum(other.number(key) or 0.0 for key in DELAYS) for other in others]
     assert sums == pytest.approx([1.9999999e-3, 2e-3], rel=1e-14)
     assert all(other.number("force_sensor.delay") == 9.8e-4 for other in others)
 

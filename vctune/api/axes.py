@@ -86,6 +86,11 @@ def solve_axes(
     axes : the problem file
     gap, prices : as of `vctune.solve`
     progress : told the axis and the stage of the work
+
+    Returns
+    -------
+    list of AxisDesign
+        In the order of the file.
     """
     from vctune.design.nlp.nlp import ipopt_version
 
@@ -211,6 +216,11 @@ def check_parameters(
     path : of the parameter file
     only : names of the axes to check; empty for all that the file selects
     progress : told the stage of the work
+
+    Returns
+    -------
+    list of Checked
+        One for each axis that was looked at.
 
     Raises
     ------

@@ -162,8 +162,10 @@ def _misstated(tables: Any) -> Iterator[Fault]:
         name = table.get("name")
         if not isinstance(name, str) or not NAME.fullmatch(name):
             message = 'of up to 32 letters, digits, - and _, such as "x"'
-            found = "is missing" if name is None else f"{shown(name)} is no name"
-            yield Fault(path, f"{found}; write one {message}", "missing-key" if name is None else "wrong-type")
+            if name is None:
+                yield Fault(path, f"is missing; write one {message}", "missing-key")
+            else:
+                yield Fault(path, f"{shown(name)} is no name; write one {message}", "wrong-type")
         elif name.lower() in seen:
             yield Fault(path, f"{name!r} is the name of axis[{seen[name.lower()]}] too; write another", "contradiction")
         else:

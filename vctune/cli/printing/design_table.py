@@ -30,7 +30,18 @@ COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undeci
 
 @contextmanager
 def page(least_width: int, folder: Path) -> Iterator[Console]:
-    """Print in this block; in one piece, whole or not at all, with where the files are at the end."""
+    """Print in this block; in one piece, whole or not at all, with where the files are at the end.
+
+    Parameters
+    ----------
+    least_width : of a line, characters, even where the terminal is narrower
+    folder : of the files
+
+    Returns
+    -------
+    context manager of Console
+        What to print with.
+    """
     console = Console(highlight=False)
     console.width = max(console.width, least_width)
     with console.capture() as page:
