@@ -119,6 +119,7 @@ def test_velocity_loop_alone() -> None:
 def test_friction_wheel_with_slow_force_sensors() -> None:
     """Ratio at 0.5 Hz: ideal, 500 Hz sensor, 100 Hz sensor."""
     devices = [replace(WHEEL, force_sensor=sensor) for sensor in (LowPass(), LowPass(500.0), LowPass(100.0))]
+    coupling = gains.Coupling(*astuple(WHEEL_COUPLING))
     for of in (
         lambda device: ratio(device, WHEEL_GAINS, WHEEL_COUPLING, 0.5),
         lambda device: stability_ratio(

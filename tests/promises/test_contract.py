@@ -165,7 +165,8 @@ def test_units_are_those_of_the_key_reference():
 def described(schema, table, path):
     for name, entry in table["properties"].items():
         form = entry.get("items", entry)
-        forms = [schema["$defs"][one["$ref"].rpartition("/")[2]] for one in form.get("oneOf", [form]) if "$ref" in one]
+        union = [form] if "description" in entry else form.get("oneOf", [form])
+        forms = [schema["$defs"][one["$ref"].rpartition("/")[2]] for one in union if "$ref" in one]
         if forms and "properties" in forms[0]:
             for inner in forms:
                 yield from described(schema, inner, (*path, name))
