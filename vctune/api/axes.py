@@ -79,13 +79,18 @@ def of_each(axes: AxesFile, work: Callable[[AxisProblem], Found]) -> list[tuple[
 def solve_axes(
     axes: AxesFile, *, gap: float | None = None, prices: bool = False, progress: Progress = lambda stage: None
 ) -> list[AxisDesign]:
-    """Solve each axis.
+    """Solve each axis; axes that state the same problem are solved once.
 
     Parameters
     ----------
     axes : the problem file
-    gap, prices : as of `vctune.solve`
+    gap, prices : as for `vctune.solve`
     progress : told the axis and the stage of the work
+
+    Returns
+    -------
+    list of AxisDesign
+        One for each axis, in the file's order.
     """
     from vctune.design.nlp.nlp import ipopt_version
 
@@ -211,6 +216,11 @@ def check_parameters(
     path : of the parameter file
     only : names of the axes to check; empty for all that the file selects
     progress : told the stage of the work
+
+    Returns
+    -------
+    list of Checked
+        One for each axis that is both selected and checked, in the parameter file's order.
 
     Raises
     ------

@@ -58,6 +58,11 @@ def read_log_map(path: Path | None, *, servo: bool = False) -> LogMap:
     path : of the file
     servo : whether the logs are of a servo and its command
 
+    Returns
+    -------
+    LogMap
+        The column of each role and the known numbers of the device, as the file states them.
+
     Raises
     ------
     InputError

@@ -30,7 +30,18 @@ COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undeci
 
 @contextmanager
 def page(least_width: int, folder: Path) -> Iterator[Console]:
-    """Print in this block; in one piece, whole or not at all, with where the files are at the end."""
+    """Print everything that a block writes in one piece, whole or not at all, and the folder of its files at the end.
+
+    Parameters
+    ----------
+    least_width : columns of the page at least, however narrow the terminal is
+    folder : named in the last line
+
+    Yields
+    ------
+    Console
+        Captures the block's output.
+    """
     console = Console(highlight=False)
     console.width = max(console.width, least_width)
     with console.capture() as page:

@@ -86,7 +86,18 @@ class ServoStudy:
         return self.chi2_of(self.fit, Noise(self.fit.noise.encoder, 0.0))
 
     def chi2_of(self, fit: ServoFit, noise: Noise) -> float:
-        """Return the power of what a fit leaves over that of a noise, per row."""
+        """Return the mean power of a fit's whitened residual, 1 if the noise explains it.
+
+        Parameters
+        ----------
+        fit : of this log, of either order
+        noise : whose power the residual is divided by
+
+        Returns
+        -------
+        float
+            Dimensionless, per row of the log.
+        """
         white, _ = whitened(fit.left, noise, fit.exposed, is_position=self.seen.is_position)
         return float(np.mean(white**2))
 
@@ -123,12 +134,17 @@ def _estimate(key: str, found: Interval, source: str, jitter: float) -> Estimate
 
 
 def servo_study(recording: Recording, sample_time: float) -> ServoStudy:
-    """Study a recording of a servo.
+    """Fit both orders of a servo to a recording and decide between them.
 
     Parameters
     ----------
-    recording : checked
-    sample_time : s
+    recording : of position and command, checked by its caller; of a force too, if the servo may yield
+    sample_time : of the servo's commands, s
+
+    Returns
+    -------
+    ServoStudy
+        The fit that explains the log better, the other one, and whether the log tells them apart.
 
     Raises
     ------
