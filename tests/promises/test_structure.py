@@ -160,9 +160,8 @@ def public_functions(tree):
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
             yield from public_functions(node)
         elif isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
-            stub = isinstance(node.body[-1], ast.Expr) and ast.unparse(node.body[-1]) == "..."
             command = any(ast.unparse(each).startswith("click.command") for each in node.decorator_list)
-            if not stub and not command:
+            if not command:
                 yield node
 
 

@@ -368,7 +368,7 @@ def violation(problem: Problem, case: Case, extra: Sequence[float] = ()) -> floa
     Parameters
     ----------
     problem : the demands
-    case : one
+    case : one case, of the problem's device
     extra : rad/s; those beyond a demand's band are left out of it
     """
     device, stability, nyquist = problem.device, problem.stability, pi / problem.device.sample_time

@@ -194,7 +194,7 @@ def with_device(problem: Problem, device: Device) -> Problem:
 
     Parameters
     ----------
-    problem : Problem
+    problem : whose device is replaced and whose uncertainty is dropped
     device : in the problem's units
     """
     return replace(problem, device=device, uncertainty=None)

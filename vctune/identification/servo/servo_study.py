@@ -253,7 +253,7 @@ def servo_notes(name: str, study: ServoStudy, units: Units) -> list[Note]:
     Parameters
     ----------
     name : of the recording
-    study : of it
+    study : of the recording
     units : of its numbers
     """
     fit, T, said = study.fit, study.seen.sample_time, []
