@@ -137,7 +137,7 @@ def demand_grid(device: Device, low: float, high: float) -> Floats:
 
     Parameters
     ----------
-    device : Device
+    device : its sample time, hold, delays and structure decide the spacing
     low, high : ends of the grid, rad/s, 0 < low < high
     """
     delay = _ripple_delay(device)

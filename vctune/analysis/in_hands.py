@@ -96,7 +96,7 @@ def loops_in_any_hand(device: Device, per_decade: int = PER_DECADE) -> LoopsInAn
     Parameters
     ----------
     device : plain numbers
-    per_decade : angles
+    per_decade : number of angles in each decade
     """
     theta = _angles(device, per_decade)
     return LoopsInAnyHand(theta, _answers(device, theta[None]))
@@ -118,7 +118,7 @@ def loops_in_hands(
     device : plain numbers
     hands : the box
     shares : of each range at which hands are looked at
-    per_decade : angles
+    per_decade : number of angles in each decade
     """
     theta = _angles(device, per_decade)
     some = Hand(*np.array(list(product(*(_places(*ends, shares) for ends in _ranges(hands))))).T)

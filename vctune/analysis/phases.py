@@ -51,7 +51,7 @@ def crossover(device: Device, gains: Gains) -> float | None:
 
     Parameters
     ----------
-    device : Device
+    device : plain numbers, SI units; nobody holds it
     gains : K_v, K_p, N s/m and N/m
     """
     if not gains.closed:
@@ -67,7 +67,7 @@ def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
 
     Parameters
     ----------
-    device : Device
+    device : plain numbers, SI units; nobody holds it
     gains : K_v, K_p, N s/m and N/m
     omega : rad/s, 0 < omega <= pi/T
     """
@@ -91,7 +91,7 @@ def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
 
     Parameters
     ----------
-    device : Device
+    device : plain numbers, SI units
     gains : K_v, K_p, N s/m and N/m
     omega : rad/s, > 0
     """
@@ -113,7 +113,7 @@ def sensor_miss(device: Device, omega: Floats) -> Floats | None:
 
     Parameters
     ----------
-    device : Device
+    device : only its force sensor counts
     omega : rad/s, > 0, shape (n,)
     """
     sensor = device_response(device, omega, FLOATS).sensor

@@ -33,6 +33,7 @@ def with_resonance(device: Device, grid: Floats) -> Floats:
     structure, mass = device.structure, device.mass
     if structure is None:
         return grid
+    # the handle swings alone while the loop holds the motor fast: the reduced mass m_1 m_2/m becomes m_2
     resonance = 2 * pi * float(structure.frequency_hz)
     load = structure.load.mass if structure.load is not None else 0.0
     held = resonance * ((mass - structure.handle_mass) / mass) ** 0.5
@@ -40,5 +41,7 @@ def with_resonance(device: Device, grid: Floats) -> Floats:
     low, high = max(grid[0], held / RESONANCE_REACH), min(grid[-1], resonance * RESONANCE_REACH)
     if low >= high:
         return grid
+    # half the damping ratio, a quarter of the relative width 2 zeta of a resonance
     step = min(max(float(structure.damping_ratio) / 2, NARROWEST), 0.02)
+    # 1 + int(...) steps, so that none is longer than `step`, and one frequency more than steps
     return np.union1d(grid, np.geomspace(low, high, 2 + int(np.log(high / low) / step)))

@@ -79,12 +79,12 @@ def of_each(axes: AxesFile, work: Callable[[AxisProblem], Found]) -> list[tuple[
 def solve_axes(
     axes: AxesFile, *, gap: float | None = None, prices: bool = False, progress: Progress = lambda stage: None
 ) -> list[AxisDesign]:
-    """Solve each axis.
+    """Solve each axis; axes that state the same problem are solved once.
 
     Parameters
     ----------
     axes : the problem file
-    gap, prices : as of `vctune.solve`
+    gap, prices : as for `vctune.solve`
     progress : told the axis and the stage of the work
 
     Returns

@@ -140,7 +140,7 @@ def best_design(problem: Problem, progress: Progress = lambda stage: None) -> So
 
     Parameters
     ----------
-    problem : Problem
+    problem : in SI units
     progress : told the stage of the work
     """
     with limited(SOLVING * seconds_left()):
@@ -152,7 +152,7 @@ def axes_of(problem: Problem, x: str | None, y: str | None) -> tuple[str, str]:
 
     Parameters
     ----------
-    problem : Problem
+    problem : its display decides the usual axes
     x, y : dotted keys; None for the usual one
     """
     kind = problem.device.kind

@@ -38,10 +38,20 @@ class Exact:
 
 
 def exact(case: Case, omega: Any) -> Exact:
-    """Evaluate the definitions of one case at omega > 0, rad/s; its numbers count as the decimals that they print as.
+    """Evaluate the definitions of one case at a frequency, with `DIGITS` digits.
 
     The two-port with the operator's Z_h absorbed: h11 = 1/(W + C), h12 = -C/(W + C), h21 = (Z_d + C)/(W + C),
     h22 = Z_h C/(W + C), W = Z_d + Z_h. With q = -h12 h21, R = (|q| - Re q)/(2 Re h11) - Re h22.
+
+    Parameters
+    ----------
+    case : one case of plain numbers, which count as the decimals that they print as
+    omega : rad/s, > 0
+
+    Returns
+    -------
+    Exact
+        In mpmath's numbers, SI units.
     """
     with mp.workdps(DIGITS + GUARD):
         m, b, T, delay, K_v, K_p, b_c, m_c, b_0, m_h, b_h = _decimals(case)
@@ -58,7 +68,20 @@ def exact(case: Case, omega: Any) -> Exact:
 
 
 def sensitivity(case: Case, omega: Any) -> Any:
-    """Return |S| of the sampled loop, the device let go: its polynomial with the loop open over that with it closed."""
+    """Return |S| of the sampled loop, the device let go.
+
+    |S| is the characteristic polynomial with the loop open over that with the loop closed, at z = e^(j omega T).
+
+    Parameters
+    ----------
+    case : one case of plain numbers
+    omega : rad/s, > 0
+
+    Returns
+    -------
+    mpf
+        Dimensionless.
+    """
     with mp.workdps(DIGITS + GUARD):
         _, _, T, _, K_v, K_p, *_ = _decimals(case)
         z = mp.expj(mp.mpf(omega) * T)
@@ -73,7 +96,18 @@ def stable(case: Case) -> bool:
 
 
 def characteristic(case: Case, law: Sequence[Any]) -> list[Any]:
-    """Return the characteristic polynomial of a law K_v, K_p, highest power first, of the order that the case has."""
+    """Return the characteristic polynomial of the sampled loop, the device let go.
+
+    Parameters
+    ----------
+    case : one case; whether its K_p is positive decides the polynomial's order
+    law : K_v and K_p, N s/m and N/m, in the place of the case's own; both 0 for the open loop
+
+    Returns
+    -------
+    list of mpf
+        Coefficients, highest power of z first.
+    """
     m, b, T, delay, *_ = _decimals(case)
     K_v, K_p = law
     whole = int(mp.floor(delay / T + mp.mpf("1e-12")))

@@ -75,14 +75,37 @@ class Case:
 
 
 def cases(device: Device, design: ArrayLike) -> Case:
-    """Return a device's cases with a design, or with the columns of many, in rows K_v, K_p, b_c, m_c, b_0."""
+    """Return a device's cases with one design, or with many.
+
+    Parameters
+    ----------
+    device : plain numbers, SI units
+    design : K_v, K_p, b_c, m_c and b_0, shape (5,), or (5, n) for n designs
+
+    Returns
+    -------
+    Case
+        One case, or n.
+    """
     hand = (device.operator.mass, device.operator.damping) if device.operator else (0.0, 0.0)
     numbers = (device.mass, device.damping, device.sample_time, device.delay, device.hold)
     return Case(*numbers, *np.asarray(design, float), *hand)
 
 
 def case_of(device: Device, gains: Gains, coupling: AnyCoupling) -> Case:
-    """Return one case."""
+    """Return the case of one design.
+
+    Parameters
+    ----------
+    device : plain numbers, SI units
+    gains : K_v and K_p, N s/m and N/m
+    coupling : of an admittance display
+
+    Returns
+    -------
+    Case
+        One case of plain numbers.
+    """
     return cases(device, (*astuple(gains), *astuple(series_coupling(coupling))))
 
 
@@ -92,7 +115,17 @@ def _column(number: Any) -> Any:
 
 
 def impedances(case: Case, s: Any) -> tuple[Any, Any]:
-    """Return Z_d = m s + b and C = (K_v + K_p/s) H(s) e^(-s delay) at complex s != 0; cases in rows."""
+    """Return Z_d = m s + b and C = (K_v + K_p/s) H(s) e^(-s delay) (paper eq. 9 for C).
+
+    Parameters
+    ----------
+    case : one case or n
+    s : complex, not 0, 1/s, shape (k,)
+
+    Returns
+    -------
+    Z_d, C : N s/m, of shape (k,), or (n, k) for n cases
+    """
     T = case.sample_time
     hold = -np.expm1(-s * T) / (s * T) if case.hold == "zoh" else 2 / (2 + s * T)
     law = _column(case.K_v) + _column(case.K_p) / s
@@ -100,17 +133,38 @@ def impedances(case: Case, s: Any) -> tuple[Any, Any]:
 
 
 def coupling_impedance(case: Case, s: Any) -> Any:
-    """Return Z_c = b_0 + b_c m_c s/(b_c + m_c s): damper and mass in series, the drag beside them."""
+    """Return Z_c = b_0 + b_c m_c s/(b_c + m_c s): damper and mass in series, the drag beside them (paper eq. 17).
+
+    Parameters
+    ----------
+    case : one case or n
+    s : complex, 1/s, shape (k,)
+
+    Returns
+    -------
+    array of complex
+        N s/m, shape (k,), or (n, k) for n cases.
+    """
     damper, moving = _column(case.b_c), _column(case.m_c) * s
     return _column(case.b_0) + damper * moving / (damper + moving)
 
 
 def required(case: Case, omega: Any) -> Any:
-    """Return R = (|q| - Re q)/(2 Re h11) - Re h22, which Re Z_c has to reach; inf where Re h11 <= 0.
+    """Return R = (|q| - Re q)/(2 Re h11) - Re h22, the least admissible Re Z_c (paper eq. 19).
 
-    Of the two-port that has absorbed the operator's damping: h11 = 1/(W + C), h22 = b_h C/(W + C),
+    The two-port has absorbed the operator's damping: h11 = 1/(W + C), h22 = b_h C/(W + C),
     q = -h12 h21 = C (Z_d + C)/(W + C)^2 with W = Z_d + b_h. |q| - Re q is (Im q)^2/(|q| + Re q) where Re q > 0, and
     Im q that of 1 - q, so that nothing cancels. A mass in the hand changes nothing: any reactance may be there anyway.
+
+    Parameters
+    ----------
+    case : one case or n
+    omega : rad/s, not 0, shape (k,)
+
+    Returns
+    -------
+    array of float
+        N s/m, shape (k,), or (n, k) for n cases; inf where Re h11 <= 0.
     """
     Z_d, C = impedances(case, 1j * omega)
     W = Z_d + case.b_h
@@ -123,7 +177,18 @@ def required(case: Case, omega: Any) -> Any:
 
 
 def stability_ratio(case: Case, omega: Any) -> Any:
-    """Return Re Z_c / R, inf where R <= 0, -inf where Re h11 <= 0."""
+    """Return Re Z_c / R.
+
+    Parameters
+    ----------
+    case : one case or n
+    omega : rad/s, not 0, shape (k,)
+
+    Returns
+    -------
+    array of float
+        Shape (k,), or (n, k) for n cases; inf where R <= 0, -inf where Re h11 <= 0.
+    """
     R = required(case, omega)
     with np.errstate(divide="ignore"):
         ratio = np.where(R > 0, coupling_impedance(case, 1j * omega).real / R, inf)
@@ -131,10 +196,20 @@ def stability_ratio(case: Case, omega: Any) -> Any:
 
 
 def sensitivity(case: Case, omega: Any) -> Any:
-    """Return |S| = 1/|1 + K_v G_v + K_p G_x| of the sampled loop of the device let go, omega > 0.
+    """Return |S| = 1/|1 + K_v G_v + K_p G_x| of the sampled loop of the device let go.
 
-    G_v and G_x are velocity and position at the samples over the force told at them: a force that is told acts `whole`
+    G_v and G_x are velocity and position at the samples over the commanded force. A commanded force acts `whole`
     samples and `late` seconds afterwards.
+
+    Parameters
+    ----------
+    case : one case or n
+    omega : rad/s, > 0, shape (k,)
+
+    Returns
+    -------
+    array of float
+        Shape (k,), or (n, k) for n cases.
     """
     T, m, rate = case.sample_time, _column(case.mass), _column(case.damping) / _column(case.mass)
     whole, late = (_column(x) for x in _samples(case))
@@ -172,7 +247,18 @@ def spectral_radius(case: Case) -> Any:
 
 
 def by_kind(case: Case, work: Callable[[Case], Floats]) -> Any:
-    """Return what `work` makes of arrays of loops with as many states each; a number for one case."""
+    """Evaluate a function on groups of loops that have equally many states.
+
+    Parameters
+    ----------
+    case : one case or n
+    work : takes cases with arrays of m loops and returns an array of shape (m,)
+
+    Returns
+    -------
+    float or array of float
+        One number, or shape (n,) for n cases.
+    """
     names = ("mass", "damping", "delay", "K_v", "K_p")
     arrays = np.broadcast_arrays(*(np.atleast_1d(np.asarray(getattr(case, name), float)) for name in names))
     loops: dict[str, Any] = dict(zip(names, arrays, strict=True))
@@ -231,7 +317,19 @@ def _exponentials(A: Floats) -> Floats:
 
 
 def error(problem: Problem, case: Case, points: int = POINTS) -> Any:
-    """Return each case's transparency error by Simpson's rule on an odd number of points, or the greatest there."""
+    """Return the transparency error of each case, by a dense grid (model/README.md, section 8).
+
+    Parameters
+    ----------
+    problem : band, norm, weights and reference impedance
+    case : one case or n
+    points : number of frequencies; odd, since the norm "rms" uses Simpson's rule
+
+    Returns
+    -------
+    float or array of float
+        One number, or shape (n,) for n cases.
+    """
     band = problem.transparency.band
     square = squared_error(problem, case, np.geomspace(band.min, band.max, points))
     if problem.transparency.norm == "peak":
@@ -243,7 +341,19 @@ def error(problem: Problem, case: Case, points: int = POINTS) -> Any:
 
 
 def squared_error(problem: Problem, case: Case, omega: Any) -> Any:
-    """Return the square of the transparency error at frequencies; cases in rows."""
+    """Return the square of the transparency error at frequencies (paper eq. 21).
+
+    Parameters
+    ----------
+    problem : weights and reference impedance
+    case : one case or n
+    omega : rad/s, not 0, shape (k,)
+
+    Returns
+    -------
+    array of float
+        Shape (k,), or (n, k) for n cases.
+    """
     wanted, (Z_d, C) = problem.transparency, impedances(case, 1j * omega)
     D, Z_0, weights = Z_d + C, wanted.reference_impedance, wanted.weights
     square = (weights.admittance * Z_0 / np.abs(D)) ** 2 + (weights.tracking * np.abs(Z_d / D)) ** 2
@@ -258,7 +368,7 @@ def violation(problem: Problem, case: Case, extra: Sequence[float] = ()) -> floa
     Parameters
     ----------
     problem : the demands
-    case : one
+    case : one case, of the problem's device
     extra : rad/s; those beyond a demand's band are left out of it
     """
     device, stability, nyquist = problem.device, problem.stability, pi / problem.device.sample_time

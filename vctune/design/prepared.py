@@ -32,7 +32,7 @@ class Units:
     def to_si(self, values: Point) -> Point:
         """Return a design's numbers in SI units."""
         (K_v, K_p, b_c, *others), Z, T = values, self.impedance, self.time
-        if len(others) == 1:
+        if len(others) == 1:  # an impedance display: k_c is all that follows b_c
             return (K_v * Z, K_p * Z / T, b_c * Z, others[0] * Z / T)
         m_c, b_0 = others
         return (K_v * Z, K_p * Z / T, b_c * Z, m_c * Z * T, b_0 * Z)
@@ -44,7 +44,7 @@ class Units:
     def to_dimensionless(self, values: Point) -> Point:
         """Return a design's numbers in the optimiser's units."""
         (K_v, K_p, b_c, *others), Z, T = values, self.impedance, self.time
-        if len(others) == 1:
+        if len(others) == 1:  # an impedance display: k_c is all that follows b_c
             return (K_v / Z, K_p * T / Z, b_c / Z, others[0] * T / Z)
         m_c, b_0 = others
         return (K_v / Z, K_p * T / Z, b_c / Z, m_c / (Z * T), b_0 / Z)
@@ -194,7 +194,7 @@ def with_device(problem: Problem, device: Device) -> Problem:
 
     Parameters
     ----------
-    problem : Problem
+    problem : whose device is replaced and whose uncertainty is dropped
     device : in the problem's units
     """
     return replace(problem, device=device, uncertainty=None)

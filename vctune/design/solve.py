@@ -55,7 +55,7 @@ def solve(
 
     Parameters
     ----------
-    problem : Problem
+    problem : in SI units
     progress : told the stage of the work
     gap : prove that no design has an error lower by more than this share
     exhaustive : whether every box is searched where the optimiser finds no design

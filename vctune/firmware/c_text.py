@@ -41,7 +41,7 @@ def code(term: Term, names: Mapping[Symbol, str], precision: Precision) -> str:
 
     Parameters
     ----------
-    term : Term
+    term : a number, a symbol or an operation on terms
     names : what symbols are called in C
     precision : of constants
     """

@@ -141,7 +141,7 @@ def rounded(problem: Problem, coefficients: dict[str, float]) -> tuple[Problem, 
 
     Parameters
     ----------
-    problem : Problem
+    problem : in SI units; supplies what the coefficients do not say
     coefficients : as of `controller_coefficients`
     """
     T, device, stability = coefficients["sample_time"], problem.device, problem.stability

@@ -41,7 +41,7 @@ def identification_record(
 
     Parameters
     ----------
-    found : Identified
+    found : device, box and studies of the recordings
     description : free text of the user's
     versions : of what determines the result
     next_one : a multisine for what is still uncertain; None if it was not asked for

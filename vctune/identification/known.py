@@ -26,7 +26,7 @@ def check_known(known: LogMap, sample_time: float) -> None:
 
     Parameters
     ----------
-    known : LogMap
+    known : the log.toml, which states numbers of the device
     sample_time : s
 
     Raises
@@ -92,7 +92,7 @@ def with_known(
     Parameters
     ----------
     estimates : of all recordings
-    known : LogMap
+    known : the log.toml, which may state the delay
     T : sample time, s
     recordings : for messages
 

@@ -8,17 +8,19 @@ from vctune.model.numbers.pair import Pair
 
 
 def coupling_impedance(coupling: Coupling, omega: Number) -> Pair:
-    """Return Z_c(j omega), N s/m. A coupling without damping or without mass is its drag alone.
+    """Return the coupling's impedance Z_c(j omega) (model/README.md, section 3; paper eq. 17).
+
+    A coupling without damping or without mass is its drag alone. A rigid coupling is its drag and its mass.
 
     Parameters
     ----------
-    coupling : b_c, m_c and b_0, in numbers of the arithmetic
-    omega : rad/s, > 0, or >= 0 if b_c > 0
+    coupling : b_c, m_c and b_0, in numbers of one arithmetic
+    omega : angular frequency, rad/s, > 0, or >= 0 if b_c > 0; a number or an array
 
     Returns
     -------
     Pair
-        Of the shape of omega.
+        Z_c, N s/m, of the shape of omega.
     """
     b_c, m_c = coupling.damping, coupling.mass
     reactance = m_c * omega
@@ -29,16 +31,22 @@ def coupling_impedance(coupling: Coupling, omega: Number) -> Pair:
 
 
 def sampled_resistance(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> Number:
-    """Return Re Z_c of the coupling as the firmware runs it, s -> (2/T)(z - 1)/(z + 1), N s/m.
+    """Return Re Z_c of the coupling as the firmware runs it, with s -> (2/T)(z - 1)/(z + 1).
 
-    That is the continuous coupling's at omega = (2/T) tan(theta/2), and at the Nyquist frequency its limit.
+    See model/README.md, section 14. It equals the continuous coupling's Re Z_c at omega = (2/T) tan(theta/2). At the
+    Nyquist frequency it is the limit.
 
     Parameters
     ----------
-    coupling : b_c, m_c and b_0, in numbers of the arithmetic; b_c and m_c > 0
+    coupling : b_c, m_c and b_0; b_c may be inf, both b_c and m_c are > 0
     sample_time : T, s
     theta : omega T, rad, in [0, pi]
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    Number
+        N s/m, of the shape of theta.
     """
     if coupling.rigid:  # the mass is a reactance
         return coupling.drag + 0 * theta

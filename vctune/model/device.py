@@ -287,12 +287,19 @@ class Device:
         return same._with_hands(lambda hand: LeastOperator(number(hand.mass), number(hand.damping)))
 
     def in_units(self, impedance: Number, time: Number) -> Device:
-        """Return the device with impedances in units of `impedance` [N s/m] and times in units of `time` [s].
+        """Return the device in other units of impedance and time.
+
+        Lengths keep their unit: a mass is counted in impedance times time, a stiffness in impedance over time.
 
         Parameters
         ----------
-        impedance : N s/m, > 0
-        time : s, > 0
+        impedance : the new unit of impedance, N s/m, > 0
+        time : the new unit of time, s, > 0
+
+        Returns
+        -------
+        Device
+            The same parts, each number divided by its new unit; frequencies are cycles per unit of time.
         """
         units = {"mass": impedance * time, "damping": impedance, "delay": time, "sample_time": time}
         units |= {"handle_mass": impedance * time, "frequency_hz": 1 / time, "bandwidth_hz": 1 / time}

@@ -114,14 +114,20 @@ USUAL_MASS = 0.4
 
 
 def usual_share(mass: float, units: UnitSystem) -> float:
-    """Return times what the hands and walls that a linear device usually meets are those of a device.
+    """Return the factor from the usual hands and walls of a linear device to those of this device.
 
-    What is usual on a rotary one depends on its size, of which nothing but its inertia is known.
+    The usual impedances at a rotary handle depend on its size. A problem file states only the inertia, which therefore
+    scales them.
 
     Parameters
     ----------
-    mass : of the device
-    units : in which it is
+    mass : moving mass, kg, or moment of inertia, kg m^2
+    units : whether the handle moves along a line or about an axis
+
+    Returns
+    -------
+    float
+        1 for a linear device; the inertia over `USUAL_MASS` for a rotary one.
     """
     return 1.0 if units == "linear" else mass / USUAL_MASS
 

@@ -43,12 +43,17 @@ class Hand:
         return f"{mass:g} {units.mass}, {damping:g} {units.damping}, {stiffness:g} {units.stiffness}"
 
     def in_units(self, impedance: float, time: float) -> Hand:
-        """Return the hand with impedances in units of `impedance` [N s/m] and times in units of `time` [s].
+        """Return the hand in other units of impedance and time.
 
         Parameters
         ----------
-        impedance : N s/m, > 0
-        time : s, > 0
+        impedance : the new unit of impedance, N s/m, > 0
+        time : the new unit of time, s, > 0
+
+        Returns
+        -------
+        Hand
+            M in impedance times time, B in impedance, K in impedance over time.
         """
         return Hand(self.mass / (impedance * time), self.damping / impedance, self.stiffness * time / impedance)
 
@@ -83,11 +88,16 @@ class Hands:
         )
 
     def in_units(self, impedance: float, time: float) -> Hands:
-        """Return the same hands with impedances in units of `impedance` [N s/m] and times in units of `time` [s].
+        """Return the box of hands in other units of impedance and time.
 
         Parameters
         ----------
-        impedance : N s/m, > 0
-        time : s, > 0
+        impedance : the new unit of impedance, N s/m, > 0
+        time : the new unit of time, s, > 0
+
+        Returns
+        -------
+        Hands
+            Both ends of the box, converted by `Hand.in_units`.
         """
         return Hands(self.low.in_units(impedance, time), self.high.in_units(impedance, time))

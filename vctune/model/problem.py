@@ -206,17 +206,17 @@ class Problem:
         return Gains(*fixed[:2]), kind.coupling(*fixed[2:])
 
     def in_units(self, impedance: float, time: float) -> Problem:
-        """Return the same problem without experiments, with impedances in `impedance` [N s/m], times in `time` [s].
+        """Return the problem without its experiments in other units of impedance and time.
 
         Parameters
         ----------
-        impedance : N s/m, > 0
-        time : s, > 0
+        impedance : the new unit of impedance, N s/m, > 0
+        time : the new unit of time, s, > 0
 
         Returns
         -------
         Problem
-            Its angular frequencies in rad per unit of time; with the device's own sample time as the unit T is 1.
+            Its angular frequencies are in rad per unit of time. With the device's sample time as the unit, T is 1.
         """
         Z, t = 1 / impedance, 1 / time
         bounds, transparency, stability = self.bounds, self.transparency, self.stability

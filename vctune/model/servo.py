@@ -34,12 +34,17 @@ class Latency:
 
 
 def latency(device: Device, ops: Arithmetic) -> Latency:
-    """Return what the force of a spring is late by at rest, part by part.
+    """Return the parts of L, the time by which a servo's spring force lags at rest (model/README.md, section 17).
 
     Parameters
     ----------
-    device : a servo, its numbers in the arithmetic
-    ops : the arithmetic
+    device : a servo with or without a force sensor, in SI units
+    ops : arithmetic of its numbers
+
+    Returns
+    -------
+    Latency
+        s, of the shape of the device's numbers.
     """
     servo, sensor, half = device.servo, device.force_sensor, device.sample_time / 2
     assert servo is not None

@@ -46,13 +46,20 @@ class LoopTerms(NamedTuple):
 
 
 def loop_terms(loop: LoopResponse, at: DeviceResponse, kind: Display) -> LoopTerms:
-    """Return the squares of the terms of a loop.
+    """Return the squares of the error's two terms that depend on the loop alone.
+
+    See model/README.md, section 8; paper eq. 21.
 
     Parameters
     ----------
-    loop : at some frequencies
-    at : its device there
-    kind : of the device
+    loop : the velocity loop at some frequencies
+    at : its device at the same frequencies; an impedance display needs A H from it
+    kind : the display; decides between the terms and their duals
+
+    Returns
+    -------
+    LoopTerms
+        admittance : |G_hh|^2, (m/(N s))^2, of an impedance display 1/|G_hh|^2; tracking : dimensionless.
     """
     if not kind.inverse:
         return LoopTerms(G_hh_abs2(loop), tracking_abs2(loop))
@@ -69,12 +76,18 @@ class Quotient(NamedTuple):
 
 
 def quotient_terms(at: LoopConstants, kind: Display) -> tuple[Quotient, Quotient]:
-    """Return the two terms of `loop_terms` before they are squared, but for a factor of modulus 1.
+    """Return the quotients whose squared moduli are the two terms of `loop_terms`.
+
+    Numerator and denominator are affine in the gains. A common factor of modulus 1 is left out.
 
     Parameters
     ----------
-    at : the loop's constants at some frequencies
-    kind : of the device; an impedance display has no K_p
+    at : constants of the loop at some frequencies
+    kind : the display; an impedance display has no K_p
+
+    Returns
+    -------
+    admittance, tracking : N/D and (D - C_0)/D; of an impedance display D/N and (N - A H)/N
     """
     if not kind.inverse:
         return Quotient(at.numerator, at.D), Quotient(at.miss, at.D)
@@ -85,13 +98,18 @@ def quotient_terms(at: LoopConstants, kind: Display) -> tuple[Quotient, Quotient
 
 
 def squared_terms(of_loop: LoopTerms, coupling: Pair, reference: float) -> Terms:
-    """Return the squares of the three dimensionless terms at a frequency.
+    """Return the squares of the error's three dimensionless terms (model/README.md, section 8).
 
     Parameters
     ----------
-    of_loop : at some frequencies
-    coupling : Z_c there, N s/m, or 1/Z_c of an impedance display
-    reference : what it is compared with, `Display.reference`
+    of_loop : squares of the two terms of the loop, at some frequencies
+    coupling : Z_c there, N s/m; of an impedance display 1/Z_c, m/(N s)
+    reference : Z_0, N s/m; of an impedance display 1/Z_0 (`Display.reference`)
+
+    Returns
+    -------
+    Terms
+        Dimensionless, of the shape of the frequencies.
     """
     square = reference**2
     return Terms(of_loop.admittance * square, of_loop.tracking, coupling.abs2() / square)
@@ -109,18 +127,19 @@ def _panel() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def log_quadrature(omega_min: float, omega_max: float, panels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return nodes [rad/s] and weights of the average over log frequency, 1/ln(w2/w1) * integral dw/w.
+    """Return the nodes and weights of an average over log frequency, 1/ln(w2/w1) * integral dw/w.
 
-    Gauss-Legendre with `PANEL_NODES` nodes on each of `panels` equal parts of the logarithmic band.
+    It is the Gauss-Legendre rule with `PANEL_NODES` nodes on each of several equal parts of the logarithmic band.
 
     Parameters
     ----------
-    omega_min, omega_max : the band, rad/s, 0 < omega_min < omega_max
-    panels : number of its parts
+    omega_min, omega_max : w1 and w2, rad/s, 0 < w1 < w2
+    panels : number of parts
 
     Returns
     -------
-    nodes, weights : shape (`PANEL_NODES` * panels,); the weights add up to 1
+    nodes : rad/s, shape (`PANEL_NODES` * panels,)
+    weights : of the same shape; they add up to 1
     """
     nodes, weights = _panel()
     starts = np.arange(panels)[:, None]

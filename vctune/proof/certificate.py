@@ -117,20 +117,22 @@ class Certificate:
 
 
 def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> Certificate:
-    """Prove that a design meets its demands, its numbers taken as the decimals that they are written as.
+    """Prove that a design meets its demands (proof/README.md).
+
+    The proof is about the decimals that the numbers are written as: 0.4 means 2/5.
 
     Parameters
     ----------
-    design : device, gains, coupling
-    demands : of its device; the band may be (0, inf) for hold "lag" without delay
-    box : devices for all of which it is to be proved, around the design's own
+    design : device, gains and coupling, in SI units
+    demands : on its device; the band may be (0, inf) for hold "lag" without delay
+    box : devices around the design's own, for all of which the claims are proved; None for the design's own alone
 
     Returns
     -------
     Certificate
-        Each claim proved, refuted or undecided; those that the time limit cuts or leaves no time for are undecided.
-        Where the device's delay is near a whole number of samples, and the sensed force jumps there, a claim is proved
-        only if it is on both sides of that number too.
+        Each claim is proved, refuted or undecided. A claim is undecided if the time limit ends before its proof. Near a
+        whole number of samples of delay, if the sensed force jumps there, a claim is proved only if it holds on both
+        sides of that number too.
     """
     question = Question(design, demands, box)
     own, beside = _certificate(question), _beside(question)
@@ -196,21 +198,21 @@ def _in_time(proof: Callable[[], Outcome]) -> Outcome:
 
 
 def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | None = None) -> list[Certificate]:
-    """Prove that several designs of one device meet its demands, as `certify` does.
+    """Prove that several designs of one device meet its demands, with the same result as `certify` for each.
 
-    Most are proved on arrays, all of them together; Arb decides about the others. For a box of devices, or of hands,
-    each is proved by itself.
+    Arrays prove most designs together. Arb decides about the others. With a box of devices or with hands, each design
+    is proved by itself.
 
     Parameters
     ----------
-    designs : of one device
-    demands : of it
-    box : devices for all of which they are to be proved
+    designs : n designs of one device
+    demands : on that device
+    box : devices for all of which the claims are proved; None for the device alone
 
     Returns
     -------
     list of Certificate
-        In the order of the designs.
+        n certificates, in the order of the designs.
     """
     found: list[Certificate | None] = [None] * len(designs)
     if designs and box is None and claims_asked(demands) == list(ON_ARRAYS):

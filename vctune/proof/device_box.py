@@ -93,12 +93,18 @@ many, with one less a fifth round of the exchange finds what is missing."""
 
 
 def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
-    """Return the box of devices around one.
+    """Return the box of devices around a nominal one.
 
     Parameters
     ----------
-    device : the nominal one, plain floats
-    uncertainty : relative half-widths, of which those of numbers that the device lacks do not count, and the disc
+    device : the nominal device, plain floats
+    uncertainty : relative half-widths by key, of which those of parts that the device lacks are ignored, and the disc
+        of unmodelled dynamics
+
+    Returns
+    -------
+    DeviceBox
+        Its edges are rounded towards the nominal numbers.
     """
     low, high = (
         device.with_numbers(
@@ -132,13 +138,18 @@ def moved_as_one(box: DeviceBox) -> tuple[str, ...]:
 
 
 def in_longer_hands(box: DeviceBox, hands: Hands, keys: Sequence[str]) -> tuple[DeviceBox, Hands]:
-    """Return the least devices of a box and hands that have its range more: together they move alike.
+    """Move the uncertainty of a device's mass and damping into the hands: only the sums count.
 
     Parameters
     ----------
-    box : of devices
-    hands : that hold them
-    keys : of `moved_as_one`
+    box : uncertain devices
+    hands : the box of hands
+    keys : the numbers that device and hand share, from `moved_as_one`
+
+    Returns
+    -------
+    box : with these numbers at their least
+    hands : with these numbers' upper ends raised by the box's range, rounded upwards
     """
     least = {key: box.low.number(key) for key in keys}
     range_ = {key: nextafter(box.high.number(key) - value, inf) for key, value in least.items()}

@@ -17,8 +17,8 @@ def identification_files(found: Identified, record: IdentificationRecord, folder
 
     Parameters
     ----------
-    found : Identified
-    record : of it
+    found : device, box and studies of the recordings
+    record : the same identification as identification.json holds it
     folder : for the files
 
     Returns

@@ -56,7 +56,7 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
 
     Parameters
     ----------
-    scene : Scene
+    scene : device, operator, friction and firmware
     progress : told the share of the samples that is done
     stretch : how friction is integrated; not looked at without friction, where the device moves on exactly
 

@@ -99,7 +99,7 @@ def designed_scene(device: Device, gains: Gains, coupling: AnyCoupling, experime
 
     Parameters
     ----------
-    device : Device
+    device : plain numbers, SI units
     gains, coupling : the design
     experiment : what it is tried in
     """
@@ -111,7 +111,7 @@ def baseline_scene(device: Device, experiment: Experiment, pid: Baseline) -> Sce
 
     Parameters
     ----------
-    device : Device
+    device : plain numbers, SI units
     experiment : what it is tried in
     pid : the regular controller
     """

@@ -235,7 +235,7 @@ def print_comparison(found: ComparisonRecord) -> None:
 
     Parameters
     ----------
-    found : of both
+    found : of both designs, as `vctune compare --json` prints it
     """
     console = Console(highlight=False, width=WIDEST)
     table = Table(box=None, pad_edge=False)

@@ -60,10 +60,18 @@ class Couplings(Protocol):
         """Return the least and the greatest ratio of the second to the first element in each box."""
 
     def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
-        """Return the least of the coupling's share of the squared error, weighted.
+        """Return a lower bound of the coupling's share of the squared error, weighted, for any design of each box.
 
-        Of its mean on each device that counts, shape (boxes, devices), 1 for the same on all; or at the frequencies
-        of the error, shape (boxes, frequencies).
+        Parameters
+        ----------
+        least : the least elements that each box's couplings may have
+        boxes : n boxes of designs
+
+        Returns
+        -------
+        array of float
+            Dimensionless. For norm "rms" the mean over the band, shape (n, devices), or (n, 1) where it is the same for
+            all; for "peak" the share at each frequency of the error, shape (n, frequencies).
         """
 
 
@@ -98,7 +106,18 @@ class SeriesCouplings:
     def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
         """Return a lower bound of |Z_c|^2 = b_0^2 + 2 b_0 b_c s + b_c^2 s, s = x^2/(1 + x^2) or its mean, weighted.
 
-        s grows with tau_c, s/tau_c^2 falls: in b_c the last term is least for the least tau_c, in m_c for the greatest.
+        s grows with tau_c, and s/tau_c^2 falls. In terms of b_c the last term is therefore least at the least tau_c, in
+        terms of m_c at the greatest. The bound is the larger of both.
+
+        Parameters
+        ----------
+        least : the least b_c and m_c of each box
+        boxes : n boxes of designs
+
+        Returns
+        -------
+        array of float
+            Dimensionless, shape (n, frequencies), or (n, 1) for the mean.
         """
         b_c, m_c, b_0 = (each[:, None] for each in (least.first, least.second, boxes.low[B_0]))
         shortest, longest = (edge[TAU_C][:, None] for edge in (boxes.low, boxes.high))
@@ -170,7 +189,18 @@ class SpringDampers:
             return 1 / boxes.high[TAU_C], 1 / boxes.low[TAU_C]
 
     def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
-        """Return a lower bound of |1/Z_c|^2, weighted: |Z_c|^2 is convex, and greatest at a vertex of b_c and k_c."""
+        """Return a lower bound of |1/Z_c|^2, weighted: |Z_c|^2 is convex, and greatest at a vertex of b_c and k_c.
+
+        Parameters
+        ----------
+        least : the least 1/k_c and 1/b_c of each box
+        boxes : n boxes of designs
+
+        Returns
+        -------
+        array of float
+            Dimensionless, shape (n, frequencies), or (n, devices) for the mean.
+        """
         with np.errstate(divide="ignore", invalid="ignore"):
             k_c, b_c = 1 / least.first, 1 / least.second
             k_c = np.fmin(k_c, b_c / boxes.low[TAU_C])
@@ -213,12 +243,17 @@ class SpringOffer:
 
 
 def spring_offer(devices: Sequence[Device], angles: Sequence[Floats]) -> SpringOffer:
-    """Return what spring-dampers offer at angles, on each of several devices.
+    """Return Re(1/Z_c)/s^2 of spring-dampers as a function of tau = b_c/k_c, at angles of several devices.
 
     Parameters
     ----------
-    devices : known exactly
-    angles : of each, rad, in [0, pi]
+    devices : known exactly, without uncertain numbers
+    angles : theta = omega T of each device, rad, in [0, pi], shape (k,) each
+
+    Returns
+    -------
+    SpringOffer
+        At the angles of one device after another.
     """
     each = []
     for device, theta in zip(devices, angles, strict=True):

@@ -58,12 +58,17 @@ class SampledConditions:
 
 
 def conditions_in_hands(devices: Sequence[Device], places: Floats) -> SampledConditions:
-    """Return the demand in hands at some places, on each of several devices.
+    """Return the demand on the coupling in hands at some places, for each of several devices.
 
     Parameters
     ----------
-    devices : known exactly
-    places : omega [rad/s] in [0, pi/T] and the numbers of a hand, shape (4, places)
+    devices : d devices, known exactly
+    places : omega, rad/s, in [0, pi/T], and the hand's M, B and K, shape (4, k)
+
+    Returns
+    -------
+    SampledConditions
+        At d k places, those of one device after another.
     """
     angles = [_angles(device, places[0]) for device in devices]
     each = [_in_hands(device, theta, places[1:]) for device, theta in zip(devices, angles, strict=True)]
@@ -71,12 +76,17 @@ def conditions_in_hands(devices: Sequence[Device], places: Floats) -> SampledCon
 
 
 def conditions_in_any_hand(devices: Sequence[Device], omega: Floats) -> SampledConditions:
-    """Return the demand in any passive hand on impedance displays, on each of several devices.
+    """Return the demand on the coupling in any passive hand, for each of several impedance displays.
 
     Parameters
     ----------
-    devices : known exactly
-    omega : rad/s, in [0, pi/T]
+    devices : d devices, known exactly
+    omega : rad/s, in [0, pi/T], shape (k,)
+
+    Returns
+    -------
+    SampledConditions
+        At d k places, those of one device after another.
     """
     angles = [_angles(device, omega) for device in devices]
     each = [_in_any_hand(device, theta) for device, theta in zip(devices, angles, strict=True)]
@@ -118,6 +128,7 @@ def _in_hands(device: Device, theta: Floats, numbers: Floats) -> tuple[Coefficie
         position = form(at.position) if isinstance(at, LoopInHand) else None
         return Affine(form(at.open), form(at.velocity), position)
 
+    # o of P conj F = e + j s o is Im(P conj F) with s = 1: `parts` leaves s out, `true` multiplies it in
     split, whole = loop(parts), loop(true)
     if isinstance(at, LoopInHand):
         P = Affine(None, parts(at.seen_velocity), parts(at.seen_position))

@@ -61,12 +61,17 @@ class LlewellynConditions:
 
 
 def llewellyn_conditions(devices: Sequence[Device], omega: Floats) -> LlewellynConditions:
-    """Return the conditions at some frequencies, on each of several devices.
+    """Return Llewellyn's conditions at some frequencies, for each of several devices (model/README.md, section 4).
 
     Parameters
     ----------
-    devices : known exactly
-    omega : rad/s, > 0
+    devices : d devices, known exactly
+    omega : rad/s, > 0, shape (k,)
+
+    Returns
+    -------
+    LlewellynConditions
+        At d k frequencies, those of one device after another.
     """
     return _conditions(repeated(devices, len(omega)), np.tile(omega, len(devices)))
 

@@ -37,12 +37,17 @@ class LowerBounds:
 
 @np.errstate(all="ignore")
 def lower_bounds(relaxed: Relaxation, boxes: DesignBoxes) -> LowerBounds:
-    """Return what the designs of each box at least come to.
+    """Return lower bounds of the error and of the infeasibility of the designs in each box.
 
     Parameters
     ----------
-    relaxed : the problem made easier
-    boxes : of designs, shape (4, boxes)
+    relaxed : the relaxed problem
+    boxes : n boxes of designs
+
+    Returns
+    -------
+    LowerBounds
+        Both of shape (n,); inf where no design of a box is admissible.
     """
     problem, objective = relaxed.problem, relaxed.objective
     couplings, least = objective.couplings, least_coupling(relaxed, boxes)
@@ -66,20 +71,20 @@ def _sensitivity_over_limit(relaxed: Relaxation, boxes: DesignBoxes) -> Floats:
 
 
 def without_integrator(problem: Problem, boxes: DesignBoxes) -> Flags:
-    """Return the boxes no admissible design of which has K_p > 0: b_0 is below every limit of R at omega = 0.
+    """Return the boxes in which no admissible design has K_p > 0, because b_0 lies below R at omega = 0.
 
-    With k = K_v - tau K_p the limit is ((b + tau_s K_p)^2 - 4 b_h k)/(4 (b + b_h + k)) (`vctune.model.loop.limits`),
-    where there is no structure, and no operator unless the device is ideal.
+    With k = K_v - tau K_p the limit of R is ((b + tau_s K_p)^2 - 4 b_h k)/(4 (b + b_h + k))
+    (`vctune.model.loop.limits`), if the device has no structure, and no operator unless it is ideal.
 
     Parameters
     ----------
     problem : in SI units
-    boxes : n of them
+    boxes : n boxes of designs
 
     Returns
     -------
     array of bool
-        Shape (n,); all False where the limit is not asked for, or not known.
+        Shape (n,); all False if the problem does not require the limit, or if it is not known.
     """
     device = problem.device
     beyond = device.structure is not None or (device.operator is not None and not device.ideal)
@@ -98,8 +103,13 @@ def least_coupling(relaxed: Relaxation, boxes: DesignBoxes) -> LeastCoupling:
 
     Parameters
     ----------
-    relaxed : the problem made easier
-    boxes : n of them
+    relaxed : the relaxed problem
+    boxes : n boxes of designs
+
+    Returns
+    -------
+    LeastCoupling
+        Its arrays have the shape (n,).
     """
     of, none = relaxed.objective.couplings, np.zeros(len(boxes), bool)
     lowest, highest = of.ratio(boxes)

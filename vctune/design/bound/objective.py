@@ -66,13 +66,18 @@ class Objective:
 
 
 def objective_of(problem: Problem, devices: Sequence[Device], intervals: int) -> Objective:
-    """Return the terms of a problem's error.
+    """Return the terms of a problem's squared error, as quotients that can be bounded over boxes.
 
     Parameters
     ----------
     problem : in SI units
-    devices : the greatest of whose errors is the objective, known exactly
-    intervals : into how many, or at how many frequencies, the transparency band is divided
+    devices : known exactly; the objective is the greatest of their errors
+    intervals : number of intervals of the transparency band for norm "rms", or of frequencies for "peak"
+
+    Returns
+    -------
+    Objective
+        The terms of one device after another.
     """
     wanted, kind, omega = problem.transparency, problem.device.kind, None
     weights, unit = wanted.weights, kind.reference(wanted.reference_impedance)

@@ -43,9 +43,14 @@ def quadratic(of: Callable[[Pair, Pair], Number], a: Affine, b: Affine, *, cross
 
     Parameters
     ----------
-    of : Re or Im of the first times the conjugate of the second
-    a, b : at the same frequencies; a coefficient is not there where both its factors are not
-    crossed : whether K_v and K_p contribute together, which they do not where their shares are at right angles
+    of : Re or Im of the first number times the conjugate of the second
+    a, b : at the same frequencies; a coefficient both of whose factors are None is None
+    crossed : whether K_v K_p has a coefficient; it has none if the shares of both gains are at right angles
+
+    Returns
+    -------
+    Coefficients
+        constant, linear, square and cross, enclosed, of the shape of the frequencies.
     """
 
     def product(*pairs: tuple[Pair | None, Pair | None]) -> Number:
@@ -70,12 +75,17 @@ def quadratic(of: Callable[[Pair, Pair], Number], a: Affine, b: Affine, *, cross
 
 
 def error_term(of: Quotient, *, crossed: bool) -> Term:
-    """Return a term |X|^2/|Y|^2 at frequencies, of X that is X_0 with both gains 0.
+    """Return a term |X|^2/|Y|^2 of the squared error, prepared for Cauchy and Schwarz.
 
     Parameters
     ----------
-    of : X and Y there
-    crossed : as in `quadratic`, of Y
+    of : X and Y at some frequencies, affine in the gains; X_0 is X with both gains 0
+    crossed : whether K_v K_p has a coefficient in |Y|^2, as for `quadratic`
+
+    Returns
+    -------
+    Term
+        X conj X_0 and |X_0|^2 |Y|^2.
     """
     X, Y = of.above, of.below
     assert X.constant is not None
@@ -89,12 +99,17 @@ def error_term(of: Quotient, *, crossed: bool) -> Term:
 
 
 def mapped(coefficients: Coefficients, f: Callable[[Number], Number]) -> Coefficients:
-    """Return coefficients, each of those that are there mapped.
+    """Apply a function to each coefficient of a quadratic.
 
     Parameters
     ----------
-    coefficients : of a quadratic
-    f : of one of them; called in the order constant, linear, square, cross
+    coefficients : of a quadratic; a part that is None stays None
+    f : takes one coefficient; called in the order constant, linear, square, cross
+
+    Returns
+    -------
+    Coefficients
+        The results, in the same places.
     """
     constant, linear, square, cross = coefficients
     return (
@@ -115,12 +130,17 @@ def listed(term: Term) -> list[Number]:
 
 
 def replaced(term: Term, numbers: Iterable[Number]) -> Term:
-    """Return a term with other numbers in the place of those that are there.
+    """Return a term with other numbers in the places of its own.
 
     Parameters
     ----------
-    term : whose numbers that are not there are not there either
+    term : shows which numbers are there; None stays None
     numbers : in the order of `listed`
+
+    Returns
+    -------
+    Term
+        Of the same form.
     """
     found = iter(numbers)
     along = (None if part is None else Pair(next(found), next(found)) for part in _pairs(term.along))
@@ -154,12 +174,34 @@ def joined(parts: Sequence[Coefficients]) -> Coefficients:
 
 
 def repeated(devices: Sequence[Device], count: int) -> Device:
-    """Return devices as one whose numbers are arrays, each repeated so often; a single one as it is."""
+    """Return several devices as one whose numbers are arrays, each device repeated for its places.
+
+    Parameters
+    ----------
+    devices : d devices with the same parts
+    count : number of places of each device
+
+    Returns
+    -------
+    Device
+        Numbers of shape (d count,); a single device stays as it is, with plain numbers.
+    """
     if len(devices) == 1:
         return devices[0]
     return stacked([device for device in devices for _ in range(count)])
 
 
 def loop_at(device: Device, omega: Floats) -> LoopConstants:
-    """Return the constants of a device's loop, let go, at frequencies omega > 0, rad/s, enclosed."""
+    """Return the constants of a device's loop, let go, as enclosures (model/README.md, section 2).
+
+    Parameters
+    ----------
+    device : plain numbers, taken as decimals, or arrays of the shape of omega
+    omega : rad/s, > 0
+
+    Returns
+    -------
+    LoopConstants
+        Each number of the loop as an affine function of the gains, of the shape of omega.
+    """
     return loop_constants(device_response(device.bare.converted(decimal), Enclosure(omega), ENCLOSURES))

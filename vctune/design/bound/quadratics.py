@@ -43,7 +43,17 @@ class Quadratic:
     cross: Floats | None = None
 
     def at(self, K_v: Floats, K_p: Floats) -> Floats:
-        """Return the value at points of shape (boxes, points) or (boxes, 1), rounded anyhow."""
+        """Return the value for some gains; the rounding of the sum has no certain direction.
+
+        Parameters
+        ----------
+        K_v, K_p : N s/m and N/m, shape (boxes, points) or (boxes, 1)
+
+        Returns
+        -------
+        array of float
+            Shape (boxes, points).
+        """
         crossed = 0.0 if self.cross is None else K_v * K_p * self.cross
         return np.asarray(self.constant + self._part(K_V, K_v) + self._part(K_P, K_p) + crossed)
 
@@ -118,12 +128,17 @@ class Quadratic:
 
 
 def less(a: Quadratic, factor: Floats, b: Quadratic) -> Quadratic:
-    """Return a quadratic that is nowhere more than a - factor b.
+    """Return a quadratic that nowhere exceeds a - factor b for gains >= 0.
 
     Parameters
     ----------
     a, b : with coefficients of shape (points,)
     factor : >= 0, shape (boxes, points)
+
+    Returns
+    -------
+    Quadratic
+        With coefficients of shape (boxes, points).
     """
 
     def difference(x: Floats | float, y: Floats | float) -> Floats:
@@ -181,15 +196,20 @@ class LeastQuotient:
     below_low: Quadratic
 
     def least(self, boxes: DesignBoxes, guess: Floats) -> Floats:
-        """Return a lower bound of the quotient over each box where it is positive, else 0; shape (boxes, points).
+        """Return a lower bound of the quotient over each box where it is positive, else 0.
 
-        With m the least of above - r below, the quotient is at least r + m/below for any r, which is the closer the
-        better r is.
+        If m is the least value of above - r below, the quotient is at least r + m/below, for any r. The bound is the
+        closer the better r is: one evaluation starts from 0, another from the guess, a third from the better of both.
 
         Parameters
         ----------
-        boxes : n of them
-        guess : r to begin with, of shape (n, points); any
+        boxes : n boxes of designs
+        guess : a first r, of shape (n, points); any number is valid
+
+        Returns
+        -------
+        array of float
+            Shape (n, points).
         """
         most, least = self.below.greatest(boxes), np.maximum(self.below_low.least(boxes), 0.0)
 
@@ -204,12 +224,17 @@ class LeastQuotient:
 
 
 def upper(coefficients: Coefficients, factor: int = 1) -> Quadratic:
-    """Return a quadratic that is nowhere less than one with the coefficients enclosed, times a power of 2.
+    """Return a quadratic that is nowhere less than one with the enclosed coefficients, for gains >= 0.
 
     Parameters
     ----------
     coefficients : enclosed, of shape (points,)
-    factor : the power of 2, so that the product is not rounded
+    factor : multiplies it; a power of 2, so that the product is not rounded
+
+    Returns
+    -------
+    Quadratic
+        With coefficients of shape (points,).
     """
     constant, linear, square, cross = coefficients
 

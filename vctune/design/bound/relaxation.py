@@ -101,15 +101,22 @@ class Places:
 def relaxation(
     problem: Problem, devices: list[Device], objective: list[Device], places: Places, intervals: int
 ) -> Relaxation:
-    """Relax a problem.
+    """Relax a problem: pose its demands at some places only, and bound the terms of its error from below.
+
+    See design/bound/README.md, section 1.
 
     Parameters
     ----------
-    problem : Problem
-    devices : at which the demands are posed
-    objective : those of them the greatest of whose errors is the objective
-    places : where the demands are posed
-    intervals : into how many, or at how many frequencies, the transparency band is divided
+    problem : in SI units
+    devices : d devices at which the demands are posed, known exactly
+    objective : those of them whose greatest error is the objective
+    places : frequencies, angles and hands at which the demands are posed
+    intervals : number of intervals of the transparency band for norm "rms", or of frequencies for "peak"
+
+    Returns
+    -------
+    Relaxation
+        Each admissible design of the problem is admissible for it, with an error that is no greater.
     """
     terms = objective_of(problem, objective, intervals)
     return Relaxation(
@@ -123,7 +130,18 @@ def relaxation(
 
 
 def at_places(relaxed: Relaxation, places: Places) -> Relaxation:
-    """Return the relaxation with its demands at other places, on each device; the error's terms are as they were."""
+    """Return the relaxation with its demands at other places; the terms of the error stay.
+
+    Parameters
+    ----------
+    relaxed : the relaxed problem
+    places : frequencies, angles and hands at which the demands are posed, on each device
+
+    Returns
+    -------
+    Relaxation
+        Tighter if the places contain the former ones.
+    """
     problem, devices = relaxed.problem, relaxed.devices
     return replace(
         relaxed,

@@ -32,12 +32,17 @@ class ResumeState:
 
 
 def resume_bytes(sha256: str, state: ResumeState) -> bytes:
-    """Return the content of the file.
+    """Return the content of the file from which a later search of the same problem continues.
 
     Parameters
     ----------
-    sha256 : of the problem file
-    state : of its search
+    sha256 : digest of the problem file, by which `read_resume` recognises it
+    state : of the search
+
+    Returns
+    -------
+    bytes
+        A compressed NumPy archive.
     """
     nodes, stream = state.nodes, BytesIO()
     np.savez_compressed(
@@ -53,12 +58,17 @@ def resume_bytes(sha256: str, state: ResumeState) -> bytes:
 
 
 def read_resume(path: Path, sha256: str) -> ResumeState | None:
-    """Return where an earlier search of the same problem by the same vctune stood; None if the file does not say.
+    """Return the state of an earlier search of the same problem by the same version of vctune.
 
     Parameters
     ----------
     path : of the file
-    sha256 : of the problem file
+    sha256 : digest of the problem file
+
+    Returns
+    -------
+    ResumeState or None
+        None if the file is absent, damaged, or of another problem or version.
     """
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:

@@ -151,24 +151,25 @@ def bound(
     stopped: Callable[[], bool] = lambda: False,
     progress: Callable[[SearchState], None] = lambda state: None,
 ) -> Optimality:
-    """Prove a lower bound on the error of every admissible design of a problem.
+    """Prove a lower bound on the error of every admissible design of a problem (design/bound/README.md).
 
     Parameters
     ----------
-    posed : a problem in SI units that leaves something free
-    best : the best design known; None if none is
+    posed : a problem in SI units in which some variable is free
+    best : the best design known; None if there is none
     improve : looks for a design with a lower error near given gains
-    gap : stop when the incumbent's error is at most 1 + gap times the bound
-    most_boxes, most_stability_boxes : when to give up: lower bounds, and boxes that prove loops stable or unstable
-    jobs : threads
-    resume : where an earlier search of the same problem stood, taken up unless it has pruned what this gap must not
+    gap : the search stops when the incumbent's error is at most 1 + gap times the bound
+    most_boxes : number of lower bounds after which the search gives up
+    most_stability_boxes : number of boxes that prove loops stable or unstable after which it gives up
+    jobs : number of threads
+    resume : state of an earlier search of the same problem; ignored if that search pruned boxes that this gap must keep
     stopped : whether to give up now
     progress : told where the search stands, every round
 
     Returns
     -------
     Optimality
-        The bound is valid whenever the search ends, be it at the end of the time limit.
+        The bound is valid however the search ends, at the time limit too.
 
     Raises
     ------
@@ -258,6 +259,7 @@ def _tight_places(problem: Problem, gains: Gains, coupling: AnyCoupling, *, brok
     tight = [each for each in least_ratios(problem, gains, coupling) if each.ratio < least]
     hands = [(each.omega, *astuple(each.hand)) for each in tight if each.hand is not None]
     any_hand = [each.omega for each in tight if each.hand is None]
+    # `sensitivity_maxima` gives minima of -|S|; a row of `hands` is omega and the three numbers of a hand
     return Places(omega, peaks.omega[-peaks.value > most], np.array(hands).reshape(-1, 4).T, np.array(any_hand))
 
 

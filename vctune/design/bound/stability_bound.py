@@ -31,15 +31,20 @@ class Stability:
 
 
 def proved_stability(posed: Posed, boxes: DesignBoxes) -> Stability:
-    """Return the boxes all of whose loops are proved stable, and those none of whose loops is.
+    """Return the boxes all of whose designs have stable loops, and those none of whose designs has.
 
-    A box whose K_p starts at 0 contains K_p = 0, which takes the position out of the loop, and is looked at twice.
+    K_p = 0 takes the position out of the loop. A box whose K_p starts at 0 contains this face, which gets a proof of
+    its own.
 
     Parameters
     ----------
-    posed : the problem, whose devices' sampled loops, let go and in a hand, and frequency models are looked at as far
-        as they count
+    posed : the problem; its demands decide which loops count: the sampled loop let go, in a hand, the frequency model
     boxes : n boxes; only their gains matter
+
+    Returns
+    -------
+    Stability
+        Its flags have the shape (n,).
     """
     gains = np.concatenate((boxes.low[: K_P + 1], boxes.high[: K_P + 1]))
     rectangles, rectangle_of = np.unique(gains, axis=1, return_inverse=True)  # boxes often share their gains
@@ -47,6 +52,7 @@ def proved_stability(posed: Posed, boxes: DesignBoxes) -> Stability:
     found = _of_rectangles(posed, low, high)
     face, count = (low[K_P] == 0) & (high[K_P] > 0), found.boxes
     if face.any():
+        # rows 0 and 1 are K_v and K_p: K_v keeps its upper edge, K_p becomes 0
         without_position = high[:, face] * np.array([[1.0], [0.0]])
         at_face = _of_rectangles(posed, low[:, face], without_position)
         found.stable[face] &= at_face.stable

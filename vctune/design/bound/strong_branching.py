@@ -64,17 +64,22 @@ class _Candidate:
 def halved(
     relaxed: Relaxation, axes: Sequence[Axis], parents: OpenNodes, incumbent: float, pool: ThreadPoolExecutor
 ) -> Halved:
-    """Halve boxes, each along the axis that raises the lower bound most; bound them again where there is none.
+    """Halve each box along the axis that raises its lower bound most; bound it again if no axis has an extent.
 
-    While no design is known that the bound could exclude, what counts is how near the boxes are to having none.
+    While no design is known, the greatest infeasibility of a box stands for its bound.
 
     Parameters
     ----------
-    relaxed : the problem
+    relaxed : the relaxed problem
     axes : of its designs, in the order of the rows of `DesignBoxes`
-    parents : the boxes
-    incumbent : error of the best design known, inf if none is
-    pool : threads
+    parents : n open boxes
+    incumbent : error of the best design known; inf if there is none
+    pool : threads that share the lower bounds
+
+    Returns
+    -------
+    Halved
+        2 n boxes, or the same n if no axis has an extent.
     """
     candidates = _candidates(relaxed, axes, parents.boxes, pool)
     if not candidates:

@@ -168,7 +168,7 @@ def position_gain(problem: Problem, K_v: Floats, corner: Floats) -> Floats:
     Parameters
     ----------
     problem : dimensionless
-    K_v : array
+    K_v : velocity gains, in the optimiser's units, an array of any shape
     corner : K_p/(b + K_v), an array that broadcasts against K_v
 
     Returns

@@ -152,7 +152,7 @@ def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
 
     Parameters
     ----------
-    problem : Problem
+    problem : in SI units
     """
     if impossible(problem) is not None:
         return None

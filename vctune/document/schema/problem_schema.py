@@ -181,6 +181,8 @@ class OperatorTable(Table):
     is held, they have no defaults.
     """
 
+    # a plain number is the least of a range whose greatest is a human hand's (`defaults.resolve`), so that the 0.0 of a
+    # key that is left out means { min = 0, max = 0.5 } for the mass, as its description says
     mass: Variable = Field(0.0, description="M, kg. Default { min = 0, max = 0.5 }.")
     damping: Variable = Field(0.0, description="B, N s/m. Default { min = 0, max = 30 }.")
     stiffness: Variable = Field(0.0, description="K, N/m. Default { min = 0, max = 3000 }.")

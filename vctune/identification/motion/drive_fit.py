@@ -38,7 +38,7 @@ def fit_drive(lines: Lines, sample_time: float) -> DriveFit:
 
     Parameters
     ----------
-    lines : of it
+    lines : measured response from command to force
     sample_time : s
 
     Returns

@@ -102,7 +102,7 @@ def motion_fit(
 
     Parameters
     ----------
-    signals : Signals
+    signals : position, force and time of a recording, prepared for the regression
     cutoff_hz : of the low-pass on both sides, at most `HIGHEST` of the sampling rate
     names : `DIRECTIONAL` or `SYMMETRIC`
     known : delays that are not to be found, by "delay" and "sensor_delay", s

@@ -159,7 +159,7 @@ def signals_of(recording: Recording, sample_time: float, actuator: Actuator | No
 
     Parameters
     ----------
-    recording : Recording
+    recording : its position, and its force or command
     sample_time : s
     actuator : between command and motor, where it is known
     """

@@ -77,7 +77,7 @@ def response(recording: Recording, sample_time: float) -> Response | None:
 
     Parameters
     ----------
-    recording : Recording
+    recording : its position, and its command or force
     sample_time : s
     """
     excited = recording.values("command")

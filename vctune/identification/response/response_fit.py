@@ -73,7 +73,7 @@ def fit_response(
 
     Parameters
     ----------
-    measured : Response
+    measured : averaged response of a periodic recording
     actuator : between command and motor, where it is known
     """
     lags = (False, True) if measured.input == "command" and actuator is None else (False,)

@@ -32,7 +32,7 @@ def distances(device: Device, bounds: Sequence[Bounded], measured: Response, cou
     ----------
     device : in the middle of the box, without what is before the recorded force
     bounds : the box; numbers that the device has not got are not looked at
-    measured : Response
+    measured : averaged response of a periodic recording
     coulomb : friction, N
     """
     held, omega = measured.input == "command", measured.position.omega

@@ -46,8 +46,8 @@ def bands(seen: ServoLog, fit: ServoFit) -> Bands:
 
     Parameters
     ----------
-    seen : ServoLog
-    fit : of it
+    seen : the log as it was fitted
+    fit : the servo that explains the log best
     """
     T = seen.sample_time
     made = np.diff(positions(seen.time, seen.velocity, fit.delay.value, fit.bandwidth.value, fit.order)[fit.first :])

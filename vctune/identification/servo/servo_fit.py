@@ -162,7 +162,7 @@ def fit_servos(seen: ServoLog) -> tuple[ServoFit, ServoFit]:
 
     Parameters
     ----------
-    seen : ServoLog
+    seen : times, command and position of a recording
     """
     found = [_found(seen, order) for order in (1, 2)]
     first = max(task.first for task, _ in found)

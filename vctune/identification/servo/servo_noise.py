@@ -58,7 +58,7 @@ def whitened(steps: Floats, noise: Noise, exposed: Floats, *, is_position: bool)
     Parameters
     ----------
     steps : differences of a position, shape (n,) or (n, p)
-    noise : Noise
+    noise : deviations of a position sample and of the link's delay
     exposed : `exposure` of the rows, shape (n + 1,)
     is_position : whether the command was a position
     """
@@ -112,7 +112,7 @@ def jitter(left: Floats, encoder: float, lag: float, exposed: Floats, *, is_posi
     ----------
     left : steps that a fit leaves, m
     encoder : deviation of a position sample, m
-    lag : rows
+    lag : of the servo, in rows of the log
     exposed, is_position : as for `whitened`
     """
     window = max(ceil(2 * lag) + 2, 4)

@@ -129,12 +129,17 @@ def _estimate(key: str, found: Interval, source: str, jitter: float) -> Estimate
 
 
 def servo_study(recording: Recording, sample_time: float) -> ServoStudy:
-    """Study a recording of a servo.
+    """Fit both orders of a servo to a recording and decide between them.
 
     Parameters
     ----------
-    recording : checked
-    sample_time : s
+    recording : of position and command, checked by its caller; of a force too, if the servo may yield
+    sample_time : of the servo's commands, s
+
+    Returns
+    -------
+    ServoStudy
+        The fit that explains the log better, the other one, and whether the log tells them apart.
 
     Returns
     -------
@@ -248,7 +253,7 @@ def servo_notes(name: str, study: ServoStudy, units: Units) -> list[Note]:
     Parameters
     ----------
     name : of the recording
-    study : of it
+    study : of the recording
     units : of its numbers
     """
     fit, T, said = study.fit, study.seen.sample_time, []

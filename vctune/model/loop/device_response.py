@@ -104,15 +104,21 @@ class Mechanism:
 
 
 def mechanism(device: Device, structure: Structure, ops: Arithmetic) -> Mechanism:
-    """Return the masses and the spring of a structure whose free resonance is given.
+    """Return the masses and the spring of a structure from its free resonance (model/README.md, section 12).
 
-    With mu the mass that both swing with against each other, k = mu (2 pi f)^2 and c = 2 zeta mu 2 pi f.
+    With the reduced mass mu of motor and handle, k = mu (2 pi f)^2 and c = 2 zeta mu 2 pi f. A load adds to the handle
+    and leaves the spring as it is.
 
     Parameters
     ----------
-    device : its numbers in the arithmetic
-    structure : of the device
-    ops : arithmetic of both
+    device : supplies the whole mass m and the motor's mass, kg
+    structure : the device's handle on its spring: handle's mass, kg, free resonance f, Hz, damping ratio zeta
+    ops : arithmetic of the numbers of both
+
+    Returns
+    -------
+    Mechanism
+        Of the shape of the device's numbers.
     """
     motor, handle, swing = device.motor_mass, structure.handle_mass, 2 * ops.pi * structure.frequency_hz
     reduced = motor * handle / device.mass
@@ -157,18 +163,20 @@ def hold_response(device: Device, omega: Number, ops: Arithmetic) -> DriveRespon
 
 
 def device_response(device: Device, omega: Number, ops: Arithmetic) -> DeviceResponse:
-    """Evaluate everything about a device that its gains have no part in.
+    """Evaluate every part of the loop that does not depend on the gains, at s = j omega.
+
+    See model/README.md, sections 1 and 12.
 
     Parameters
     ----------
-    device : Device
-    omega : rad/s, may be 0; a number or an array of any shape
+    device : in SI units; parts that it lacks are None in the result
+    omega : angular frequency, rad/s, may be 0; a number or an array of any shape
     ops : arithmetic of omega and of the device's numbers
 
     Returns
     -------
     DeviceResponse
-        Its numbers of the shape of omega; those that do not depend on it may be plain.
+        Its numbers have the shape of omega. Those that do not depend on omega may be plain.
     """
     drive = hold_response(device, omega, ops)
     if device.servo is not None:

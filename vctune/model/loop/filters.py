@@ -27,12 +27,17 @@ class FilterResponse:
     lag: Number
 
     def times(self, other: FilterResponse, omega2: Number) -> FilterResponse:
-        """Return the product of two at a frequency, of which omega^2 is given, (rad/s)^2.
+        """Return the product of two filters at a frequency.
 
         Parameters
         ----------
-        other : at the same frequency
+        other : the second filter, at the same frequency
         omega2 : omega^2 there, (rad/s)^2
+
+        Returns
+        -------
+        FilterResponse
+            Its curvature is formed from those of the factors, not from 1 - Re, so that nothing cancels.
         """
         one, two = self, other
         crossed = one.curvature * two.curvature * omega2
@@ -44,14 +49,19 @@ class FilterResponse:
 
 
 def low_pass(bandwidth_hz: Number, order: int, omega: Number, ops: Arithmetic) -> FilterResponse:
-    """Return 1/(1 + s/w) for order 1 and w^2/(s^2 + sqrt(2) w s + w^2) for order 2, with w = 2 pi bandwidth_hz.
+    """Return a low-pass at s = j omega: 1/(1 + s/w) of order 1, w^2/(s^2 + sqrt(2) w s + w^2) of order 2 (Butterworth).
 
     Parameters
     ----------
-    bandwidth_hz : Hz, > 0
+    bandwidth_hz : the -3 dB frequency w/(2 pi), Hz, > 0
     order : 1 or 2
-    omega : rad/s, >= 0
-    ops : arithmetic of both
+    omega : angular frequency, rad/s, >= 0
+    ops : arithmetic of bandwidth and omega
+
+    Returns
+    -------
+    FilterResponse
+        Of the shape of omega.
     """
     time = 1 / (2 * ops.pi * bandwidth_hz)
     x, time2 = omega * time, time * time
@@ -64,13 +74,18 @@ def low_pass(bandwidth_hz: Number, order: int, omega: Number, ops: Arithmetic) -
 
 
 def pure_delay(delay: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
-    """Return e^(-s delay).
+    """Return e^(-s delay) at s = j omega.
 
     Parameters
     ----------
     delay : s, >= 0
-    omega : rad/s, >= 0
-    ops : arithmetic of both
+    omega : angular frequency, rad/s, >= 0
+    ops : arithmetic of delay and omega
+
+    Returns
+    -------
+    FilterResponse
+        Of the shape of omega.
     """
     turn = omega * delay
     half = ops.sinc(turn / 2)
@@ -78,13 +93,21 @@ def pure_delay(delay: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
 
 
 def interpolation(sample_time: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
-    """Return (1 + e^(-s T))/2, by which a position that is interpolated over a sample is a held velocity.
+    """Return (1 + e^(-s T))/2 at s = j omega, the filter between a held velocity and an interpolated position.
+
+    A position command that the servo interpolates over a sample is a held velocity command behind this filter
+    (model/README.md, section 17).
 
     Parameters
     ----------
     sample_time : T, s
-    omega : rad/s, >= 0
-    ops : arithmetic of both
+    omega : angular frequency, rad/s, >= 0
+    ops : arithmetic of T and omega
+
+    Returns
+    -------
+    FilterResponse
+        Of the shape of omega.
     """
     half = sample_time / 2
     cos, sinc = ops.cos(omega * half), ops.sinc(omega * half)
@@ -92,13 +115,17 @@ def interpolation(sample_time: Number, omega: Number, ops: Arithmetic) -> Filter
 
 
 def smoothing(filter_hz: Number, sample_time: Number, ops: Arithmetic) -> tuple[Number, Number]:
-    """Return a = 1 - e^(-2 pi f T) of the firmware's low-pass y += a (x - y), and 1 - a.
+    """Return both coefficients of the firmware's low-pass y += a (x - y), a = 1 - e^(-2 pi f T).
 
     Parameters
     ----------
-    filter_hz : f, Hz
+    filter_hz : corner frequency f, Hz
     sample_time : T, s
     ops : arithmetic of both
+
+    Returns
+    -------
+    a, p : a and p = 1 - a, dimensionless; each by its own formula, so that neither cancels
     """
     x = 2 * ops.pi * filter_hz * sample_time
     return x * ops.phi_1(x), ops.exp(-x)
@@ -107,16 +134,22 @@ def smoothing(filter_hz: Number, sample_time: Number, ops: Arithmetic) -> tuple[
 def velocity_estimate(
     estimate: VelocityEstimate, sample_time: Number, omega: Number, ops: Arithmetic
 ) -> FilterResponse | None:
-    """Return F, from the true velocity to the firmware's, at z = e^(j omega T); None where they are the same.
+    """Return F, from the true velocity to the firmware's, at z = e^(j omega T) (model/README.md, section 12).
 
-    A backward difference of the position is the mean velocity of the last sample interval, (1 - e^(-sT))/(sT).
+    A backward difference of the position is the mean velocity of the last sample interval, (1 - e^(-sT))/(sT). The
+    firmware's low-passes follow it.
 
     Parameters
     ----------
-    estimate : how the firmware knows the velocity
+    estimate : source of the velocity, "difference" or measured, and its low-passes
     sample_time : T, s
-    omega : rad/s, >= 0
-    ops : arithmetic of all numbers
+    omega : angular frequency, rad/s, >= 0
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    FilterResponse or None
+        Of the shape of omega; None if the firmware knows the true velocity.
     """
     theta, T, found = omega * sample_time, sample_time, None
     half = ops.sinc(theta / 2)
@@ -132,14 +165,19 @@ def velocity_estimate(
 def firmware_low_pass(
     estimate: VelocityEstimate, sample_time: Number, omega: Number, ops: Arithmetic
 ) -> FilterResponse | None:
-    """Return one of the firmware's low-passes of the velocity at z = e^(j omega T); None without one.
+    """Return one of the firmware's low-passes of the velocity, a/(1 - (1 - a)/z), at z = e^(j omega T).
 
     Parameters
     ----------
-    estimate : how the firmware knows the velocity
+    estimate : its corner frequency is used; its order is not, since the result is one stage
     sample_time : T, s
-    omega : rad/s, >= 0
-    ops : arithmetic of all numbers
+    omega : angular frequency, rad/s, >= 0
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    FilterResponse or None
+        Of the shape of omega; None if the firmware has no low-pass.
     """
     if estimate.filter_hz is None:
         return None
@@ -156,25 +194,35 @@ def firmware_low_pass(
 
 
 def actuator_response(actuator: Actuator, omega: Number, ops: Arithmetic) -> FilterResponse:
-    """Return A, from the commanded force to the force on the motor, at j omega.
+    """Return A, from the commanded force to the force on the motor, at s = j omega.
 
     Parameters
     ----------
-    actuator : its bandwidth in numbers of the arithmetic
-    omega : rad/s, >= 0
-    ops : arithmetic of both
+    actuator : bandwidth, Hz, and order of its low-pass
+    omega : angular frequency, rad/s, >= 0
+    ops : arithmetic of bandwidth and omega
+
+    Returns
+    -------
+    FilterResponse
+        Of the shape of omega.
     """
     return low_pass(actuator.bandwidth_hz, actuator.order, omega, ops)
 
 
 def force_sensor_response(sensor: ForceSensor, omega: Number, ops: Arithmetic) -> FilterResponse | None:
-    """Return F_s, from the hand's force to the sensed force, at j omega; None where they are the same.
+    """Return F_s, from the hand's force to the sensed force, at s = j omega.
 
     Parameters
     ----------
-    sensor : its bandwidth and its delay in numbers of the arithmetic
-    omega : rad/s, >= 0
-    ops : arithmetic of all of these
+    sensor : bandwidth, Hz, and order of its low-pass, and its delay, s
+    omega : angular frequency, rad/s, >= 0
+    ops : arithmetic of the sensor's numbers and omega
+
+    Returns
+    -------
+    FilterResponse or None
+        Of the shape of omega; None if the sensor senses the force at once.
     """
     found = None
     if sensor.bandwidth_hz is not None:

@@ -50,19 +50,21 @@ class Impedance(NamedTuple):
 
 
 def controller_impedance(at: DeviceResponse, gains: Gains, re: Number, lag: Number, *, integral: bool) -> Impedance:
-    """Return A H (X K_v + K_p/s) with A H X = re - j omega lag.
+    """Return A H (X K_v + K_p/s), the controller's impedance behind a filter X of the velocity (paper eq. 9).
+
+    X is 1 or the velocity estimate F. Its caller supplies the product A H X.
 
     Parameters
     ----------
-    at : the device at a frequency, of which omega and A H are used
+    at : the device at a frequency; only omega and A H are used
     gains : K_v and K_p, N s/m and N/m
-    re, lag : of A H X, the latter in s
+    re, lag : A H X = re - j omega lag; re dimensionless, lag in s
     integral : whether the law has its term K_p/s
 
     Returns
     -------
     Impedance
-        Its real part, N s/m, never scaled; all of it, with the integrator times omega.
+        Its real part, N s/m, is never scaled; the whole number is multiplied by omega if the law has the integrator.
     """
     proportional = gains.velocity * re
     if not integral:

@@ -45,12 +45,19 @@ class Lags:
 
 
 def lags(device: Device, ops: Arithmetic) -> Lags:
-    """Return a device's lags for omega -> 0: of a low-pass 1/w or sqrt(2)/w, of a difference T/2.
+    """Return the lags of a device's parts for omega -> 0 (model/README.md, section 6).
+
+    A low-pass of order 1 lags by 1/w, one of order 2 by sqrt(2)/w, a difference by T/2.
 
     Parameters
     ----------
-    device : in numbers of the arithmetic
+    device : in SI units
     ops : arithmetic of its numbers
+
+    Returns
+    -------
+    Lags
+        A part that the device lacks has the lag 0.
     """
     at = device_response(device, 0 * device.sample_time, ops)
     spring = at.spring
@@ -64,7 +71,7 @@ def lags(device: Device, ops: Arithmetic) -> Lags:
 
 
 def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling, ops: Arithmetic = FLOATS) -> EndLimit:
-    """Return the limits for omega -> 0 (any hold).
+    """Return the limits of Re Z_c and R for omega -> 0, with any hold (model/README.md, section 6).
 
     With K_p > 0, R -> (b + tau_s K_p)^2/(4 (b + k)) with k = K_v - tau K_p + K_p^2 c/k_s^2 while Re Z_c -> b_0: tau is
     the drive's lag, tau_s the force sensor's, k_s and c the spring's between motor and handle. With K_p = 0, R vanishes
@@ -76,12 +83,17 @@ def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling, ops: A
 
     and -b_h K_v/(b + b_h + K_v) with K_p = 0.
 
-    Where the loop's resistance is not positive R is given as inf.
-
     Parameters
     ----------
-    device, gains, coupling : in numbers of any arithmetic that can compare with 0
-    ops : that arithmetic
+    device : in SI units
+    gains : K_v and K_p, N s/m and N/m
+    coupling : b_c, m_c and b_0 of an admittance display
+    ops : arithmetic of these numbers, which must compare with 0
+
+    Returns
+    -------
+    EndLimit
+        N s/m, or N s^3/m where both limits are divided by omega^2. R is inf if the loop's resistance is not positive.
     """
     at, b = lags(device, ops), device.damping
     mass = device.mass
@@ -107,13 +119,20 @@ def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling, ops: A
 
 
 def high_frequency_limit(device: Device, gains: Gains, coupling: Coupling) -> EndLimit:
-    """Return the limits for omega -> inf of an ideal device, hold "lag" without delay.
+    """Return the limits for omega -> inf of an ideal device with hold "lag" and no delay (model/README.md, section 6).
 
     R -> 2 m K_v/((b + b_h) T), Re Z_c -> b_c + b_0.
 
     Parameters
     ----------
-    device, gains, coupling : in numbers of any arithmetic that can compare with 0
+    device : ideal, in SI units; b_h is its least operator's damping
+    gains : only K_v counts, N s/m
+    coupling : b_c, m_c and b_0 of an admittance display
+
+    Returns
+    -------
+    EndLimit
+        N s/m. R is inf if neither device nor operator has damping.
     """
     needed = 2 * device.mass * gains.velocity / device.sample_time
     damping = device.damping if device.operator is None else device.damping + device.operator.damping

@@ -16,7 +16,18 @@ from vctune.model.numbers.pair import Pair, re_conj_product
 
 
 def moduli(loop: LoopResponse, ops: Arithmetic) -> Number:
-    """Return |C||D|, scaled twice."""
+    """Return |C||D|, the first term of `llewellyn_demand`.
+
+    Parameters
+    ----------
+    loop : the velocity loop at some frequencies
+    ops : arithmetic of its numbers
+
+    Returns
+    -------
+    Number
+        Of the shape of the loop's frequencies, (N s/m)^2 times `scale2`: both factors carry the scale.
+    """
     C, D = loop.C_scaled, loop.D_scaled
     return ops.modulus(C.re, C.im) * ops.modulus(D.re, D.im)
 
@@ -63,10 +74,10 @@ def llewellyn_demand(loop: LoopResponse, ops: Arithmetic) -> Number:
 
 
 def required_resistance(loop: LoopResponse, ops: Arithmetic) -> Number:
-    """Return R, the least admissible Re Z_c, N s/m: (|q| - Re q)/(2 Re G_hh) without an operator.
+    """Return R, the least admissible Re Z_c (model/README.md, section 4).
 
-    See model/README.md, section 4. No coupling is admissible where the loop's resistance is negative, every passive one
-    where R <= 0 otherwise.
+    Without an operator R = (|q| - Re q)/(2 Re G_hh). No coupling is admissible where the loop's resistance is negative.
+    Where the resistance is positive and R <= 0, every passive coupling is.
 
     Parameters
     ----------
@@ -76,23 +87,27 @@ def required_resistance(loop: LoopResponse, ops: Arithmetic) -> Number:
     Returns
     -------
     Number
-        Of the shape of the loop's frequencies; divided by 0 where the resistance is 0.
+        N s/m, of the shape of the loop's frequencies; divided by 0 where the resistance is 0.
     """
     return llewellyn_demand(loop, ops) / (2 * loop.resistance)
 
 
 def rollett_factor(loop: LoopResponse, Z_c: Pair, ops: Arithmetic) -> Number:
-    """Return Rollett's K = (2 Re p11 Re p22 - Re p12 p21)/|p12 p21|, at least 1 where ratio is.
+    """Return Rollett's stability factor K = (2 Re p11 Re p22 - Re p12 p21)/|p12 p21| (model/README.md, section 4).
 
-    See model/README.md, section 4.
-
-    Of the two-port that has absorbed the least operator, everything times |D + Z_h N|^2.
+    The two-port has absorbed the least operator and contains Z_c. Numerator and denominator are multiplied by
+    |D + Z_h N|^2. K >= 1 exactly where Re Z_c >= R, if the loop's resistance is positive.
 
     Parameters
     ----------
     loop : the velocity loop at some frequencies
     Z_c : the coupling's impedance there, N s/m
     ops : arithmetic of both
+
+    Returns
+    -------
+    Number
+        Dimensionless, of the shape of the loop's frequencies.
     """
     product = moduli(loop, ops) / loop.scale2
     excess = 2 * loop.resistance * Z_c.re + re_conj_product(loop.C_scaled, loop.D_scaled) / loop.scale2

@@ -19,18 +19,18 @@ from vctune.model.numbers.pair import Pair
 
 
 def loop_response(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopResponse:
-    """Evaluate the velocity loop of a device at a frequency.
+    """Evaluate the velocity loop of a device at a frequency (model/README.md, sections 1, 2 and 12).
 
     Parameters
     ----------
-    at : the device at omega > 0, or >= 0 in ball arithmetic
-    gains : K_v, K_p; without K_p, for certain, the law has no integrator
-    ops : arithmetic of both
+    at : the device at omega > 0, or at omega >= 0 in an arithmetic that encloses the limit
+    gains : K_v and K_p, N s/m and N/m; if K_p is 0 for certain the law has no integrator
+    ops : arithmetic of device and gains
 
     Returns
     -------
     LoopResponse
-        Its numbers of the shape of omega; those that do not depend on it may be plain.
+        Its numbers have the shape of omega. Those that do not depend on omega may be plain.
     """
     if at.follows:
         return _following(at)

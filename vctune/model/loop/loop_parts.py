@@ -67,13 +67,21 @@ class _Handle:
 
 
 def loop_with_parts(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopResponse:
-    """Evaluate the velocity loop of a device with any of its parts.
+    """Evaluate the velocity loop of a device that has any of its parts (model/README.md, section 12).
+
+    The parts are the velocity estimate, the actuator, the force sensor and the spring between motor and handle. No
+    imaginary part of a product is formed by subtraction of its large terms.
 
     Parameters
     ----------
-    at : the device at omega > 0, or >= 0 in ball arithmetic
-    gains : K_v, K_p; without K_p, for certain, the law has no integrator
-    ops : arithmetic of both
+    at : the device at omega > 0, or at omega >= 0 in an arithmetic that encloses the limit; without a `factor`
+    gains : K_v and K_p, N s/m and N/m; if K_p is 0 for certain the law has no integrator
+    ops : arithmetic of device and gains
+
+    Returns
+    -------
+    LoopResponse
+        Of the shape of omega; the scale is omega with an integrator and 1 without.
     """
     omega, integral = at.omega, not ops.is_zero(gains.position)
     scale = _Scale(omega, None) if integral else _Scale(None, omega)
@@ -119,20 +127,21 @@ def loop_with_parts(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopRe
 
 
 def perturbed_loop(at: DeviceResponse, x: Pair, gains: Gains) -> LoopResponse:
-    """Return the loop of a device whose mechanism's response is multiplied by x, at omega > 0, not scaled.
+    """Return the loop of a device whose mechanism's response is multiplied by x, at omega > 0.
 
-    With D_0 and N_0 what D and N are without a loop, it has D_0/x + e C_f and N_0 + x y C_f in their place.
+    See model/README.md, section 13. Let D_0 and N_0 be D and N with both gains 0. The perturbed loop has D_0/x + e C_f
+    in the place of D and N_0 + x y C_f in that of N.
 
     Parameters
     ----------
-    at : the device at omega > 0, of which `factor` is not used
-    x : 1 + delta there
+    at : the device at omega > 0; its `factor` is not used
+    x : 1 + delta, the perturbation at that frequency, dimensionless
     gains : K_v and K_p, N s/m and N/m; K_p may be 0
 
     Returns
     -------
     LoopResponse
-        With the scale 1.
+        With the scale 1, of the shape of omega.
     """
     known, inverse = loop_constants(at), Pair(x.re, -x.im).scaled(1 / x.abs2())
     idle, numerator = known.D.constant, known.numerator.constant

@@ -34,7 +34,17 @@ class Arithmetic(Protocol):
 
     def sqrt(self, x: Number) -> Number: ...
     def modulus(self, re: Number, im: Number) -> Number:
-        """Return |re + j im|, whose derivatives are bounded by those of its parts, at 0 too."""
+        """Return |re + j im|, with derivatives that stay within those of both parts, at 0 too.
+
+        Parameters
+        ----------
+        re, im : real numbers of the arithmetic, in the same unit
+
+        Returns
+        -------
+        Number
+            In their unit.
+        """
 
     def exp(self, x: Number) -> Number: ...
     def sin(self, x: Number) -> Number: ...
@@ -58,10 +68,35 @@ class Arithmetic(Protocol):
         """
 
     def where_positive(self, x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
-        """Return yes() where x > 0 and no() elsewhere."""
+        """Return yes() where x is certainly > 0 and no() elsewhere.
+
+        An enclosure of x may contain both signs: no() is taken there, so that it must hold for positive x too. Both are
+        functions, because an arithmetic of single numbers evaluates only one of them.
+
+        Parameters
+        ----------
+        x : real number that decides
+        yes, no : take nothing and return a number of x's shape; yes() need not be valid where no() is taken
+
+        Returns
+        -------
+        Number
+            Of the shape of x.
+        """
 
     def interpolated(self, x: Number, table: tuple[tuple[float, float], ...]) -> Number:
-        """Return at x > 0 what is straight between the points of a table on logarithmic axes, constant beyond."""
+        """Return the value of a table at x, linear in log value over log x.
+
+        Parameters
+        ----------
+        x : > 0, in the unit of the table's first column; neither a CasADi symbol nor a power series
+        table : points (x, value), both > 0, increasing in x; the value is constant beyond the first and the last point
+
+        Returns
+        -------
+        Number
+            In the unit of the table's second column, of the shape of x.
+        """
 
     def within(self, radius: Number) -> Number:
         """Return the numbers between -radius and radius, enclosed; 0 where nothing is."""
@@ -77,7 +112,18 @@ class ArrayArithmetic(Arithmetic, Protocol):
         """Return numbers as one with another axis in front, plain ones among them too."""
 
     def matmul(self, a: Number, b: Number) -> Number:
-        """Return the products of matrices whose rows and columns are the first two axes."""
+        """Return the matrix products A B, one for each index of the further axes.
+
+        Parameters
+        ----------
+        a : A, shape (n, m, ...)
+        b : B, shape (m, k, ...); the further axes broadcast
+
+        Returns
+        -------
+        Number
+            Of shape (n, k, ...).
+        """
 
 
 SERIES_BELOW = 0.05

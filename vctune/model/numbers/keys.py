@@ -16,7 +16,18 @@ QUANTITIES = dict(zip(KEYS, ("damping", "stiffness", "damping", "mass", "damping
 
 
 def labelled(key: str, units: Units) -> str:
-    """Return the symbol of a variable with its unit, by its key."""
+    """Return a variable's symbol and unit, such as "K_v, N s/m".
+
+    Parameters
+    ----------
+    key : a design variable's key in the problem file, one of `KEYS` or `SPRING_KEYS`
+    units : of the problem, linear or rotary
+
+    Returns
+    -------
+    str
+        The label of an axis or of a column.
+    """
     return f"{SYMBOLS[key]}, {units.of(QUANTITIES[key])}"
 
 

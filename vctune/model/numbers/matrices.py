@@ -39,7 +39,18 @@ class Block:
     ops: ArrayArithmetic
 
     def mapped(self, entries: Number, other: Block) -> Block:
-        """Return other entries, 0 by structure where they are in both matrices."""
+        """Return a block of other entries, with the zeros that two matrices have in common.
+
+        Parameters
+        ----------
+        entries : of the result, shape (n, m, ...)
+        other : the second operand of the same shape; an entry is 0 by structure if it is so in both
+
+        Returns
+        -------
+        Block
+            In the arithmetic of this one.
+        """
         return Block(entries, self.nonzero | other.nonzero, self.ops)
 
     def times(self, other: Block) -> Block:
@@ -51,12 +62,17 @@ AnyMatrix = TypeVar("AnyMatrix", Matrix, Block)
 
 
 def blocked(matrix: Matrix, ops: Arithmetic) -> Any:
-    """Return a matrix as a `Block` in an arithmetic of arrays, as it is in another.
+    """Return a matrix in the form in which its arithmetic multiplies fastest.
 
     Parameters
     ----------
-    matrix : of numbers of the arithmetic
+    matrix : n x m numbers of the arithmetic
     ops : the arithmetic
+
+    Returns
+    -------
+    Block or Matrix
+        A `Block` if the numbers are arrays; the matrix itself if they are single numbers.
     """
     arrays = ops.arrays
     if arrays is None:
@@ -82,12 +98,19 @@ twice it are the same order mostly: 15 for doubles, 29 for 128 bits."""
 
 
 def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:
-    """Return e^A - 1 by scaling, Taylor's polynomial, what it leaves out enclosed, and squaring.
+    """Return e^A - 1 by scaling, Taylor's polynomial and squaring.
+
+    An arithmetic of enclosures adds a bound of the polynomial's remainder, so that the result encloses e^A - 1.
 
     Parameters
     ----------
-    matrix : A
+    matrix : A, n x n, dimensionless
     ops : arithmetic of its entries
+
+    Returns
+    -------
+    Matrix
+        n x n. An entry is 0 by structure if it is so in every power of A.
     """
     norm = norm_of(matrix, ops)
     halvings = max(0, ceil(log2(norm)) + 1) if 0 < norm < inf else 0
@@ -99,6 +122,7 @@ def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:
     for order in range(2, last + 1):
         term = shared(product(term, small), order)
         total = added(total, term)
+    # all further terms add up to less than 1.1 times the first of them: x <= 1/2
     rest = ops.within(1.1 * x ** (last + 1) / factorial(last + 1))
     found = _each(total, rest)
     for _ in range(halvings):
@@ -114,10 +138,17 @@ twice of it three times as many terms."""
 def half_coth(matrix: Matrix, ops: Arithmetic) -> Matrix:
     """Return f(A) = (A/2) coth(A/2) = 1 + A^2/12 - A^4/720 + ..., doubled by f(2A) = f(A) + (A/2)^2/f(A).
 
+    An arithmetic of enclosures adds a bound of the series' remainder, so that the result encloses f(A).
+
     Parameters
     ----------
-    matrix : A, no eigenvalue of which is 2 pi j times an integer other than 0
+    matrix : A, n x n, dimensionless, no eigenvalue of which is 2 pi j times an integer other than 0
     ops : arithmetic of its entries
+
+    Returns
+    -------
+    Matrix
+        n x n.
     """
     norm = norm_of(matrix, ops)
     halvings = max(0, ceil(log2(norm / COTH_WITHIN))) if 0 < norm < inf else 0
@@ -133,6 +164,7 @@ def half_coth(matrix: Matrix, ops: Arithmetic) -> Matrix:
         # from B_36 on a numerator is no double: rounding it and its product is the unit that enclosures add for one
         numerator = number.numerator if ops.arrays is None else float(number.numerator)
         found = added(found, shared(scaled(term, numerator), number.denominator))
+    # all further terms add up to less than 2 zeta(2)/(1 - ratio) < 3.7 times a power of ratio <= 1/pi^2
     one, quarter = identity(len(matrix)), rows_of(scaled(square, 0.25))
     total = added(one, rows_of(_each(found, ops.within(3.7 * ratio ** (last + 1)))))
     for _ in range(halvings):
@@ -235,23 +267,68 @@ def _each(matrix: AnyMatrix, rest: Number) -> AnyMatrix:
 
 
 def norm_of(matrix: Matrix, ops: Arithmetic) -> float:
-    """Return a number that no row sum of |A| exceeds."""
+    """Return an upper bound of the norm of A that belongs to the greatest component, its greatest row sum of |a_ij|.
+
+    Parameters
+    ----------
+    matrix : A, in any numbers of the arithmetic
+    ops : arithmetic of the entries; bounds their magnitude, over all elements where they are arrays
+
+    Returns
+    -------
+    float
+        The bound, up to the rounding of the sum.
+    """
     return max(sum(ops.magnitude(entry) for entry in row if not nothing(entry)) for row in matrix)
 
 
 def nothing(x: Number) -> bool:
+    """Return whether a number is the integer 0, which stands for 0 by structure."""
     return type(x) is int and x == 0
 
 
 def add(a: Number, b: Number) -> Number:
+    """Return a + b; the integer 0 takes no part, so that it adds no rounding.
+
+    Parameters
+    ----------
+    a, b : entries of matrices
+
+    Returns
+    -------
+    Number
+        The integer 0 only if both are.
+    """
     return b if nothing(a) else a if nothing(b) else a + b
 
 
 def times(a: Number, b: Number) -> Number:
+    """Return a b, which is the integer 0 if either factor is.
+
+    Parameters
+    ----------
+    a, b : entries of matrices
+
+    Returns
+    -------
+    Number
+        The product.
+    """
     return 0 if nothing(a) or nothing(b) else a * b
 
 
 def dot(a: Iterable[Number], b: Iterable[Number]) -> Number:
+    """Return the sum of the products a_k b_k.
+
+    Parameters
+    ----------
+    a, b : of the same length
+
+    Returns
+    -------
+    Number
+        The integer 0 if every product is 0 by structure.
+    """
     total: Number = 0
     for x, y in zip(a, b, strict=True):
         total = add(total, times(x, y))
@@ -259,12 +336,34 @@ def dot(a: Iterable[Number], b: Iterable[Number]) -> Number:
 
 
 def applied(matrix: Matrix, vector: Vector) -> Vector:
-    """Return A x."""
+    """Return the vector A x.
+
+    Parameters
+    ----------
+    matrix : A, n x m
+    vector : x, of length m
+
+    Returns
+    -------
+    Vector
+        Of length n.
+    """
     return tuple(dot(row, vector) for row in matrix)
 
 
 def product(a: AnyMatrix, b: AnyMatrix) -> AnyMatrix:
-    """Return A B."""
+    """Return the matrix product A B.
+
+    Parameters
+    ----------
+    a : A, n x m
+    b : B, m x k; a `Block` if a is one
+
+    Returns
+    -------
+    Matrix or Block
+        n x k, in the form of a.
+    """
     if isinstance(a, Block):
         return a.times(b)
     columns = tuple(zip(*b, strict=True))
@@ -272,25 +371,69 @@ def product(a: AnyMatrix, b: AnyMatrix) -> AnyMatrix:
 
 
 def added(a: AnyMatrix, b: AnyMatrix) -> AnyMatrix:
-    """Return A + B."""
+    """Return A + B.
+
+    Parameters
+    ----------
+    a, b : n x m; both in the same form
+
+    Returns
+    -------
+    Matrix or Block
+        n x m; an entry is 0 by structure if it is so in both.
+    """
     if isinstance(a, Block):
         return a.mapped(a.entries + b.entries, b)
     return tuple(tuple(add(x, y) for x, y in zip(one, two, strict=True)) for one, two in zip(a, b, strict=True))
 
 
 def scaled(matrix: AnyMatrix, factor: Number) -> AnyMatrix:
-    """Return A times a number."""
+    """Return A times a number.
+
+    Parameters
+    ----------
+    matrix : A
+    factor : of the arithmetic of the entries, or a plain number
+
+    Returns
+    -------
+    Matrix or Block
+        In the form of the matrix, with the same zeros.
+    """
     if isinstance(matrix, Block):
         return matrix.mapped(matrix.entries * factor, matrix)
     return tuple(tuple(times(entry, factor) for entry in row) for row in matrix)
 
 
 def shared(matrix: AnyMatrix, count: Number) -> AnyMatrix:
-    """Return A divided by a number."""
+    """Return A divided by a number.
+
+    Parameters
+    ----------
+    matrix : A
+    count : the divisor, not 0: of the arithmetic of the entries, or a plain number
+
+    Returns
+    -------
+    Matrix or Block
+        In the form of the matrix, with the same zeros.
+    """
     if isinstance(matrix, Block):
         return matrix.mapped(matrix.entries / count, matrix)
     return tuple(tuple(entry if nothing(entry) else entry / count for entry in row) for row in matrix)
 
 
 def column(matrix: Matrix, index: int) -> Vector:
+    """Return one column of a matrix.
+
+    Parameters
+    ----------
+    matrix : n x m
+    index : of the column; a negative one counts from the last
+
+    Returns
+    -------
+    Vector
+        Of length n.
+    """
     return tuple(row[index] for row in matrix)

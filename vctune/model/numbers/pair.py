@@ -65,20 +65,30 @@ class EvenOdd:
 
 
 def re_conj_product(a: Pair, b: Pair) -> Number:
-    """Return Re(a conj(b)).
+    """Return Re(a conj(b)) = Re a Re b + Im a Im b.
 
     Parameters
     ----------
-    a, b : in numbers of the same arithmetic
+    a, b : complex numbers of one arithmetic
+
+    Returns
+    -------
+    Number
+        In the product of their units.
     """
     return a.re * b.re + a.im * b.im
 
 
 def im_conj_product(a: Pair, b: Pair) -> Number:
-    """Return Im(a conj(b)).
+    """Return Im(a conj(b)) = Im a Re b - Re a Im b.
 
     Parameters
     ----------
-    a, b : in numbers of the same arithmetic
+    a, b : complex numbers of one arithmetic
+
+    Returns
+    -------
+    Number
+        In the product of their units. The sign is that of the angle from b to a.
     """
     return a.im * b.re - a.re * b.im

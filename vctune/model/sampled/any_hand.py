@@ -71,15 +71,20 @@ class AnyHand(NamedTuple):
 
 
 def any_hand(device: Device, whole: Number, theta: Number, ops: Arithmetic, *, fractional: bool) -> AnyHand:
-    """Return what any passive hand at the handle makes of a device.
+    """Return the disc of an impedance display's responses G_y in every passive hand (model/README.md, section 15).
 
     Parameters
     ----------
-    device : b > 0, in numbers of the arithmetic
-    whole : N, whole samples of its delay
+    device : an impedance display with damping b > 0
+    whole : N, the whole samples of its delay
     theta : omega T, rad, in [0, pi]
-    ops : arithmetic of all of these
-    fractional : whether a part of a sample remains
+    ops : arithmetic of device and theta
+    fractional : whether the delay is longer than N samples
+
+    Returns
+    -------
+    AnyHand
+        Of the shape of theta.
     """
     disc, sine = _disc(device, whole, theta, ops, fractional=fractional), ops.sin(theta / 2)
     return AnyHand(*disc, firmware_filter(device, theta, ops), sine * sine)
@@ -160,14 +165,19 @@ def _alias(device: Device, theta: Number, at: Number, ops: Arithmetic) -> _Alias
 
 
 def drive_at(device: Device, theta: Number, at: Number, ops: Arithmetic) -> Pair:
-    """Return A e^{-j (theta + omega delay)}, from the held force to the motor's at one alias, a sample late.
+    """Return A e^{-j (theta + omega_n delay)}, from the held force to the motor's force at the alias omega_n.
 
     Parameters
     ----------
-    device : in numbers of the arithmetic
-    theta : omega T, rad
-    at : that of the alias, theta + 2 pi n
-    ops : arithmetic of all of these
+    device : its sample time, delay and actuator are used
+    theta : omega T, rad, in [0, pi]; it delays the force by the sample over which the position is differenced
+    at : omega_n T = theta + 2 pi n, rad, n an integer
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    Pair
+        Dimensionless, of the shape of theta.
     """
     turn = theta + at * (device.delay / device.sample_time)
     delayed = Pair(ops.cos(turn), -ops.sin(turn))
@@ -179,15 +189,22 @@ def drive_at(device: Device, theta: Number, at: Number, ops: Arithmetic) -> Pair
 
 
 def motor_disc(device: Device, omega: Number, ops: Arithmetic) -> tuple[Number, Number, Number | None]:
-    """Return rho, omega m_1 and g = Re 1/Z_s: the motor's admittance is in the disc of radius rho around C.
+    """Return the disc that contains the motor's admittance in every passive hand, of radius rho and centre C.
 
-    C = rho (1 + 2 g (b - j omega m_1)). Of a rigid device they are 1/(2 b), omega m and None.
+    C = rho (1 + 2 g (b - j omega m_1)), with g = Re 1/Z_s of the spring between motor and handle. A rigid device has
+    C = rho = 1/(2 b).
 
     Parameters
     ----------
-    device : in numbers of the arithmetic
-    omega : rad/s
+    device : with b > 0, in SI units
+    omega : angular frequency, rad/s
     ops : arithmetic of both
+
+    Returns
+    -------
+    rho : m/(N s)
+    reactance : omega m_1, N s/m, of the motor's part; of a rigid device omega m
+    g : m/(N s); None for a rigid device
     """
     b, reactance = device.damping, omega * device.motor_mass
     if device.structure is None:

@@ -14,12 +14,12 @@ from vctune.model.sampled.velocity_loop import Polynomial, SampledPlant
 def characteristic_polynomial(plant: SampledPlant, gains: Gains) -> list[Number]:
     """Return the coefficients of the sampled loop's characteristic polynomial, highest power of z first.
 
-    That is F as a polynomial in w, whose coefficient of w^0 is that of the highest power of z.
+    They are those of F as a polynomial in w = 1/z, lowest power of w first.
 
     Parameters
     ----------
-    plant : plain or in balls, not on arrays; its whole samples an int
-    gains : in the plant's numbers; with K_p = 0 for certain the position is not in the loop
+    plant : plain or in balls, not on arrays; its whole samples are an int
+    gains : K_v and K_p in the plant's numbers; the loop contains the position unless K_p is 0 for certain
 
     Returns
     -------

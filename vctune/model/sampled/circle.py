@@ -21,7 +21,18 @@ class Circle(NamedTuple):
     ops: Arithmetic
 
     def late(self, whole: Number, number: OfParts) -> Any:
-        """Return e^{-j (N + 1/2) theta}."""
+        """Return e^{-j (N + 1/2) theta}, the delay of N samples and a half.
+
+        Parameters
+        ----------
+        whole : N; the integer 0 needs no further sine or cosine
+        number : makes the complex number even + j s odd of its arguments even and odd
+
+        Returns
+        -------
+        Any
+            In the form that `number` makes.
+        """
         if isinstance(whole, int) and whole == 0:
             return number(self.cos, -1)
         even, odd = self.turned(whole + 0.5)
@@ -35,12 +46,17 @@ class Circle(NamedTuple):
 
 
 def circle(theta: Number, ops: Arithmetic) -> Circle:
-    """Return a point of the unit circle.
+    """Return the point z = e^{j theta} of the unit circle.
 
     Parameters
     ----------
-    theta : rad
-    ops : its arithmetic
+    theta : omega T, rad, in [0, pi]; a number or an array
+    ops : arithmetic of theta
+
+    Returns
+    -------
+    Circle
+        Its sine and cosine are those of theta/2.
     """
     sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)
     return Circle(theta, sin, cos, sin * sin, ops)

@@ -80,18 +80,18 @@ AnyLoopInHand = LoopInHand | ForceInHand | CommandInHand
 
 
 def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLoopInHand:
-    """Evaluate the loop in a hand on the unit circle.
+    """Evaluate the sampled loop with a hand at the handle, at z = e^{j theta} (model/README.md, section 14).
 
     Parameters
     ----------
-    plant : device and hand
+    plant : device and hand over a sample
     theta : omega T, rad, in [0, pi]
-    ops : arithmetic of both
+    ops : arithmetic of plant and theta
 
     Returns
     -------
     AnyLoopInHand
-        Each part of the shape of theta.
+        Its type follows the display. Each part has the shape of theta.
     """
     if isinstance(plant, ServoInHand):
         seen, half = seen_of_servo(plant.plant, plant.hand, theta, ops), ops.sin(theta / 2)
@@ -124,18 +124,24 @@ def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLo
 def required_in_limp_hand(
     plant: PlantInHand, velocity: Number, theta: Number, share: Number, ops: Arithmetic
 ) -> Required:
-    """Return what `required_in_hand` does over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
+    """Return both numbers of `required_in_hand` divided by rho^2, for K_p = 0 and a hand with little stiffness.
 
-    There F and the sensed force vanish with rho, 2 s = (1 - share) rho and K T^2/m = share rho. With rho x_1 in the
-    place of the position x_1 they are divided by it: its column of the equations is, in which 2 s and K are factors.
+    Next to theta = 0 and K = 0, F and the sensed force both vanish with rho, defined by 2 s = (1 - share) rho and
+    K T^2/m = share rho. The function puts rho x_1 in the place of the position x_1. This divides the position's column
+    of the equations by rho, in which 2 s and K are factors.
 
     Parameters
     ----------
-    plant : at one or several hands
+    plant : the device in one or several hands
     velocity : K_v, N s/m
     theta : omega T, rad, in [0, pi]
-    share : between 0, a hand without stiffness, and 1, no frequency; need not be that of theta and the hand
-    ops : arithmetic of all of these
+    share : from 0, a hand without stiffness, to 1, frequency 0; need not be the share of theta and the hand
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    Required
+        Of the shape of theta.
     """
     at, turned = circle(theta, ops), 1 - share
 
@@ -208,6 +214,7 @@ def _force_in_hand(
     plant: PlantInHand, open_loop: EvenOdd, position: EvenOdd, cos: Number, square: Number
 ) -> ForceInHand:
     """Return the loop of an impedance display from its determinant and the numerator of its position."""
+    # met = 2 j s F G_y/s^2 with G_y = 2 j s e^{-j theta/2} G_x/T, whence (2 j s)^2/s^2 = -4
     d, unit = EvenOdd(2 * square, 2 * cos, square), plant.sample_time / plant.mass
     velocity, met = position * d, position * EvenOdd(-4 * cos, 4, square)  # -4 e^{-j theta/2} G_x/T
     if plant.low_pass is not None:
@@ -221,12 +228,19 @@ def _force_in_hand(
 
 
 def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
-    """Return -o/2 and |F|^2, whose quotient is R.
+    """Return -o/2 and |F|^2, whose quotient is R (model/README.md, section 14; 15 and 17 for the other displays).
+
+    P conj F = e + j s o, with Z_seen = P/(2 j s F).
 
     Parameters
     ----------
-    loop : at one or several angles
-    gains : in its numbers
+    loop : of a device in a hand, at one or several angles
+    gains : K_v and K_p, N s/m and N/m; a servo has none, and its loop does not look at them
+
+    Returns
+    -------
+    Required
+        R = lost/size, N s/m; of an impedance display R/s^2, m/(N s).
     """
     if isinstance(loop, CommandInHand):
         return Required(loop.blur - 0.5 * loop.seen.odd, loop.size)
@@ -235,14 +249,19 @@ def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
 
 
 def offered(coupling: AnyCoupling, device: Device, theta: Number, ops: Arithmetic) -> Number:
-    """Return Re Z_c of the coupling as the firmware runs it, and of an impedance display Re(1/Z_c)/sin^2(theta/2).
+    """Return Re Z_c of the coupling as the firmware runs it; of an impedance display Re(1/Z_c)/sin^2(theta/2).
 
     Parameters
     ----------
-    coupling : in numbers of the arithmetic
-    device : whose firmware runs it
+    coupling : its type decides the display
+    device : runs the coupling; its sample time and, of an impedance display, its velocity filter are used
     theta : omega T, rad, in [0, pi]
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    Number
+        N s/m, or m/(N s), of the shape of theta.
     """
     if isinstance(coupling, SpringDamper):
         return _by_spring(coupling, device, theta, ops).quotient
@@ -252,16 +271,24 @@ def offered(coupling: AnyCoupling, device: Device, theta: Number, ops: Arithmeti
 def room(
     coupling: AnyCoupling, device: Device, required: Required, factor: Number, theta: Number, ops: Arithmetic
 ) -> Number:
-    """Return what is offered less factor R, times something positive: no quotient is formed that may be of 0 by 0.
+    """Return (offered - factor R) times a positive number, which has the sign of the margin.
+
+    The positive number is the product of both denominators. Nothing is divided, so that the result is regular where
+    `offered` or R is 0/0.
 
     Parameters
     ----------
-    coupling : in numbers of the arithmetic
-    device : whose firmware runs it
-    required : R there
-    factor : > 0
+    coupling : its type decides the display
+    device : runs the coupling
+    required : R at theta, as a quotient
+    factor : the least admissible offered/R, > 0
     theta : omega T, rad, in [0, pi]
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    Number
+        Of the shape of theta.
     """
     if isinstance(coupling, SpringDamper):
         there = _by_spring(coupling, device, theta, ops)

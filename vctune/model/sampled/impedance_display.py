@@ -47,13 +47,18 @@ class ForceInHand(NamedTuple):
 
 
 def firmware_filter(device: Device, theta: Number, ops: Arithmetic) -> Pair | None:
-    """Return F, the firmware's low-passes of the velocity, on the unit circle; None without any.
+    """Return F, the product of the firmware's low-passes of the velocity, at z = e^{j theta}.
 
     Parameters
     ----------
-    device : in numbers of the arithmetic
+    device : its sample time and velocity estimate are used
     theta : omega T, rad, in [0, pi]
-    ops : arithmetic of both
+    ops : arithmetic of device and theta
+
+    Returns
+    -------
+    Pair or None
+        Dimensionless, of the shape of theta; None without a low-pass.
     """
     estimate, omega = device.velocity, theta / device.sample_time
     one = None if estimate is None else firmware_low_pass(estimate, device.sample_time, omega, ops)
@@ -78,15 +83,20 @@ class Offered(NamedTuple):
 def offered_by_spring(
     coupling: SpringDamper, sample_time: Number, low_pass: Pair | None, theta: Number, ops: Arithmetic
 ) -> Offered:
-    """Return Re(1/Z_c)/sin^2(theta/2).
+    """Return Re(1/Z_c)/sin^2(theta/2) of a spring-damper as a quotient (model/README.md, section 15).
 
     Parameters
     ----------
-    coupling : k_c > 0
+    coupling : b_c >= 0, N s/m, and k_c > 0, N/m
     sample_time : T, s
-    low_pass : F there; None for 1
+    low_pass : F at theta, which filters the damper's velocity; None for 1
     theta : omega T, rad, in [0, pi]
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    Offered
+        above/below, m/(N s), of the shape of theta.
     """
     half, sin, cos = coupling.stiffness * sample_time / 2, ops.sin(theta / 2), ops.cos(theta / 2)
     if low_pass is None:
@@ -101,15 +111,21 @@ def offered_by_spring(
 def spring_forms(
     device: Device, theta: Number, ops: Arithmetic
 ) -> tuple[tuple[Number, Number], tuple[Number, Number, Number]]:
-    """Return Re Z_c's coefficients of b_c and k_c, and those of b_c^2, b_c k_c and k_c^2 in s^2 |Z_c|^2.
+    """Return the coefficients of b_c and k_c in both parts of `offered_by_spring`.
 
-    A quadratic form is known from three couplings.
+    Numerator: Re Z_c = a_1 b_c + a_0 k_c. Denominator: s^2 |Z_c|^2 = q_2 b_c^2 + q_1 b_c k_c + q_0 k_c^2. The function
+    evaluates three couplings, which determine a quadratic form in two variables.
 
     Parameters
     ----------
-    device : whose firmware runs them, in numbers of the arithmetic
+    device : runs the couplings; its sample time and velocity filter are used
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of both
+
+    Returns
+    -------
+    resistance : a_1 and a_0, of the shape of theta
+    size : q_2, q_1 and q_0, likewise
     """
     T, low_pass, zero = device.sample_time, firmware_filter(device, theta, ops), 0 * theta
     damper, spring, both = (
@@ -123,15 +139,20 @@ def spring_forms(
 def spring_damper_admittance(
     coupling: SpringDamper, sample_time: Number, low_pass: Pair | None, theta: Number, ops: Arithmetic
 ) -> Pair:
-    """Return 1/Z_c, m/(N s).
+    """Return 1/Z_c of a spring-damper, Z_c = b_c F + k_c T/2 - j k_c (T/2) cot(theta/2) (model/README.md, section 15).
 
     Parameters
     ----------
-    coupling : k_c > 0
+    coupling : b_c >= 0, N s/m, and k_c > 0, N/m
     sample_time : T, s
-    low_pass : F there; None for 1
+    low_pass : F at theta; None for 1
     theta : omega T, rad, in (0, pi]
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    Pair
+        m/(N s), of the shape of theta.
     """
     half, sin, cos = coupling.stiffness * sample_time / 2, ops.sin(theta / 2), ops.cos(theta / 2)
     passed = low_pass or Pair(1, 0)

@@ -71,14 +71,21 @@ def has_sharp_form(device: Device) -> bool:
 
 
 def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, fractional: bool) -> PlantLetGo:
-    """Sample a device exactly that nobody holds, but for what its structure is loaded with.
+    """Sample a device exactly that nobody holds, in the form of this module (model/README.md, section 14).
+
+    A load of the structure counts. The force sensor does not, since no loop contains it without a hand.
 
     Parameters
     ----------
-    device : its force sensor is not in its loop
-    whole_samples : N, of its delay
+    device : its mechanism, actuator, delay and velocity estimate are used; SI units
+    whole_samples : N, the whole samples of its delay
     ops : arithmetic of the device's numbers
-    fractional : whether a part of a sample remains
+    fractional : whether the delay is longer than N samples
+
+    Returns
+    -------
+    PlantLetGo
+        Dimensionless, with T = 1 and the device's mass, with its load, as the unit of mass.
     """
     T, estimate = device.sample_time, device.velocity
     rates, push, lead, mass = _mechanism(device, ops)
@@ -142,19 +149,21 @@ def _mechanism(device: Device, ops: Arithmetic) -> tuple[Matrix, Vector, Number 
 
 
 def return_difference(plant: Plant, theta: Number, ops: Arithmetic, *, position: bool) -> ReturnDifference:
-    """Evaluate the parts of F at z = e^{j theta}, of a `PlantLetGo` times a number that is not 0.
+    """Evaluate the parts of the return difference F at z = e^{j theta}.
+
+    The F of a `PlantLetGo` carries a factor that is nowhere 0 and cancels in F_0/F.
 
     Parameters
     ----------
-    plant : of a device let go
+    plant : a device that nobody holds, in either form
     theta : omega T, rad, in [0, pi]
-    ops : arithmetic of both
-    position : whether the position is in the loop, K_p > 0; its part is 0 otherwise, and F that of the velocity loop
+    ops : arithmetic of plant and theta
+    position : whether the law has K_p > 0; if not, the position's part is 0 and F is that of the velocity loop
 
     Returns
     -------
     ReturnDifference
-        Each part of the shape of theta.
+        Each part has the shape of theta.
     """
     if isinstance(plant, SampledPlant):
         return sampled.return_difference(plant, theta, ops, position=position)
@@ -169,6 +178,7 @@ def return_difference(plant: Plant, theta: Number, ops: Arithmetic, *, position:
     found = numerators(rows)
     turned, back = Pair(ops.cos(theta * steps), -ops.sin(theta * steps)), Pair(cos, -sin)
     open_loop, travel = pair(found[len(rows)]), pair(found[0]) * turned * back
+    # states: 0 position, 1 velocity, 2 bend, 3 bending
     motor = found[1] if plant.lead is None else found[1] + found[3].scaled(plant.lead)
     velocity = travel if plant.difference else pair(motor) * turned
     if plant.low_pass is not None:

@@ -146,19 +146,19 @@ AnyPlantInHand = PlantInHand | ServoInHand
 
 
 def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -> AnyPlantInHand:
-    """Sample a device in a hand exactly.
+    """Sample a device in a hand exactly (model/README.md, section 14).
 
     Parameters
     ----------
-    device : its least operator is not counted
-    hand : what holds the handle
-    delays : whole samples of the device's and the sensor's delay
-    ops : arithmetic of the device's and the hand's numbers
+    device : in SI units; its least operator does not count, the hand takes its place
+    hand : M, B and K at the handle
+    delays : whole samples of the device's delay alone, and with the force sensor's
+    ops : arithmetic of device and hand
 
     Returns
     -------
     AnyPlantInHand
-        Its numbers of the shape of the device's and the hand's.
+        Its type follows the display. Its numbers have the shape of the device's and the hand's.
     """
     if device.servo is not None:
         own = SensedDelay(delays.loop, delays.loop_fractional)
@@ -289,12 +289,19 @@ def _times_inertia(matrix: Matrix, parts: Mechanism, at: dict[str, int]) -> Matr
 def equations(
     rates: Matrix, step: Matrix, push: Vector, older: Vector | None, cos: Number, square: Number
 ) -> list[list[EvenOdd | None]]:
-    """Return the rows of (2 j s Q - c A) x = b - d b_1, the right hand side as their last column; None for 0.
+    """Return the linear equations (2 j s Q - c A) x = b - d b_1 for the n states x on the unit circle.
 
     Parameters
     ----------
-    rates, step, push, older : A, Q, b and b_1, None for 0
-    cos, square : c and s^2
+    rates, step : A and Q, n x n, dimensionless with T = 1
+    push : b, of length n
+    older : b_1, of length n, the older force's share; None for 0
+    cos, square : c = cos(theta/2) and s^2, s = sin(theta/2)
+
+    Returns
+    -------
+    list of rows
+        n rows of n + 1 entries, the right-hand side last; None for an entry that is 0 by structure.
     """
     d = EvenOdd(2 * square, 2 * cos, square)
 

@@ -50,19 +50,21 @@ class Seen:
 
 
 def seen_of_servo(plant: ServoPlant, hand: Hand, theta: Number, ops: Arithmetic) -> Seen:
-    """Return what the environment meets of a servo in a hand.
+    """Return Z_seen, the impedance that the environment meets of a servo in a hand (model/README.md, section 17).
+
+    The firmware's own spring, if the servo has one, adds to it.
 
     Parameters
     ----------
-    plant : the servo
-    hand : in numbers of the arithmetic
+    plant : the servo over a sample
+    hand : M, B and K; arrays of shape (h, 1) for several hands
     theta : omega T, rad, in [0, pi]
-    ops : the arithmetic
+    ops : arithmetic of the other arguments
 
     Returns
     -------
     Seen
-        Of the shape of theta.
+        The three parts of Z_seen, of the shape of theta and the hand together.
     """
     at = circle(theta, ops)
     seen = _seen_at(plant, hand, at)
@@ -90,14 +92,19 @@ def _both(one: Seen, other: Seen) -> Seen:
 
 
 def blur_of(plant: ServoPlant, seen: Seen, theta: Number, ops: Arithmetic) -> Number:
-    """Return by what -odd/2 may be more in a disc of responses: r |Z_seen| size; 0 without one.
+    """Return the greatest increase of -odd/2 while Z_seen moves within its disc: r |Z_seen| size.
 
     Parameters
     ----------
-    plant : the servo
-    seen : what the environment meets of it in a hand
+    plant : the servo over a sample; its `radii` are those of the disc
+    seen : Z_seen in a hand, without the disc
     theta : omega T, rad, in [0, pi]
-    ops : the arithmetic
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    Number
+        N s/m times `Seen.size`, of the shape of theta; 0 without a disc.
     """
     if not plant.radii:
         return 0
@@ -159,12 +166,17 @@ class Demand:
 
 
 def demand_of(device: Device, hands: Hands) -> Demand:
-    """Return what the hands of a box ask of a coupling.
+    """Return the resistance R that a box of hands requires of a servo's coupling, as a function of the angle.
 
     Parameters
     ----------
-    device : plain numbers
-    hands : the box
+    device : a servo in plain numbers
+    hands : the box; its vertices suffice, since R is convex in the hand
+
+    Returns
+    -------
+    Demand
+        Evaluates R at angles.
     """
     numbers = zip(*map(astuple, vertices(hands)), strict=True)
     columns = Hand(*(np.array(each, float)[:, None] for each in numbers))

@@ -130,26 +130,26 @@ def _sensed_delay(device: Device) -> Number:
 
 
 def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPlant:
-    """Sample a servo and its force sensor exactly.
+    """Sample a servo and its force sensor exactly (model/README.md, section 17).
 
-    What is sensed is what was just before the next command acts: with a delay of whole samples that of the command
-    before.
+    The sensor reads the force just before the next command acts. With a delay of whole samples, that force is still due
+    to the command before.
 
     Parameters
     ----------
-    device : its numbers in the arithmetic
-    delay : its whole samples
-    ops : the arithmetic
+    device : a servo, in SI units
+    delay : whole samples of the delays of servo and sensor together, and of the servo alone
+    ops : arithmetic of the device's numbers
 
     Returns
     -------
     ServoPlant
-        Its numbers of the shape of the device's.
+        Its numbers have the shape of the device's.
     """
     T, rates = device.sample_time, _rates(device, ops)
     older = (_sensed_delay(device) - delay.whole * T) / T if delay.fractional else None
     chain, inner = sampled_chain(rates, older, ops), rates[1][1:-1]
-    direct, n = rates[1][-1], len(inner)
+    direct, n = rates[1][-1], len(inner)  # row 1: the sensed velocity; column -1: the command
     below_all = (*chain.open, 1)
     newer, late = chain.states
     velocity = _with_older([x[0] for x in newer], [x[0] for x in late])
@@ -245,7 +245,7 @@ def _half_angles(polynomial: Sequence[Number], degree: int) -> list[Number]:
     found: list[Number] = [0] * (degree + 1)
     for k, a in enumerate(polynomial):
         for i in range(degree - k + 1):
-            found[k + i] = add(found[k + i], times(a, comb(degree - k, i) * (-0.5) ** i))
+            found[k + i] = add(found[k + i], times(a, comb(degree - k, i) * (-0.5) ** i))  # j s = 2 j s/2
     return found
 
 
@@ -254,7 +254,7 @@ def _times_conjugate(a: Sequence[Number], b: Sequence[Number]) -> list[Number]:
     found: list[Number] = [0] * (len(a) + len(b) - 1)
     for i, x in enumerate(a):
         for j, y in enumerate(b):
-            found[i + j] = add(found[i + j], times(times(x, y), (-1) ** j))
+            found[i + j] = add(found[i + j], times(times(x, y), (-1) ** j))  # conj (2 j s)^j
     return found
 
 

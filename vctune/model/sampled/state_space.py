@@ -43,13 +43,18 @@ class StepResponse:
 
 
 def sampled_states(device: Device, older: Number | None, ops: Arithmetic) -> StepResponse:
-    """Sample a device with an actuator or a structure.
+    """Sample a device with an actuator or a structure exactly, held at its input (model/README.md, section 12).
 
     Parameters
     ----------
-    device : its numbers in the arithmetic
-    older : how long of a sample the older force acts, s; None if it does not
+    device : in SI units
+    older : part of a sample for which the older force acts, s; None if the delay is a whole number of samples
     ops : arithmetic of both
+
+    Returns
+    -------
+    StepResponse
+        Velocities in units of T/m, positions in units of T^2/m.
     """
     share = None if older is None else older / device.sample_time
     chain = sampled_chain(_rates(device, ops), share, ops)
@@ -74,16 +79,21 @@ class SampledChain:
 
 
 def sampled_chain(rates: Matrix, older: Number | None, ops: Arithmetic) -> SampledChain:
-    """Sample a chain of states exactly, with x = z - 1 for the step.
+    """Sample a chain of n states and the integral of the first exactly, as polynomials of x = z - 1.
 
     Parameters
     ----------
-    rates : d/dt of the integral, which is first, of the states and of the input, which is last
-    older : share of the sample for which the older input acts; None if it does not
+    rates : d/dt, with T = 1, of the integral (first), the n states and the input (last), (n + 2) x (n + 2)
+    older : share of the sample for which the older input acts, in (0, 1); None if it does not act
     ops : arithmetic of both
+
+    Returns
+    -------
+    SampledChain
+        Numerators for the newer and the older input over the common denominator det(x - psi).
     """
     step, newer, older_force = stepped(rates, older, ops)
-    psi = tuple(row[1:-1] for row in step[1:-1])
+    psi = tuple(row[1:-1] for row in step[1:-1])  # without the integral and the input
     coefficients, adjugate = characteristic(psi)
     travel = step[0][1:-1]
 
@@ -97,13 +107,18 @@ def sampled_chain(rates: Matrix, older: Number | None, ops: Arithmetic) -> Sampl
 
 
 def stepped(rates: Matrix, older: Number | None, ops: Arithmetic) -> tuple[Matrix, Vector, Vector]:
-    """Return e^A - 1 over a sample, and what the newer and the older force add to the states.
+    """Return the change of a linear system over a sample, and the shares of the newer and the older force in it.
 
     Parameters
     ----------
-    rates : d/dt of the states and of the force, which is last
-    older : share of the sample for which the older force acts; None if it does not
+    rates : A, d/dt with T = 1 of the states and of the force (last), n x n
+    older : share of the sample for which the older force acts, in (0, 1); None if it does not act
     ops : arithmetic of both
+
+    Returns
+    -------
+    step : e^A - 1, n x n
+    newer, older_force : change of the states per unit of either force, of length n
     """
     if older is None:
         step = exponential_less_one(rates, ops)
@@ -114,13 +129,18 @@ def stepped(rates: Matrix, older: Number | None, ops: Arithmetic) -> tuple[Matri
 
 
 def left_by_older(rates: Matrix, older: Number, ops: Arithmetic) -> Vector:
-    """Return what the older force adds to the states, alone.
+    """Return the change of the states over a sample per unit of the older force.
 
     Parameters
     ----------
-    rates : d/dt of the states and of the force, which is last
-    older : share of the sample for which the older force acts
+    rates : A, d/dt with T = 1 of the states and of the force (last), n x n
+    older : share of the sample for which the older force acts, in (0, 1)
     ops : arithmetic of both
+
+    Returns
+    -------
+    Vector
+        Of length n, the force's own row last.
     """
     return _moved_on(*_halves(rates, older, ops))
 
@@ -176,10 +196,23 @@ def _rates(device: Device, ops: Arithmetic) -> Matrix:
 def filter_rows(
     rows: dict[str, dict[str, Number]], states: tuple[str, str], samples: Number, order: int, ops: Arithmetic
 ) -> Number:
-    """Fill in a low-pass of order 1, or 2 with damping ratio 1/sqrt(2); return what drives its last state.
+    """Write a low-pass of order 1, or of order 2 with damping ratio 1/sqrt(2), into the rates of a system.
 
-    Of order 2 its states are y and y + y'/a, 2 a^2 = w^2. A fast one's f(A/E) is about half its rates', with y and y'
-    next to 0 on the diagonal, where it is eliminated.
+    The states of order 2 are y and y + y'/a with 2 a^2 = w^2, not y and y'. For a fast low-pass f(A/E) is about half of
+    |A/E|, and `inverse` divides by its diagonal, which would be close to 0 with the states y and y'.
+
+    Parameters
+    ----------
+    rows : rates of each state by the names of the states, with T = 1; those of the low-pass are filled in here
+    states : names of the output y and of the second state, which order 1 does not have
+    samples : bandwidth times T, the -3 dB frequency in sampling frequencies
+    order : 1 or 2
+    ops : arithmetic of the rates
+
+    Returns
+    -------
+    Number
+        Rate at which the low-pass's input drives its last state.
     """
     corner, (out, rate) = 2 * ops.pi * samples, states
     if order == 1:

@@ -85,12 +85,12 @@ near. Half and twice it are no different."""
 def split_delay(delay: Number, sample_time: Number) -> tuple[Number, Number]:
     """Split a delay into whole samples and the fraction of one that remains.
 
-    What differs from a whole sample by rounding noise counts as one.
+    A delay that differs from a whole number of samples by rounding (`SNAP`) counts as that number.
 
     Parameters
     ----------
     delay : s, >= 0, a number or an array
-    sample_time : s, > 0
+    sample_time : T, s, > 0
 
     Returns
     -------
@@ -108,19 +108,19 @@ def split_delay(delay: Number, sample_time: Number) -> tuple[Number, Number]:
 
 
 def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fractional: bool) -> SampledPlant:
-    """Sample the device exactly.
+    """Sample a device that nobody holds exactly (model/README.md, sections 7 and 12).
 
     Parameters
     ----------
-    device : Device
-    whole_samples : N, of its delay
+    device : in SI units; its force sensor and operator do not count
+    whole_samples : N, the whole samples of its delay
     ops : arithmetic of the device's numbers
-    fractional : whether a part of a sample remains, delta > 0
+    fractional : whether the delay is longer than N samples, delta > 0
 
     Returns
     -------
     SampledPlant
-        Its numbers of the shape of the device's.
+        Its numbers have the shape of the device's.
     """
     T = device.sample_time
     older = device.delay - whole_samples * T if fractional else None
@@ -195,19 +195,19 @@ class ReturnDifference:
 
 
 def return_difference(plant: SampledPlant, theta: Number, ops: Arithmetic, *, position: bool) -> ReturnDifference:
-    """Evaluate the parts of F at z = e^{j theta}.
+    """Evaluate the parts of the return difference F at z = e^{j theta} (model/README.md, section 7).
 
     Parameters
     ----------
-    plant : SampledPlant
+    plant : a device that nobody holds, over a sample
     theta : omega T, rad, in [0, pi]
-    ops : arithmetic of both
-    position : whether the position is in the loop, K_p > 0; its part is 0 otherwise, and F that of the velocity loop
+    ops : arithmetic of plant and theta
+    position : whether the law has K_p > 0; if not, the position's part is 0 and F is that of the velocity loop
 
     Returns
     -------
     ReturnDifference
-        Each part of the shape of theta.
+        Each part has the shape of theta.
     """
     sin = ops.sin(theta)
     half_sine = ops.sin(theta / 2)  # 1 - cos theta = 2 sin^2(theta/2) does not cancel
@@ -260,28 +260,35 @@ def _monic(coefficients: Polynomial, d: Pair, w: Pair) -> Pair:
 
 
 def sensitivity_abs2(parts: ReturnDifference, gains: Gains) -> Number:
-    """Return |S|^2 of the sampled loop at one point of the unit circle.
+    """Return |S|^2 = |F_0/F|^2 of the sampled loop, F_0 the return difference with both gains 0.
 
     Parameters
     ----------
-    parts : of F, at one or several points
+    parts : of F, at one or several points of the unit circle
     gains : K_v and K_p, N s/m and N/m
 
     Returns
     -------
     Number
-        Of the shape of the parts.
+        Dimensionless, of the shape of the parts.
     """
     return parts.open.abs2() / parts.closed(gains).abs2()
 
 
 def difference_slope(theta: Number, ops: Arithmetic) -> Pair:
-    """Return (1 - e^{-j theta})/theta, regular at theta = 0: what the integrator adds to F, divided by theta.
+    """Return (1 - e^{-j theta})/theta, regular at theta = 0.
+
+    The integrator multiplies F by 1 - e^{-j theta}.
 
     Parameters
     ----------
-    theta : omega T, rad
-    ops : arithmetic of it
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of theta
+
+    Returns
+    -------
+    Pair
+        Of the shape of theta; j at theta = 0.
     """
     half = theta / 2
     return Pair(ops.sin(half) * ops.sinc(half), ops.sinc(theta))

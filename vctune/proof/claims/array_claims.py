@@ -119,12 +119,19 @@ class Claims:
 
 
 def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
-    """Return the claims with the device's decimals enclosed; none of them is evaluated yet.
+    """Return each claim about a device as a function of a frequency and of values by name (proof/README.md, section 7).
+
+    The functions enclose the device's decimals. Nothing is evaluated here.
 
     Parameters
     ----------
-    demands : what is to be met
-    uncertain : numbers of the device that each claim takes from among its values
+    demands : device, factor and limits of the claims
+    uncertain : keys of the device's numbers that each function takes from its values, as `device.KEY`
+
+    Returns
+    -------
+    Claims
+        Functions over enclosures and jets.
     """
     device, plant = _devices(demands.device, uncertain)
     factor, limit = decimal(demands.factor), decimal(demands.max_sensitivity)
@@ -186,14 +193,19 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
 
 
 def hands_margin(demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS) -> Margin:
-    """Return the margin that must be positive in every hand, of theta and of values with those of `HAND`.
+    """Return the margin that must be positive in every hand, |F|^2 (Re Z_c - factor R).
 
     Parameters
     ----------
-    demands : what is to be met
-    uncertain : numbers of the device that the margin takes from among its values
-    delays : whole samples, the same for all of them
+    demands : device and factor
+    uncertain : keys of the device's numbers that the margin takes from its values
+    delays : whole samples of the delays, the same for all devices
     ops : arithmetic of theta and the values
+
+    Returns
+    -------
+    Margin
+        Function of theta, rad, and of values by name: the design, `HAND` and the uncertain numbers; N s/m.
     """
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
@@ -201,14 +213,17 @@ def hands_margin(demands: Demands, uncertain: tuple[str, ...], delays: Delays, o
 
 
 def bounded_in_hands(device: Device, ops: ArrayArithmetic = OPS) -> Margin:
-    """Return the margin that is positive where R in a hand is below offset + slope theta, times |F|^2.
-
-    It is of theta and of the gains, `OFFSET`, `SLOPE` and the numbers of `HAND`.
+    """Return the margin |F|^2 (offset + slope theta - R), positive where R in a hand lies below a straight line.
 
     Parameters
     ----------
-    device : plain numbers
+    device : plain numbers, taken as decimals
     ops : arithmetic of theta and the values
+
+    Returns
+    -------
+    Margin
+        Function of theta, rad, and of values by name: the gains, `OFFSET`, `SLOPE` and `HAND`; N s/m.
     """
     in_hand = _plant_in_hand(device, (), delays_of(device), ops)
 
@@ -248,15 +263,18 @@ def _above_bound(demands: Demands) -> Margin:
 
 
 def limp_hands_margin(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> Margin:
-    """Return the margin that must be positive for K_p = 0 next to theta = 0 and a hand without stiffness.
-
-    It is of theta and of values with those of `HAND` and with `SHARE`, each between 0 and 1.
+    """Return `hands_margin` over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
 
     Parameters
     ----------
-    demands : what is to be met
-    uncertain : numbers of the device that the margin takes from among its values
-    delays : whole samples, the same for all of them
+    demands : device and factor
+    uncertain : keys of the device's numbers that the margin takes from its values
+    delays : whole samples of the delays, the same for all devices
+
+    Returns
+    -------
+    Margin
+        Function of theta, rad, and of values by name, among them `HAND` and `SHARE`, which lies between 0 and 1.
     """
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
@@ -270,13 +288,17 @@ def limp_hands_margin(demands: Demands, uncertain: tuple[str, ...], delays: Dela
 
 
 def any_hand_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> tuple[Margin, Margin]:
-    """Return the margins that must be positive for any passive hand on an impedance display, of theta and of values.
+    """Return both margins that must be positive for any passive hand on an impedance display (`any_hand_margin`).
 
     Parameters
     ----------
-    demands : what is to be met
-    uncertain : numbers of the device that the margins take from among their values
-    delays : whole samples, the same for all of them
+    demands : device and factor
+    uncertain : keys of the device's numbers that the margins take from their values
+    delays : whole samples of the delays, the same for all devices
+
+    Returns
+    -------
+    margin, size : functions of theta, rad, and of values by name
     """
     device, factor = _uncertain_device(demands.device, uncertain), decimal(demands.factor)
     delay = LoopDelay(delays.loop, delays.loop_fractional)

@@ -63,15 +63,15 @@ def _margins(design: Design, factor: float) -> list[Margin]:
 
 
 def prove_conditions(design: Design, low: float, high: float, factor: float) -> Outcome:
-    """Prove Re G_hh > 0, in the least operator's hand, and Re Z_c >= factor R on [low, high], which may start at 0.
+    """Prove Re G_hh > 0 and Re Z_c >= factor R on [low, high], in the hand of the least operator.
 
-    Of an ideal device with hold "lag" and no delay it may be [0, inf], and the proof is exact. Finite edges are widened
-    by the rounding of 2 pi f.
+    See model/README.md, section 4. An ideal device with hold "lag" and no delay admits the band [0, inf], and its proof
+    is exact. Finite edges are widened by the rounding of 2 pi f.
 
     Parameters
     ----------
-    design : its numbers are taken as the decimals that they are written as
-    low, high : rad/s
+    design : device, gains and coupling, taken as the decimals that they are written as
+    low, high : edges of the band, rad/s; low may be 0
     factor : least Re Z_c / R
 
     Returns
@@ -96,13 +96,18 @@ def prove_conditions(design: Design, low: float, high: float, factor: float) -> 
 
 
 def conditions_at(design: Design, factor: float, omega: float) -> Outcome:
-    """Return whether the conditions demonstrably fail at one frequency, undecided where they do not.
+    """Return whether the conditions certainly fail at one frequency.
 
     Parameters
     ----------
-    design : its numbers are taken as the decimals that they are written as; its device's response may be perturbed
+    design : taken as the decimals that it is written as; its device's response may be perturbed
     factor : least Re Z_c / R
-    omega : rad/s, > 0
+    omega : angular frequency, rad/s, > 0
+
+    Returns
+    -------
+    Outcome
+        Refuted with omega as its witness, or undecided; never proved.
     """
     fails = any(margin(arb(omega)) < 0 for margin in _margins(design, factor))
     return Outcome(Verdict.REFUTED, 1, omega) if fails else Outcome(Verdict.UNDECIDED, 1)
@@ -123,15 +128,19 @@ def _end_failure(verdict: Verdict, margin: Margin, start: float) -> Outcome:
 
 
 def widest_band(design: Design, low: float, high: float) -> tuple[float, float]:
-    """Return the widest band around a proved one on which Re G_hh > 0 and ratio >= 1 are proved, rad/s.
+    """Return the widest band around a proved one on which Re G_hh > 0 and Re Z_c >= R are proved.
 
-    Upwards it ends at the Nyquist frequency, beyond which the frequency model means nothing, but for hold "lag"
-    without delay, whose model is good for a proof to inf.
+    Upwards it ends at the Nyquist frequency, where the frequency model loses its meaning. With hold "lag" and no delay
+    the proof may reach inf.
 
     Parameters
     ----------
-    design : its numbers are taken as the decimals that they are written as
-    low, high : rad/s, a band on which it is proved
+    design : taken as the decimals that it is written as
+    low, high : a proved band, rad/s
+
+    Returns
+    -------
+    low, high : rad/s
     """
     if is_rational(design.device):
         return widest(conditions(design, 1.0), low, high)

@@ -33,12 +33,16 @@ where the interval between them is as narrow."""
 
 
 def admissible_damping(resistance: Floats, reactance: Floats) -> tuple[Floats, Floats]:
-    """Return the least and the greatest b_c with b M^2/(b^2 + M^2) >= r; (inf, 0) where there is none.
+    """Return the least and the greatest coupling damping b with b M^2/(b^2 + M^2) >= r.
 
     Parameters
     ----------
-    resistance : r, N s/m; where it is not positive every b_c will do
-    reactance : M = omega m_c, N s/m
+    resistance : r, N s/m; every b >= 0 is admissible where r <= 0
+    reactance : M = omega m_c, N s/m, of a shape that broadcasts against r
+
+    Returns
+    -------
+    least, greatest : N s/m; (inf, 0) where none is admissible
     """
     r, M = np.maximum(resistance, 0.0), reactance
     root = np.sqrt(np.maximum((M - 2 * r) * (M + 2 * r), 0.0))
@@ -51,12 +55,20 @@ def admissible_damping(resistance: Floats, reactance: Floats) -> tuple[Floats, F
 def no_damping(demands: Demands, cells: Cells, places: Places) -> Flags:
     """Return the cells in which no b_c between the cell's own edges meets the demands on Re Z_c.
 
+    Different frequencies may require intervals of b_c that have no point in common.
+
     Parameters
     ----------
-    demands : what is to be met
-    cells : as for `prove`; all of the b_c's edges count, and the upper ones of m_c and b_0
-    places : where to look
+    demands : device, factor, band and hands
+    cells : n cells; the edges of b_c and the upper edges of m_c and b_0 decide
+    places : frequencies and hands at which R is bounded from below, several for each cell
+
+    Returns
+    -------
+    array of bool
+        Shape (n,); False where nothing is proved.
     """
+    # rows in the order of `KEYS`: 2 is b_c, 3 is m_c, 4 is b_0
     least, most = cells.low[2].copy(), cells.high[2].copy()
     heaviest = cells.high[3] * (1 + GUARD)
     claims, asked = claims_of(demands), list[tuple[Margin, Floats, Floats]]()

@@ -25,6 +25,7 @@ from vctune.proof.engine.boxes import Cells, Integers, Values
 
 def by_integrator(cells: Cells) -> list[Integers]:
     """Return the cells with and those without K_p: with K_p = 0 the law has no integrator."""
+    # row 1 is K_p in `KEYS` and in `SPRING_KEYS`
     parts = np.flatnonzero(cells.high[1] > 0), np.flatnonzero(cells.high[1] == 0)
     return [at for at in parts if len(at)]
 
@@ -47,12 +48,17 @@ class Encirclements:
 
 
 def encirclements(demands: Demands, cells: Cells) -> Encirclements:
-    """Return how often the curves of each cell go around 0; all of them with K_p > 0, or none.
+    """Return how often the loop's curves go around 0 for each cell (proof/README.md, section 2).
 
     Parameters
     ----------
-    demands : of which the device counts, with each of its loops, and whether its model does
-    cells : n of them
+    demands : the device, with each loop that must be stable by itself, and whether the frequency model counts
+    cells : n cells, either all with K_p > 0 or all with K_p = 0
+
+    Returns
+    -------
+    Encirclements
+        Numbers of shape (rows, n); 0 where a loop is stable, nan where nothing is decided.
     """
     parts = [_encirclements(replace(demands, device=loop), cells) for loop in demands.device.loops]
     if not parts:
@@ -109,14 +115,17 @@ def _no_pole_crosses(demands: Demands, claims: Claims, cells: Cells) -> tuple[Fl
 
 
 def encirclements_in_hand(demands: Demands, cells: Cells) -> tuple[Floats, Integers]:
-    """Return how often the curve of the loop in one hand of the box goes around 0, and the boxes that took, shape (n,).
-
-    The number is nan where it is not settled.
+    """Return how often the curve of the loop in the middle hand of the box goes around 0 for each cell.
 
     Parameters
     ----------
-    demands : with the hands
-    cells : n of them, all of them with K_p > 0, or none
+    demands : with hands
+    cells : n cells, either all with K_p > 0 or all with K_p = 0
+
+    Returns
+    -------
+    number : shape (n,); nan where nothing is decided
+    boxes : boxes that the proof took, shape (n,)
     """
     assert demands.hands is not None
     claims, number = claims_of(demands), np.full(len(cells), np.nan)
@@ -128,7 +137,18 @@ def encirclements_in_hand(demands: Demands, cells: Cells) -> tuple[Floats, Integ
 
 
 def turns_in_hand(demands: Demands, points: Cells) -> Floats:
-    """Return the same at each of n points."""
+    """Return how often the curve of the loop in the middle hand of the box goes around 0 for single designs.
+
+    Parameters
+    ----------
+    demands : with hands
+    points : n cells without extent, either all with K_p > 0 or all with K_p = 0
+
+    Returns
+    -------
+    array of float
+        Shape (n,); 0 where the loop is stable, nan where nothing is decided.
+    """
     claims = claims_of(demands)
     turns, _ = _turns_at(claims.poles_in_hand, points, HALF_TURN, pi, fixed=_middle(demands))
     return turns
@@ -141,13 +161,18 @@ def _middle(demands: Demands) -> Values:
 
 
 def model_curve_end(device: Device, cells: Cells, ops: Arithmetic = FLOATS) -> float:
-    """Return a frequency beyond which the model's curve turns no more in any cell, rad/s; > 0 without a loop.
+    """Return a frequency beyond which the frequency model's curve cannot turn around 0 any more, in any cell.
 
     Parameters
     ----------
-    device : in numbers of the arithmetic; enclosures for all devices of a box
-    cells : their greatest gains count
+    device : in numbers of the arithmetic; enclosures stand for all devices of a box
+    cells : only their greatest gains count
     ops : arithmetic of the device's numbers
+
+    Returns
+    -------
+    float
+        rad/s, > 0 also without a loop.
     """
     K_v, K_p = (float(row.max(initial=0.0)) for row in cells.high[:2])
     return (1 + NEAR) * max(curve_end(device, K_v, K_p, ops), NEAR / ops.magnitude(device.sample_time))

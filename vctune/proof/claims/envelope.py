@@ -77,18 +77,25 @@ class Envelope:
 @lru_cache(maxsize=16)
 @np.errstate(all="ignore")
 def envelope(device: Device, hands: Hands | None, gains: Gains) -> Envelope:
-    """Bound what is required in hands.
+    """Bound R from above in all hands, by a straight line over each piece of the angle.
+
+    For each piece a sample of hands gives a first line, and a proof raises it until it is certainly above R.
 
     Parameters
     ----------
     device : taken as the decimals that it is written as
-    hands : the box; None for any passive hand on an impedance display, whose damping is not 0
-    gains : likewise
+    hands : the box; None for any passive hand on an impedance display with damping
+    gains : K_v and K_p, taken as the decimals that they are written as
+
+    Returns
+    -------
+    Envelope
+        The offset is inf on a piece for which no attempt succeeded.
     """
     low, high = band_of(0.0, HALF_TURN, STEP)
     theta = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, WITHIN)
     some = _some_of(hands) if hands is not None else None
-    # where less than nothing is asked for, be it without bound, nothing is
+    # a coupling may be arbitrarily small where R <= 0, -inf included: the bound is 0 there
     asked = np.fmax(_required(device, some, gains, theta.ravel()), 0.0).max(axis=0)
     seen = asked.reshape(theta.shape)
     slope = (seen[:, -1] - seen[:, 0]) / (high - low)
@@ -105,6 +112,7 @@ def envelope(device: Device, hands: Hands | None, gains: Gains) -> Envelope:
         offset[done] = tried[done]
         fails = np.flatnonzero(np.isfinite(found.failing[0]))
         if len(fails):
+            # rows of `failing`: the angle, the hand's numbers, `OFFSET` and `SLOPE`; [1:-2] are those of the hand
             higher, at, number = left[fails], found.failing[0, fails], found.failing[1:-2, fails]
             there = _required(device, Hand(*number) if hands is not None else None, gains, at)
             above[higher] = np.fmax(above[higher], np.ravel(there) - slope[higher] * at)
@@ -146,7 +154,7 @@ def _proved(device: Device, hands: Hands | None, gains: Gains, pieces: Floats, m
         test = positive(bounded_in_any_hand(device), fixed)
     else:
         slopes, polynomials = (bounded_in_hands(device, ops) for ops in (ENCLOSURES, TAYLOR))
-        spans = np.vstack((high - low, np.zeros((2, 1))))
+        spans = np.vstack((high - low, np.zeros((2, 1))))  # `OFFSET` and `SLOPE` have no width
         test = positive_by_polynomials(polynomials, fixed, spans, positive(slopes, fixed))
     halved = [True] * (1 + len(names)) + [False] * 2
     return prove(test, boxes, n, halved=halved, max_halvings=MAX_HALVINGS, max_boxes=max_boxes, at_ends=True, few=FEW)

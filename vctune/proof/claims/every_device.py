@@ -165,6 +165,7 @@ def _whatever_phase(robust: RobustDesign, margin: Margin, low: float, high: floa
         return margin(omega, {**values, name: values[name] / omega})
 
     shortest = least[row, 0]
+    # one full turn of the phase omega delay, the second one, so that no delay is 0
     least[row], greatest[row] = 2 * pi * (1 - NEAR), 4 * pi * (1 + NEAR)
     boxes = over_band(robust.names, least, greatest, band_of(low, high, STEP))
     found = _proved(positive(of_phase, robust.values), boxes, max_boxes)
@@ -332,15 +333,20 @@ def _whole_samples(robust: RobustDesign) -> list[tuple[int, Floats, Floats]]:
 def part_over_band(
     robust: RobustDesign, test: Test, low: float, high: float, max_boxes: int, *, at_ends: bool = True
 ) -> Proofs:
-    """Return what a test says of all devices over a band.
+    """Prove a test for all devices of the box over a band.
 
     Parameters
     ----------
     robust : the design and the box
-    test : of a frequency and of the uncertain numbers
-    low, high : of the band
-    max_boxes : effort before giving up
-    at_ends : whether the margin may be least at an end of the band
+    test : of boxes of a frequency and of the uncertain numbers
+    low, high : edges of the band, in the test's unit of frequency
+    max_boxes : boxes after which the proof stays open
+    at_ends : whether to replace a box by the face at which its margin is least; not for curves
+
+    Returns
+    -------
+    Proofs
+        With one owner.
     """
     boxes = over_band(robust.names, *robust.ends(), band_of(low, high, STEP))
     return _proved(test, boxes, max_boxes, at_ends=at_ends)
@@ -353,13 +359,21 @@ def _proved(test: Test, boxes: Boxes, max_boxes: int, *, at_ends: bool = True) -
 
 
 def outcome_for_all(robust: RobustDesign, parts: list[Proofs], alone: NominalProof) -> Outcome:
-    """Return what the parts of a claim come to; where one is open, a device that fails by itself refutes it.
+    """Return the outcome of a claim for all devices from the proofs of its parts.
+
+    If a part is open, the function judges the device at the open point and those at the box's corners by themselves.
+    One that fails refutes the claim.
 
     Parameters
     ----------
     robust : the design, proved for the nominal device, and the box
-    parts : of the claim
-    alone : judges it for one device
+    parts : proofs of the claim over parts of the band or of the box
+    alone : judges the claim for one device near a frequency
+
+    Returns
+    -------
+    Outcome
+        Refuted with a device, its witness in rad/s, or undecided with the device at the open point.
     """
     boxes = sum(int(part.boxes[0]) for part in parts)
     open_ = next((part for part in parts if not part.proved[0]), None)

@@ -55,18 +55,18 @@ MAX_HALVINGS = 120
 
 
 def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
-    """Prove Re Z_c > factor R, and the loop stable, in every hand.
+    """Prove Re Z_c > factor R, and the loop stable, in every hand of a box (model/README.md, section 14).
 
     Parameters
     ----------
-    design : its numbers are taken as the decimals that they are written as
-    demands : with the hands
-    box : of devices, for all of which it is to be proved; None for the design's own
+    design : taken as the decimals that it is written as
+    demands : with the hands and the factor
+    box : devices for all of which the claim is proved; None for the design's own alone
 
     Returns
     -------
     Outcome
-        Refuted or undecided with a hand, and with a device of the box.
+        Refuted or undecided with a hand and, of a box of devices, with a device.
     """
     assert demands.hands is not None
     if box is not None and (parts := moved_as_one(box)):
@@ -153,18 +153,20 @@ def _moved_as_one(design: Design, demands: Demands, hands: Hands, box: DeviceBox
 
 
 def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
-    """Prove Re 1/Z_c > factor R of an impedance display in any passive hand, its loop of K_v alone being stable.
+    """Prove Re 1/Z_c > factor R of an impedance display in any passive hand (model/README.md, section 15).
+
+    The loop of K_v alone is stable in every such hand if both margins of `any_hand_margins` are positive.
 
     Parameters
     ----------
-    design : its numbers are taken as the decimals that they are written as
-    demands : what is to be met
-    box : of devices, for all of which it is to be proved; None for the design's own
+    design : taken as the decimals that it is written as
+    demands : with the factor
+    box : devices for all of which the claim is proved; None for the design's own alone
 
     Returns
     -------
     Outcome
-        Refuted or undecided with a device of the box.
+        Refuted or undecided with a frequency and, of a box of devices, with a device.
     """
     uncertain = box.modelled.uncertain if box is not None else ()
     if design.device.least_damping == 0:
@@ -363,11 +365,19 @@ def _whole(low: float, high: float, T: float, *, last: bool) -> range:
 
 
 def prove_poles_in(device: Device, hand: Hand, gains: Gains) -> Outcome:
-    """Prove that the loop is stable in a hand, the environment at rest; the witness is in rad/s.
+    """Prove that the sampled loop is stable in one hand, with the environment at rest.
 
     Parameters
     ----------
-    device, hand, gains : taken as the decimals that they are written as
+    device : taken, like hand and gains, as the decimals that it is written as
+    hand : M, B and K
+    gains : K_v and K_p, N s/m and N/m
+
+    Returns
+    -------
+    Outcome
+        Refuted if a pole is outside the unit circle; undecided with a witness in rad/s where the curve comes too close
+        to 0.
     """
     plant = plant_in_hand(device_ball(device), Hand(*map(ball, astuple(hand))), delays_of(device), BALLS)
     law = gains_ball(gains)

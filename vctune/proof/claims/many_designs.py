@@ -49,15 +49,15 @@ class Certified:
 
 
 def prove(demands: Demands, cells: Cells) -> Certified:
-    """Prove all demands throughout each cell.
+    """Prove all demands throughout each cell (proof/README.md, section 2).
 
-    A cell whose K_p starts at 0 does not contain K_p = 0 itself, which takes the position out of the loop; a cell
-    whose K_p is 0 throughout does.
+    K_p = 0 takes the position out of the loop. A cell whose K_p starts at 0 does therefore not contain K_p = 0 itself.
+    A cell whose K_p is 0 throughout does.
 
     Parameters
     ----------
-    demands : what is to be met
-    cells : n of them
+    demands : on every design of a cell
+    cells : n cells of designs
 
     Returns
     -------
@@ -140,7 +140,7 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
     # next to K_p = 0 F and P of an admittance display both vanish at theta = 0 in a hand without stiffness
     kind = demands.device.kind
     regular = not kind.senses_force or not kind.own_loop or hands.low.stiffness > 0
-    hopeful = np.flatnonzero((cells.low[1] > 0) | regular)
+    hopeful = np.flatnonzero((cells.low[1] > 0) | regular)  # row 1 is K_p
     points = cells.subset(hopeful).centres()
     left = hopeful[turns_in_hand(demands, points) == 0]
     if _have_the_same_gains(cells):
@@ -164,6 +164,7 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
 
 def _have_the_same_gains(cells: Cells) -> bool:
     """Return whether these are several couplings that meet the same gains."""
+    # rows 0 and 1 are the gains
     return cells.extended and not np.ptp((cells.low[:2], cells.high[:2]), axis=(0, 2)).any()
 
 
@@ -215,9 +216,14 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
 
     Parameters
     ----------
-    demands : what is to be met
-    cells : as for `prove`
-    places : where to look
+    demands : on a design
+    cells : n cells of designs, as for `prove`
+    places : for each cell where a demand may fail; the function uses the first of several places
+
+    Returns
+    -------
+    array of bool
+        Shape (n,); False where nothing is proved.
     """
     fails = np.zeros(len(cells), bool)
     for at in by_integrator(cells):
@@ -242,13 +248,14 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
 
 
 def negative_at(margin: Margin, cells: Cells, at: Floats) -> Flags:
-    """Return where a margin is negative throughout each cell, at one place of its own.
+    """Return the cells throughout which a margin is negative, each at a place of its own.
 
     Parameters
     ----------
-    margin : of a frequency and of values
-    cells : n of them
-    at : for each cell a frequency as the margin has it, or a frequency and a hand, as `over_each` takes them
+    margin : function of a frequency and of values by name
+    cells : n cells of designs
+    at : frequency of each cell, in the margin's unit, shape (n,); or frequency and hand, shape (4, n), as for
+        `over_each`
 
     Returns
     -------
@@ -259,17 +266,18 @@ def negative_at(margin: Margin, cells: Cells, at: Floats) -> Flags:
 
 
 def lower_bound_at(margin: Margin, cells: Cells, at: Floats) -> Floats:
-    """Return a lower bound of a margin over each cell, at one place of its own, shape (number of cells,).
+    """Return a lower bound of a margin over each cell, at a place of the cell's own.
 
     Parameters
     ----------
-    margin : of a frequency and of values
-    cells : n of them
-    at : for each cell a frequency as the margin has it, or a frequency and a hand, as `over_each` takes them
+    margin : function of a frequency and of values by name
+    cells : n cells of designs
+    at : frequency of each cell, in the margin's unit, shape (n,); or frequency and hand, shape (4, n), as for
+        `over_each`
 
     Returns
     -------
     array of float
-        In the margin's unit; nan where nothing is known of it.
+        Shape (n,), in the margin's unit; nan where no bound is known.
     """
     return lower_bound_over(margin, over_each(cells, at), {})

@@ -48,18 +48,24 @@ class Design:
 
 
 def conditions_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
-    """Return 2 r (Re Z_c - factor R) at omega > 0, (N s/m)^2, r the loop's resistance (model/README.md, section 4).
+    """Return 2 r (Re Z_c - factor R) at omega > 0, r the loop's resistance (model/README.md, section 4).
 
-    Where it is positive and r > 0, ratio >= factor. Without an operator it is 2 r Re Z_c - factor (|C||D| -
-    Re(C conj D)), of an ideal device in a hand 2 r Re Z_c + factor (2 b_h Re C - ...) with Re C <= 0 where r <= 0: then
-    it is not positive unless r is. Of any other device r > 0 has to be proved beside it (`resistance_apart`).
+    Re Z_c >= factor R where the margin is positive and r > 0. Without an operator the margin is
+    2 r Re Z_c - factor (|C||D| - Re(C conj D)), which is positive only if r is. An ideal device in a hand has
+    2 r Re Z_c + factor (2 b_h Re C - ...) with Re C <= 0 where r <= 0, so that the same is true. For any other device
+    r > 0 needs a proof of its own (`resistance_apart`).
 
     Parameters
     ----------
-    design : in numbers of the arithmetic
-    omega : rad/s, > 0
+    design : device, gains and coupling in numbers of the arithmetic
+    omega : angular frequency, rad/s, > 0
     factor : least Re Z_c / R
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    Number
+        (N s/m)^2, of the shape of omega.
     """
     loop = loop_response(device_response(design.device, omega, ops), design.gains, ops)
     return 2 * loop.resistance * coupling_impedance(design.series, omega).re - factor * llewellyn_demand(loop, ops)
@@ -68,12 +74,19 @@ def conditions_margin(design: Design, omega: Number, factor: Number, ops: Arithm
 def clamped_margin(design: Design, omega: Number, radius: Number, ops: Arithmetic) -> Number:
     """Return |N|^2 - r^2 |N - N_0|^2 at omega > 0, positive where N is not 0 for any response within the disc.
 
+    N_0 is N with both gains 0 (model/README.md, section 13).
+
     Parameters
     ----------
-    design : in numbers of the arithmetic
-    omega : rad/s, > 0
-    radius : r there
-    ops : arithmetic of all of these
+    design : device, gains and coupling in numbers of the arithmetic
+    omega : angular frequency, rad/s, > 0
+    radius : r of the disc at omega, dimensionless
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    Number
+        Dimensionless, of the shape of omega.
     """
     numerator = loop_constants(device_response(design.device.modelled, omega, ops)).numerator
     return numerator.closed(design.gains).abs2() - radius * radius * numerator.driven(design.gains).abs2()
@@ -82,16 +95,21 @@ def clamped_margin(design: Design, omega: Number, radius: Number, ops: Arithmeti
 def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
     """Return a margin that is regular at omega = 0 and, where positive, proves as much as `conditions_margin`.
 
-    Both sides of 2 Re D Re Z_c >= factor N are divided by omega^2 where they vanish together, and Re Z_c >= b_0 is all
-    that is used of a coupling with drag, or where an operator eases the demand. Without either R does not vanish if
-    K_p > 0 and b > 0: no margin is positive.
+    Both sides of 2 Re D Re Z_c >= factor N are divided by omega^2 where they vanish together. Of a coupling with drag,
+    or where an operator eases the demand, only Re Z_c >= b_0 is used. Without either R does not vanish if K_p > 0 and b
+    > 0: then no margin is positive.
 
     Parameters
     ----------
-    design : in numbers of the arithmetic
-    omega : rad/s, >= 0
+    design : device, gains and coupling in numbers of the arithmetic
+    omega : angular frequency, rad/s, >= 0
     factor : least Re Z_c / R
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    Number
+        Only its sign has a meaning; of the shape of omega.
     """
     device, coupling = design.device, design.series
     loop = loop_response(device_response(device, omega, ops), design.gains, ops)
@@ -110,14 +128,19 @@ def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -
 
 
 def high_margin(design: Design, v: Number, factor: Number, ops: Arithmetic) -> Number:
-    """Return `conditions_margin` at omega = 1/v of an ideal device, hold "lag" without delay, smooth at v = 0.
+    """Return `conditions_margin` at omega = 1/v of an ideal device with hold "lag" and no delay, smooth at v = 0.
 
     Parameters
     ----------
-    design : in numbers of the arithmetic
-    v : 1/omega, s, >= 0
+    design : device, gains and coupling in numbers of the arithmetic
+    v : 1/omega, s/rad, >= 0
     factor : least Re Z_c / R
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    Number
+        (N s/m)^2, of the shape of v.
     """
     device, gains, coupling = design.device, design.gains, design.series
     assert device.ideal, "beyond Nyquist only an ideal device has a model"
@@ -139,30 +162,44 @@ def high_margin(design: Design, v: Number, factor: Number, ops: Arithmetic) -> N
 
 
 def sensitivity_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
-    """Return limit^2 |F|^2 - |F_0|^2 of the sampled loop at theta = omega T, positive where |S| = |F_0/F| < limit.
+    """Return limit^2 |F|^2 - |F_0|^2 of the sampled loop, positive where |S| = |F_0/F| < limit.
+
+    See model/README.md, section 7.
 
     Parameters
     ----------
-    plant, gains : of the sampled loop, in numbers of the arithmetic
+    plant : a device that nobody holds, over a sample
+    gains : K_v and K_p, N s/m and N/m
     theta : omega T, rad, in [0, pi]
     limit : greatest |S|
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    Number
+        Dimensionless, of the shape of theta.
     """
     parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
     return limit * limit * parts.closed(gains).abs2() - parts.open.abs2()
 
 
 def unmodelled_margin(plant: Plant, gains: Gains, theta: Number, radius: Number, ops: Arithmetic) -> Number:
-    """Return |F|^2 - radius^2 |F - F_0|^2, positive where |1 - S| radius < 1.
+    """Return |F|^2 - radius^2 |F - F_0|^2, positive where |1 - S| radius < 1 (model/README.md, section 13).
 
     Then no response within the disc of that radius around the device's makes a stable loop unstable (small gain).
 
     Parameters
     ----------
-    plant, gains : of the sampled loop, in numbers of the arithmetic
+    plant : a device that nobody holds, over a sample
+    gains : K_v and K_p, N s/m and N/m
     theta : omega T, rad, in [0, pi]
-    radius : greatest |delta| there
-    ops : arithmetic of all of these
+    radius : greatest |delta| at theta
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    Number
+        Dimensionless, of the shape of theta.
     """
     parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
     loop = parts.velocity.scaled(gains.velocity) + parts.position.scaled(gains.position)
@@ -176,10 +213,16 @@ def loop_gain_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, o
 
     Parameters
     ----------
-    plant, gains : of the sampled loop, in numbers of the arithmetic
+    plant : a device that nobody holds, over a sample
+    gains : K_v and K_p, N s/m and N/m
     theta : omega T, rad, in [0, pi]
-    limit : greatest |L|
-    ops : arithmetic of all of these
+    limit : greatest |L|, at most 1
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    Number
+        Dimensionless, of the shape of theta.
     """
     parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
     loop = parts.velocity.scaled(gains.velocity) + parts.position.scaled(gains.position)
@@ -187,18 +230,23 @@ def loop_gain_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, o
 
 
 def hand_margin(plant: AnyPlantInHand, design: Design, theta: Number, factor: Number, ops: Arithmetic) -> Number:
-    """Return |F|^2 (Re Z_c - factor R) in a hand at theta = omega T, N s/m (model/README.md, section 14).
+    """Return |F|^2 (Re Z_c - factor R) in a hand (model/README.md, section 14).
 
-    Where it is positive F is not 0 either, so that no pole of the loop in the hand is there. Of an impedance display it
-    is |F|^2 (Re 1/Z_c - factor R)/s^2 (section 15).
+    Where it is positive F is not 0 either, so that no pole of the loop in the hand is there. An impedance display has
+    |F|^2 (Re 1/Z_c - factor R)/s^2 times a positive number (section 15).
 
     Parameters
     ----------
-    plant : the device in the hand
-    design : in numbers of the arithmetic
+    plant : the device in the hand, over a sample
+    design : device, gains and coupling in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
     factor : least Re Z_c / R
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    Number
+        N s/m, of the shape of theta; only the sign has a meaning for an impedance display.
     """
     required = required_in_hand(loop_in_hand(plant, theta, ops), design.gains)
     return room(design.coupling, design.device, required, factor, theta, ops)
@@ -211,12 +259,18 @@ def limp_hand_margin(
 
     Parameters
     ----------
-    plant : the device in the hand
-    design : in numbers of the arithmetic, K_p = 0
+    plant : the device in the hand, over a sample
+    design : with K_p = 0, in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
-    share : of the hand's stiffness in rho, between 0 and 1; where the margin is positive for each of them, it is
+    share : of the hand's stiffness in rho, in [0, 1] (`required_in_limp_hand`); `hand_margin` is positive if this
+        margin is positive for every share
     factor : least Re Z_c / R
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    Number
+        N s/m, of the shape of theta.
     """
     required = required_in_limp_hand(plant, design.gains.velocity, theta, share, ops)
     return room(design.coupling, design.device, required, factor, theta, ops)
@@ -225,17 +279,22 @@ def limp_hand_margin(
 def any_hand_margin(
     design: Design, delay: LoopDelay, theta: Number, factor: Number, ops: Arithmetic
 ) -> tuple[Number, Number]:
-    """Return size (Re 1/Z_c - factor R)/s^2 in any passive hand on an impedance display, and size.
+    """Return two margins for an impedance display in any passive hand, which must both be positive.
 
-    Both must be positive (model/README.md, section 15).
+    The first is size (Re 1/Z_c - factor R)/s^2 times a positive number, the second is size: it is positive if the loop
+    of K_v alone is stable in every passive hand (model/README.md, section 15).
 
     Parameters
     ----------
     design : of an impedance display, in numbers of the arithmetic
-    delay : of its device
+    delay : whole samples of its device's delay
     theta : omega T, rad, in [0, pi]
     factor : least Re(1/Z_c)/R
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    margin, size : of the shape of theta
     """
     hand = any_hand(design.device, delay.whole_samples, theta, ops, fractional=delay.fractional)
     required = hand.required(design.gains)
@@ -247,10 +306,15 @@ def hand_curve(plant: AnyPlantInHand, gains: Gains, theta: Number, ops: Arithmet
 
     Parameters
     ----------
-    plant : the device in the hand
-    gains : in numbers of the arithmetic
+    plant : the device in the hand, over a sample
+    gains : K_v and K_p, N s/m and N/m
     theta : omega T, rad, in [0, pi]
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    Pair
+        Dimensionless, of the shape of theta.
     """
     F, half, turns = loop_in_hand(plant, theta, ops).closed(gains), ops.sin(theta / 2), plant.poles / 2
     turned = Pair(ops.cos(theta * turns), -ops.sin(theta * turns))
@@ -263,27 +327,38 @@ def resistance_apart(device: Device) -> bool:
 
 
 def resistance_margin(design: Design, omega: Number, ops: Arithmetic) -> Number:
-    """Return the loop's resistance, N s/m: |D|^2 Re G_hh, of a device in the hand of its least operator.
+    """Return the loop's resistance in the hand of the least operator, |D|^2 Re G_hh without one.
 
     Parameters
     ----------
-    design : in numbers of the arithmetic; only its device and gains
-    omega : rad/s, >= 0
+    design : only its device and its gains count
+    omega : angular frequency, rad/s, >= 0
     ops : arithmetic of both
+
+    Returns
+    -------
+    Number
+        N s/m, of the shape of omega.
     """
     return loop_response(device_response(design.device, omega, ops), design.gains, ops).resistance
 
 
 def model_curve(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> Pair:
-    """Return D, with an integrator j omega D, of a handle on a spring times (k + j omega c) and a positive number.
+    """Return a curve that has the zeros of D and no pole to the right of the imaginary axis.
 
-    It has the zeros of D, no pole to the right of the imaginary axis, and is real and positive at omega = 0.
+    It is D; with an integrator j omega D; with a handle on a spring this times (k + j omega c) and a positive number.
+    It is real and positive at omega = 0.
 
     Parameters
     ----------
     at : the device at omega >= 0
-    gains : in numbers of the arithmetic
+    gains : K_v and K_p in numbers of the arithmetic
     ops : arithmetic of both
+
+    Returns
+    -------
+    Pair
+        Of the shape of omega; its argument alone has a meaning.
     """
     D = loop_response(at, gains, ops).D_scaled
     if not ops.is_zero(gains.position):
@@ -300,7 +375,12 @@ def along_drive(at: DeviceResponse, gains: Gains) -> Number:
     Parameters
     ----------
     at : the device at omega >= 0
-    gains : in numbers of the arithmetic
+    gains : only K_v counts, N s/m
+
+    Returns
+    -------
+    Number
+        N s/m, of the shape of omega.
     """
     omega, drive, spring = at.omega, at.drive, at.spring
     lagging = omega * drive.lag
@@ -318,14 +398,19 @@ def along_drive(at: DeviceResponse, gains: Gains) -> Number:
 def across_position(plant: Plant, gains: Gains, theta: Number, ops: Arithmetic) -> tuple[Number, Number]:
     """Return Im(F conj P)/theta and |F_0|^2 |P|^2/theta^2, P = dF/dK_p, neither of which depends on K_p.
 
-    Both are regular at theta = 0, where F and F_0 are those of the velocity loop alone times 1 - e^{-j theta}.
-    Where the former is not 0, F is not 0 for any K_p.
+    Both are regular at theta = 0, where F and F_0 are those of the velocity loop alone times 1 - e^{-j theta}. Where
+    the first is not 0, F is not 0 for any K_p.
 
     Parameters
     ----------
-    plant, gains : of the sampled loop, in numbers of the arithmetic
+    plant : a device that nobody holds, over a sample
+    gains : only K_v counts, N s/m
     theta : omega T, rad, in [0, pi]
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    across, product2 : m/N and (m/N)^2, of the shape of theta
     """
     velocity_loop = return_difference(plant, theta, ops, position=False)
     P, slope = return_difference(plant, theta, ops, position=True).position, difference_slope(theta, ops)
@@ -334,14 +419,20 @@ def across_position(plant: Plant, gains: Gains, theta: Number, ops: Arithmetic) 
 
 
 def sensitivity_sufficient_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
-    """Return limit Im(F conj P) - |F_0||P|, over theta: positive only where |S| < limit whatever K_p is.
+    """Return (limit Im(F conj P) - |F_0||P|)/theta: positive only where |S| < limit whatever K_p is.
 
     Parameters
     ----------
-    plant, gains : of the sampled loop, in numbers of the arithmetic
+    plant : a device that nobody holds, over a sample
+    gains : only K_v counts, N s/m
     theta : omega T, rad, in [0, pi]
     limit : greatest |S|
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    Number
+        m/N, of the shape of theta.
     """
     across, product2 = across_position(plant, gains, theta, ops)
     return limit * across - ops.sqrt(product2)

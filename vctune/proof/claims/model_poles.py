@@ -28,14 +28,14 @@ some of the latter."""
 def prove_model_poles(device: Device, gains: Gains) -> Outcome:
     """Prove that the zeros of D, the poles of G_hh, lie in the open left half plane.
 
-    The curve of D (`vctune.proof.claims.margins_of_claims.model_curve`) is followed from omega = 0, where it is
-    real and positive, to `curve_end`, beyond which its argument stays within half a turn. With no zero on the axis,
-    there is none to its right if and only if the argument is there what it is for a curve without one.
+    The proof follows `model_curve` from omega = 0, where it is real and positive, to `curve_end`. Beyond that its
+    argument stays within half a turn. If no zero lies on the axis, none lies to its right exactly if the argument there
+    is that of a curve without such zeros.
 
     Parameters
     ----------
-    device : one of `Device.loops`; of its responses its own is looked at
-    gains : taken, as the device's numbers, as the decimals that they are written as
+    device : one of `Device.loops`; a disc around its response does not count
+    gains : taken, like the device's numbers, as the decimals that they are written as
 
     Returns
     -------
@@ -57,31 +57,41 @@ def prove_model_poles(device: Device, gains: Gains) -> Outcome:
 
 
 def final_angle(device: Device, *, integral: bool) -> float:
-    """Return where the argument of `model_curve` goes for omega -> inf when all poles are stable, rad.
+    """Return the limit of the argument of `model_curve` for omega -> inf if all poles are stable.
 
-    D grows like s, with an integrator s D like s^2; on a spring (k + c s) D is of two degrees more.
+    D grows like s, with an integrator s D like s^2. On a spring (k + c s) D grows by two more powers of s.
 
     Parameters
     ----------
     device : rigid, or a handle on a spring
     integral : whether the law has its term K_p/s
+
+    Returns
+    -------
+    float
+        rad, a multiple of pi/2.
     """
     return pi / 2 * (1 + integral + (2 if device.structure is not None else 0))
 
 
 def curve_end(device: Device, K_v: float, K_p: float, ops: Arithmetic = FLOATS) -> float:
-    """Return a frequency beyond which the argument of `model_curve` stays within `ROOM` of where it goes, rad/s.
+    """Return a frequency beyond which the argument of `model_curve` stays within `ROOM` of its limit.
 
-    |C_f| <= K_v + K_p/omega, since hold, actuator and velocity estimate nowhere amplify. Of a rigid device that is
-    at most 5/16 of m omega. On a spring D = e (C_f + Z_1 + Z_2/e) with |Z_2/e| <= 4/3 (c + k/omega): together with C_f
-    at most half of m_1 omega, so that the bracket's imaginary part is positive; and e (k + j omega c) =
-    k - m_2 omega^2 + j omega (c + b_2) is within 2/7 rad of the negative axis.
+    |C_f| <= K_v + K_p/omega, since hold, actuator and velocity estimate nowhere amplify. For a rigid device that is at
+    most 5/16 of m omega. On a spring D = e (C_f + Z_1 + Z_2/e) with |Z_2/e| <= 4/3 (c + k/omega): together with C_f at
+    most half of m_1 omega, so that the bracket's imaginary part is positive; and e (k + j omega c) = k - m_2 omega^2 +
+    j omega (c + b_2) is within 2/7 rad of the negative axis.
 
     Parameters
     ----------
-    device : its numbers in the arithmetic, enclosures of all devices of a box
-    K_v, K_p : the greatest gains
+    device : in numbers of the arithmetic; enclosures stand for all devices of a box
+    K_v, K_p : the greatest gains, N s/m and N/m
     ops : arithmetic of the device's numbers
+
+    Returns
+    -------
+    float
+        rad/s; 0 for a rigid device without gains.
     """
     size = ops.magnitude
     if device.structure is None:

@@ -30,13 +30,18 @@ def low_end_verdict(design: Design) -> Verdict:
 
 
 def prove_low_end(design: Design, factor: float, below: float) -> float | None:
-    """Return an omega_0 <= below such that Re G_hh > 0 and Re Z_c >= factor R on (0, omega_0], or None.
+    """Find an omega_0 <= below such that Re G_hh > 0 and Re Z_c >= factor R are proved on (0, omega_0].
 
     Parameters
     ----------
-    design : its numbers are taken as the decimals that they are written as
+    design : taken as the decimals that it is written as
     factor : least Re Z_c / R
-    below : rad/s, > 0
+    below : first frequency to try, rad/s, > 0
+
+    Returns
+    -------
+    float or None
+        omega_0, rad/s; None if `STEPS` tries prove nothing.
     """
     exact, threshold = design_ball(design), arb(repr(factor))
     if not design.gains.closed:  # no loop, R = 0

@@ -52,12 +52,20 @@ def is_rational(device: Device) -> bool:
 
 
 def conditions(design: Design, factor: float) -> Conditions:
-    """Return the conditions of a design's decimals, `factor` times R demanded.
+    """Return Llewellyn's conditions as polynomials in omega, with rational coefficients.
+
+    The conditions hold where A > 0 and A^2 > factor^2 B. Both polynomials come from the model's own formulas, which
+    this function evaluates on the polynomial "omega".
 
     Parameters
     ----------
-    design : of a device of which `is_rational`
+    design : taken as decimals; its device satisfies `is_rational`
     factor : least Re Z_c / R
+
+    Returns
+    -------
+    Conditions
+        With the positive real roots of A^2 - factor^2 B, rad/s.
     """
     # omega is the polynomial "omega": the model's own formulas, evaluated on it, are the conditions' polynomials
     omega, f = fmpq_poly([0, 1]), _rational(factor)
@@ -82,17 +90,19 @@ def conditions(design: Design, factor: float) -> Conditions:
 
 
 def prove(conditions: Conditions, low: float, high: float) -> Outcome:
-    """Prove the conditions on (low, high), rad/s, which may be (0, inf); a root that only touches 0 stays undecided.
+    """Prove the conditions on (low, high), exactly.
+
+    The function evaluates the polynomials once between each two roots.
 
     Parameters
     ----------
     conditions : polynomials in omega
-    low, high : rad/s
+    low, high : edges of the band, rad/s; (0, inf) is admitted
 
     Returns
     -------
     Outcome
-        With a frequency in rad/s where it is refuted or undecided.
+        Refuted at a frequency in rad/s; undecided at a root at which the sign does not change.
     """
     inside = [root for root in conditions.roots if not (root < low or root > high)]
     edges = [low, *(float(root.mid()) for root in inside), high]
@@ -105,12 +115,16 @@ def prove(conditions: Conditions, low: float, high: float) -> Outcome:
 
 
 def widest(conditions: Conditions, low: float, high: float) -> tuple[float, float]:
-    """Return the widest band around one on which the conditions are met, rad/s, its edges within it.
+    """Return the widest band around a proved one on which the conditions hold.
 
     Parameters
     ----------
     conditions : polynomials in omega
-    low, high : a band on which they are proved, rad/s
+    low, high : edges of the proved band, rad/s
+
+    Returns
+    -------
+    low, high : rad/s, rounded inwards; 0 and inf if there is no root on that side
     """
     below = [nextafter(float(root.upper()), inf) for root in conditions.roots if root < low]
     above = [nextafter(float(root.lower()), 0.0) for root in conditions.roots if root > high]

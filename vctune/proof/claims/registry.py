@@ -166,7 +166,12 @@ def claims_asked(demands: Demands, box: DeviceBox | None = None) -> list[ClaimId
 
     Parameters
     ----------
-    demands : what a design has to meet
-    box : devices that all have to; None for one
+    demands : on a design; they decide which claims apply
+    box : uncertain devices that add claims of their own; None for one known device
+
+    Returns
+    -------
+    list of ClaimId
+        In the order of `CLAIMS`.
     """
     return [claim.id for claim in CLAIMS.values() if claim.asked(demands, box)]

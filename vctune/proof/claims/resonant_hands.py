@@ -67,10 +67,18 @@ class Resonance:
     def left_to_it(self, test: Test, names: tuple[str, ...]) -> Test:
         """Return a test that leaves boxes of `HAND` next to resonance to those of `ROWS`.
 
+        The test reports such a box as proved; `in_range` and `margin` then prove it over the ratio of stiffness. It
+        halves a box that the resonance crosses until the box is inside.
+
         Parameters
         ----------
-        test : of boxes with these rows
-        names : of the rows, but the frequency
+        test : of boxes with the rows of `HAND`
+        names : of the boxes' rows, without the frequency
+
+        Returns
+        -------
+        Test
+            Of the same boxes.
         """
         mass, stiffness = (1 + names.index(name) for name in (HAND[0], HAND[2]))
 
@@ -83,6 +91,7 @@ class Resonance:
             across = beyond & (low <= most) & (high >= least)  # to be halved until they are inside
             cost = decided.cost.copy()
             cost[:, across] = 0.0
+            # the resonant stiffness is (m + M) (theta/T)^2: the logarithm of the angle counts twice
             cost[0, across] = 2 * np.log(boxes.high[0] / boxes.low[0])[across]
             cost[mass, across] = np.log((self.mass + boxes.high[mass]) / (self.mass + boxes.low[mass]))[across]
             cost[stiffness, across] = np.log(high / low)[across]
@@ -91,12 +100,17 @@ class Resonance:
         return tested
 
     def in_range(self, test: Test, names: tuple[str, ...]) -> Test:
-        """Return a test that leaves out boxes of `ROWS` none of whose stiffnesses a hand has.
+        """Return a test that leaves out boxes of `ROWS` that contain no hand's stiffness.
 
         Parameters
         ----------
-        test : of boxes with these rows
-        names : of the rows, but the frequency
+        test : of boxes with the rows of `ROWS`
+        names : of the boxes' rows, without the frequency
+
+        Returns
+        -------
+        Test
+            Of the same boxes; a failure counts only at a stiffness that a hand has.
         """
         ratio = 1 + names.index(RATIO)
         tied = np.array([0, *(1 + k for k, name in enumerate(names) if name in (HAND[0], DEVICE_MASS, RATIO))])
@@ -117,7 +131,18 @@ class Resonance:
         return tested
 
     def hand(self, theta: float, numbers: dict[str, float]) -> Hand:
-        """Return the hand of some numbers of `ROWS`, within its range."""
+        """Return the hand at a point of `ROWS`, its stiffness kept within the hands' range.
+
+        Parameters
+        ----------
+        theta : omega T, rad, > 0
+        numbers : by the names of `ROWS` and, if the device's mass is uncertain, `DEVICE_MASS`
+
+        Returns
+        -------
+        Hand
+            M, B and K = ratio (m + M) (theta/T)^2.
+        """
         at = np.array([[theta], *([value] for value in numbers.values())])
         stiffness = float(numbers[RATIO] * self._resonant(tuple(numbers), at)[0])
         mass, damping = (numbers[name] for name in HAND[:2])
@@ -130,12 +155,26 @@ class Resonance:
 
 
 def resonance(design: Design, hands: Hands) -> Resonance | None:
-    """Return where hands resonate sharply with a design without K_p, None if nowhere."""
+    """Return where hands resonate sharply with a design without K_p.
+
+    They do if the damping ratio of hand, device and K_v together is below `SHARP` for the greatest stiffness.
+
+    Parameters
+    ----------
+    design : device and gains, plain floats
+    hands : the box
+
+    Returns
+    -------
+    Resonance or None
+        None if no hand of the box resonates sharply, or if K_p > 0.
+    """
     device, gains = design.device, design.gains
     if gains.position > 0 or hands.high.stiffness == 0:
         return None
     damping, mass = device.damping + hands.low.damping + gains.velocity, device.mass + hands.high.mass
     if damping >= 2 * SHARP * sqrt(hands.high.stiffness * mass):
         return None
+    # damping ratio b/(2 m omega) of a resonance at omega = theta/T, solved for the theta at which it is `DAMPED`
     first = damping * device.sample_time / (2 * DAMPED * mass)
     return Resonance(device.mass, device.sample_time, hands.low.stiffness, hands.high.stiffness, max(first, 1e-3))

@@ -55,13 +55,18 @@ def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:
 
 
 def unmodelled_at(device: Device, gains: Gains, radii: tuple[tuple[float, float], ...], theta: float) -> Outcome:
-    """Return whether |1 - S| r > 1 for certain at theta = omega T, r the radius there; undecided where it is not.
+    """Return whether |1 - S| r > 1 for certain at one angle, r the radius of the disc there.
 
     Parameters
     ----------
     device, gains : taken as the decimals that they are written as
-    radii : of `Unmodelled`
-    theta : rad, in (0, pi]
+    radii : (Hz, r) of the disc, as in `Unmodelled`
+    theta : omega T, rad, in (0, pi]
+
+    Returns
+    -------
+    Outcome
+        Refuted with a witness in rad/s, or undecided; never proved.
     """
     radius = BALLS.interpolated(arb(theta / (2 * pi * device.sample_time)), radii)
     margin = unmodelled_margin(exact_plant(device), gains_ball(gains), arb(theta), radius, BALLS)
@@ -73,8 +78,8 @@ def unmodelled_at(device: Device, gains: Gains, radii: tuple[tuple[float, float]
 def prove_sampled_poles(device: Device, gains: Gains) -> Outcome:
     """Prove that the exact sampled loop has its spectral radius below 1.
 
-    z^-n times the characteristic polynomial of degree n is followed along the upper half of the unit circle: real at
-    both ends, it must come back without a turn. The witness is in rad/s.
+    The proof follows z^-n times the characteristic polynomial of degree n along the upper half of the unit circle. The
+    curve is real at both ends and must come back without a turn.
 
     Parameters
     ----------
@@ -83,7 +88,7 @@ def prove_sampled_poles(device: Device, gains: Gains) -> Outcome:
     Returns
     -------
     Outcome
-        Undecided with a witness where the curve comes too close to 0; refuted without one.
+        Undecided with a witness in rad/s where the curve comes too close to 0; refuted without one.
     """
     law, plant = gains_ball(gains), exact_plant(device)
 
@@ -100,12 +105,17 @@ def prove_sampled_poles(device: Device, gains: Gains) -> Outcome:
 
 
 def in_rad_per_s(outcome: Outcome, device: Device) -> Outcome:
-    """Return an outcome found over theta = omega T with its witness in rad/s.
+    """Return an outcome whose witness is omega in place of theta = omega T.
 
     Parameters
     ----------
     outcome : its witness is theta, rad, or None
-    device : with the sample time T, s
+    device : supplies the sample time T, s
+
+    Returns
+    -------
+    Outcome
+        The same, with a witness in rad/s.
     """
     witness = outcome.witness / device.sample_time if outcome.witness is not None else None
     return replace(outcome, witness=witness)

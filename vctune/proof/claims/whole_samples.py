@@ -26,16 +26,21 @@ same designs."""
 
 
 def sensed_force_jumps(device: Device, hands: Hands) -> bool:
-    """Return whether the sensed force changes by a step where the delay passes a whole number of samples.
+    """Return whether the sensed force jumps where the delay passes a whole number of samples.
 
-    It does where the acceleration of a hand's mass is felt at once: the command moves the handle directly, through no
-    actuator's low-pass and no spring, and the sensor has no low-pass. A servo of order 1 turns a command into an
-    acceleration at once.
+    It jumps where the sensor feels the acceleration of a hand's mass at once: the command moves the handle directly,
+    through no actuator's low-pass and no spring, and the sensor has no low-pass. A servo of order 1 turns a command
+    into an acceleration at once.
 
     Parameters
     ----------
     device : of any display; only an admittance display senses force
-    hands : that hold it
+    hands : the box of hands; without mass nothing jumps
+
+    Returns
+    -------
+    bool
+        Whether it jumps for some hand of the box.
     """
     filtered = device.force_sensor is not None and device.force_sensor.bandwidth_hz is not None
     followed = device.servo is None or device.servo.order == 1
@@ -44,17 +49,17 @@ def sensed_force_jumps(device: Device, hands: Hands) -> bool:
 
 
 def beside_whole_sample(device: Device, hands: Hands) -> tuple[Device, ...]:
-    """Return the devices just below and at a whole number of samples of delay, if the delay is near one.
+    """Return the devices whose delay is just below and at a whole number of samples, if the device's own is near one.
 
     Parameters
     ----------
-    device : plain floats; its delay and the force sensor's count together
-    hands : that hold it
+    device : plain floats; the sum of its delay and the force sensor's counts
+    hands : the box of hands
 
     Returns
     -------
     tuple of Device
-        Without the device itself; empty where its delay is not near a whole number of samples, or nothing jumps there.
+        Without the device itself; empty if its delay is not near a whole number of samples or nothing jumps there.
     """
     samples = delay_in_samples(device)
     whole = round(samples)
@@ -64,12 +69,17 @@ def beside_whole_sample(device: Device, hands: Hands) -> tuple[Device, ...]:
 
 
 def reaching_whole_sample(box: DeviceBox, hands: Hands) -> DeviceBox:
-    """Return a box whose uncertain delay reaches a whole number of samples that either end of it is near.
+    """Return the box with its delay widened to each whole number of samples that is near one of its ends.
 
     Parameters
     ----------
-    box : of devices
-    hands : that hold them
+    box : uncertain devices
+    hands : the box of hands
+
+    Returns
+    -------
+    DeviceBox
+        The box itself if its delay is certain or the sensed force does not jump.
     """
     key = next((key for key in DELAYS if key in box.uncertain), None)
     if key is None or not sensed_force_jumps(box.nominal, hands):
@@ -85,20 +95,20 @@ def reaching_whole_sample(box: DeviceBox, hands: Hands) -> DeviceBox:
 
 
 def kept_at_whole_sample(device: Device, before: Device) -> Device:
-    """Return a device whose delay stays next to the whole number of samples at which another's is.
+    """Return a device whose delay stays next to the same whole number of samples as another's.
 
-    A price compares a device with one that is better by a little. Near a whole number of samples the demands hold on
-    both sides of it for either.
+    A price compares a device with one that is a little better. Near a whole number of samples the demands hold on both
+    sides of it for either device.
 
     Parameters
     ----------
-    device : with a number changed a little
-    before : as it was
+    device : the device after a small change of one number
+    before : the device before the change
 
     Returns
     -------
     Device
-        `device` itself where `before` is next to no whole number of samples.
+        `device` itself if `before` is next to no whole number of samples.
     """
     samples = delay_in_samples(before)
     near = round(samples) >= 1 and abs(samples - round(samples)) <= 2 * NEXT_TO

@@ -149,6 +149,11 @@ def box(low: float, high: float) -> arb:
     Parameters
     ----------
     low, high : taken as the doubles that they are, not as decimals
+
+    Returns
+    -------
+    arb
+        Rounded outwards.
     """
     return arb(low).union(arb(high))
 

@@ -32,15 +32,20 @@ its number of terms. Half would cover 8, twice widens a radius by 2e-15 of itsel
 
 
 def raised(total: Floats, terms: int) -> Floats:
-    """Return a rounded sum such that it is not below what it would be without rounding.
+    """Return a rounded sum increased so that it is not below the exact sum.
 
     With u = 2^-53, n terms are added by n - 1 roundings, and n + 5 more are left for the terms themselves and for this
     product: (1 - u)^(2n + 4) (1 + 2 (n + 8) u) > 1.
 
     Parameters
     ----------
-    total : of positive numbers, each the result of at most n + 4 operations on positive numbers
+    total : the rounded sum of positive numbers, each the result of at most n + 4 operations on positive numbers
     terms : n, at most a million
+
+    Returns
+    -------
+    array of float
+        Of the shape of the sum.
     """
     return total * (1 + (terms + 8) * UNIT)
 
@@ -135,11 +140,16 @@ def _exact(x: Any) -> bool:
 
 
 def between(low: Any, high: Any) -> Enclosure:
-    """Return an enclosure of the intervals [low, high].
+    """Return an enclosure of the intervals [low, high], elementwise.
 
     Parameters
     ----------
     low, high : floats or arrays, low <= high, taken as the doubles that they are
+
+    Returns
+    -------
+    Enclosure
+        Of their common shape.
     """
     mid = 0.5 * (low + high)
     return Enclosure(mid, np.maximum(high - mid, mid - low) * SWELL)
@@ -168,13 +178,19 @@ def stacked(numbers: Sequence[Any]) -> Enclosure:
 
 
 def matmul(a: Enclosure, b: Enclosure) -> Enclosure:
-    """Return the products of matrices whose rows and columns are the first two axes.
+    """Return enclosures of the matrix products A B, one for each index of the further axes.
 
-    A sum of n products is right to n units of the sum of their sizes, in whatever order it is formed.
+    A rounded sum of m products is right to m units of the sum of their sizes, in whatever order it is formed.
 
     Parameters
     ----------
-    a, b : of shapes (n, m, ...) and (m, k, ...), m at most 60
+    a : A, shape (n, m, ...), m at most 60
+    b : B, shape (m, k, ...)
+
+    Returns
+    -------
+    Enclosure
+        Of shape (n, k, ...).
     """
     size_a, size_b = np.abs(a.mid), np.abs(b.mid)
     rad = _products(size_a, b.rad + len(b.mid) * UNIT * size_b) + _products(a.rad, size_b + b.rad)
@@ -186,11 +202,16 @@ def _products(a: Any, b: Any) -> Any:
 
 
 def selected(where: Flags, yes: Enclosure, no: Enclosure) -> Enclosure:
-    """Return yes where the condition holds and no elsewhere.
+    """Return `yes` where a condition holds and `no` elsewhere, elementwise.
 
     Parameters
     ----------
     where : the condition
-    yes, no : of its shape, or such that they broadcast against it
+    yes, no : enclosures that broadcast against it
+
+    Returns
+    -------
+    Enclosure
+        Of their common shape.
     """
     return Enclosure(np.where(where, yes.mid, no.mid), np.where(where, yes.rad, no.rad))

@@ -101,28 +101,34 @@ class Jet:
         return _reciprocal(self) * other
 
     def mapped(self, value: Enclosure, derivative: Any) -> Jet:
-        """Return f of this number from its values and its derivative (the chain rule).
+        """Return f(x) of this number x by the chain rule.
 
         Parameters
         ----------
         value : enclosure of f over the box
-        derivative : enclosure of f' there, or a plain number
+        derivative : enclosure of f' over the box, or a plain number
+
+        Returns
+        -------
+        Jet
+            With the value and the slopes f' times those of x.
         """
         return Jet(value, _scaled(self.slopes, derivative))
 
 
 def variables(values: Sequence[Enclosure], varied: Sequence[bool]) -> list[Enclosure | Jet]:
-    """Return the variables as jets, each with slope 1 in itself; those that do not vary stay plain.
+    """Return the variables of a box as jets, each with slope 1 in itself and 0 in the others.
 
     Parameters
     ----------
     values : enclosures of n variables
-    varied : for each, whether it varies
+    varied : for each, whether it varies over some box
 
     Returns
     -------
     list of Enclosure or Jet
-        n of them; a jet has one slope for each variable that varies, in order.
+        n numbers. A jet has one slope for each variable that varies, in order. A variable that does not vary stays
+        plain.
     """
     order = {index: place for place, index in enumerate(i for i, varies in enumerate(varied) if varies)}
     one = Enclosure(1.0)
@@ -317,12 +323,19 @@ ENCLOSURES: ArrayArithmetic = _EnclosureArithmetic()
 
 
 def interpolated_over(x: Enclosure, table: Table) -> Enclosure:
-    """Return what is straight between points on logarithmic axes: least and greatest at an end of x, or at a point.
+    """Return an enclosure of a table's values over x, linear in log value over log x.
+
+    The least and the greatest value lie at an end of x or at a point of the table.
 
     Parameters
     ----------
-    x : of positive numbers
-    table : points (x, value), both > 0, increasing in x; constant beyond the first and the last
+    x : enclosure of positive numbers
+    table : points (x, value), both > 0, increasing in x; the value is constant beyond the first and the last point
+
+    Returns
+    -------
+    Enclosure
+        In the unit of the table's values.
     """
     low, high = np.maximum(x.mid - x.rad, TINY), x.mid + x.rad
     ends = [FLOATS.interpolated(edge, table) for edge in (low, high)]

@@ -116,13 +116,19 @@ class Taylor:
         return self.mapped((one, -one * one, one**3), 6 / least**4, UNIT * np.abs(one))
 
     def mapped(self, series: tuple[Floats, Floats, Floats], third: Any, error: Any) -> Taylor:
-        """Return f(x).
+        """Return f(x) of this number x, to second order with an enclosed remainder.
 
         Parameters
         ----------
-        series : f, f' and f''/2 at the middle
-        third : bound on |f'''|
-        error : of these three; of the latter two in addition `HIGHER_ERROR`
+        series : f, f' and f''/2 at the middle of x
+        third : bound of |f'''| over all values of x
+        error : absolute rounding error of the three numbers of `series`; the latter two may be off by `HIGHER_ERROR`
+            relatively, too
+
+        Returns
+        -------
+        Taylor
+            Of the same boxes.
         """
         value, first, second = series
         poly = self.poly.copy()
@@ -168,12 +174,17 @@ def _halves(rows: int) -> Floats:
 
 
 def variables(rows: Sequence[Enclosure], varied: Sequence[bool]) -> list[Taylor | Enclosure]:
-    """Return the rows of n boxes, those that do not vary as they are.
+    """Return the rows of n boxes as polynomials, each of degree 1 in its own variable e_i in [-1, 1].
 
     Parameters
     ----------
-    rows : intervals of each box
-    varied : for each row, whether it varies; k of them do
+    rows : enclosures of each row's interval, for n boxes
+    varied : for each row, whether it varies over some box; k rows do
+
+    Returns
+    -------
+    list of Taylor or Enclosure
+        Polynomials in k variables. A row that does not vary stays an enclosure.
     """
     k, n = sum(varied), max(np.size(row.mid) for row in rows)
 

@@ -18,19 +18,21 @@ BEYOND = 1e-12
 
 
 def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float) -> float:
-    """Return how far from edge towards goal a proof holds, in hertz to `EDGE_DIGITS`.
+    """Return how far from an edge towards a goal a proof holds.
 
-    Searches that come to an edge by other steps, and so to other last digits of it, end at the same one.
+    The result has `EDGE_DIGITS` digits in hertz. Searches that reach the same edge by different steps therefore return
+    the same number.
 
     Parameters
     ----------
-    holds : whether the proof holds between two frequencies, the lower one first
-    edge, goal : rad/s, > 0
+    holds : whether the proof holds between two frequencies in rad/s, the lower one first
+    edge : where the proved band ends now, rad/s, > 0
+    goal : where the search stops, rad/s, > 0; above or below the edge
 
     Returns
     -------
     float
-        rad/s, between both; everything between it and the edge is proved. The time limit leaves the edge nearer.
+        rad/s, from edge to goal; everything between it and the edge is proved. The time limit leaves the edge nearer.
     """
     down, start = goal < edge, edge
     step, held = 4.0, True  # a ratio; squared after a second success, its root taken after a failure
@@ -59,12 +61,17 @@ def _decimal_edge(holds: Callable[[float, float], bool], edge: float, start: flo
 
 
 def edge_in_hertz(edge: float, *, upper: bool) -> float:
-    """Return an edge of a proved band in hertz, rounded inwards to `EDGE_DIGITS`.
+    """Return an edge of a proved band in hertz.
 
     Parameters
     ----------
     edge : rad/s, > 0
-    upper : whether it is the upper one
+    upper : whether it is the upper edge, which is rounded down; the lower one is rounded up
+
+    Returns
+    -------
+    float
+        Hz, with `EDGE_DIGITS` digits.
     """
     away = 1 if upper else -1
     return float(_rounded(Decimal(edge / (2 * pi) * (1 - away * BEYOND / 10)), away)[0])

@@ -25,14 +25,21 @@ many prove the same cells."""
 def cells_over_band(
     test: Test, cells: Cells, low: float, high: float, measure: Callable[[Boxes], Floats] | None = None
 ) -> Proofs:
-    """Test cells over a band.
+    """Prove a test for cells over a band, from intervals of the ratio `STEP` on.
+
+    Only the frequency is halved. A caller that needs smaller cells divides them itself.
 
     Parameters
     ----------
     test : of boxes of frequency and cell
-    cells : n of them
-    low, high : edges of the band, in the unit of frequency that the test has
-    measure : what is added up over the boxes that pass, if anything
+    cells : n cells of designs
+    low, high : edges of the band, in the test's unit of frequency
+    measure : number of each proved box that is added up for its cell, such as the angle of a turn; None for none
+
+    Returns
+    -------
+    Proofs
+        For each of the n cells.
     """
     return prove(
         test,
@@ -46,11 +53,16 @@ def cells_over_band(
 
 
 def halved_rows(cells: Cells, rows: int) -> tuple[bool, ...]:
-    """Return which rows are halved: those of frequency, and hands; cells are their caller's business.
+    """Return which rows of boxes may be halved: all but those of the cell.
 
     Parameters
     ----------
-    cells : whose keys come last
-    rows : how many come before
+    cells : their keys are the last rows
+    rows : number of rows before them, those of frequency and hand
+
+    Returns
+    -------
+    tuple of bool
+        One for each row.
     """
     return (*[True] * rows, *[False] * len(cells.keys))

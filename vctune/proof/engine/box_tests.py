@@ -53,15 +53,20 @@ OfRows = Callable[[Rows], Number]
 
 
 def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, below: float = 0.0) -> Test:
-    """Return the test that a margin is positive.
+    """Return the test that a margin is positive, by slopes.
 
     Parameters
     ----------
-    margin : of a frequency and of values
-    fixed : the values that are not among a box's rows
-    sufficient : another margin that proves as much and is regular at frequency 0, tried there and on wide intervals
-    below : frequency below which it is tried on narrow ones too: what vanishes towards 0 may hardly vary relative to
-        itself
+    margin : function of a frequency and of values by name
+    fixed : values that are no rows of the boxes
+    sufficient : another margin that proves as much and is regular at frequency 0; tried there and on wide intervals
+    below : frequency below which `sufficient` is tried on narrow intervals too, because a margin that vanishes at 0 may
+        vary little relative to itself
+
+    Returns
+    -------
+    Test
+        Of boxes of frequency and values.
     """
 
     def test(boxes: Boxes) -> Decided:
@@ -89,17 +94,23 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, be
 
 
 def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slopes: Test) -> Test:
-    """Return the test that a margin is positive, which knows how the rows of a box act together.
+    """Return the test that a margin is positive, by polynomials that know how the rows of a box act together.
 
-    Many boxes that it leaves open are told to be at a face of the whole: at which end of a row a margin is least slopes
-    know, and polynomials, whose rest has none, do not.
+    If more than `FEW` boxes stay open, the test evaluates the slopes of these too. Slopes tell at which end of a row
+    the margin is least, so that the prover can reduce a box to that face. Polynomials cannot tell, since their
+    remainder has no slope.
 
     Parameters
     ----------
-    margin : of a frequency and of values, over `vctune.proof.enclosures.taylor`
-    fixed : the values that are not among a box's rows
-    spans : of the whole range of each row but the frequency, shape (rows - 1, 1)
+    margin : function of a frequency and of values by name, over `vctune.proof.enclosures.taylor`
+    fixed : values that are no rows of the boxes
+    spans : whole range of each row but the frequency, shape (rows - 1, 1)
     by_slopes : the test of the same margin by slopes
+
+    Returns
+    -------
+    Test
+        Of boxes of frequency and values.
     """
 
     def of(boxes: Boxes, varied: Sequence[bool]) -> Number:
@@ -138,13 +149,18 @@ def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -
     """Return the test that a curve misses 0.
 
     It does where the rectangle around its image does not contain 0, where `sufficient` is positive, or where its
-    component along its own value at the middle of the box is.
+    component along its own value at the middle of the box is positive.
 
     Parameters
     ----------
-    curve : of a frequency and of values
-    fixed : the values that are not among a box's rows
-    sufficient : a margin that is positive only where the curve is not 0
+    curve : function of a frequency and of values by name
+    fixed : values that are no rows of the boxes
+    sufficient : a margin that is positive only where the curve is not 0; None for none
+
+    Returns
+    -------
+    Test
+        It never fails a box: a curve that comes near 0 stays open.
     """
 
     def test(boxes: Boxes) -> Decided:
@@ -180,20 +196,19 @@ def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -
 
 
 def turned_angles(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
-    """Return how far a curve that misses 0 turns around it over a box's frequencies, rad.
+    """Return the function that measures how far a curve turns around 0 over a box's frequencies.
 
-    The box is a single one of everything but the frequency. It is nan where rounding leaves open on which side of half
-    a turn a box lies.
+    The curve must miss 0 on the box, and the box must be a single point in every row but the frequency.
 
     Parameters
     ----------
-    curve : of a frequency and of values
-    fixed : the values that are not among a box's rows
+    curve : function of a frequency and of values by name
+    fixed : values that are no rows of the boxes
 
     Returns
     -------
     function
-        Of n boxes; its angles have the shape (n,).
+        Maps n boxes to angles, rad, shape (n,); nan where rounding leaves open on which side of half a turn a box lies.
     """
 
     def turn(boxes: Boxes) -> Floats:
@@ -208,18 +223,18 @@ def turned_angles(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
 
 
 def lower_bound_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
-    """Return a lower bound of a margin over each box; nan where nothing is known of it.
+    """Return a lower bound of a margin over each box, by its slopes.
 
     Parameters
     ----------
-    margin : of a frequency and of values
-    boxes : n of them
-    fixed : the values that are not among a box's rows
+    margin : function of a frequency and of values by name
+    boxes : n boxes
+    fixed : values that are no rows of the boxes
 
     Returns
     -------
     array of float
-        Shape (n,).
+        Shape (n,), in the margin's unit; nan where no bound is known.
     """
 
     def least(part: Boxes) -> Floats:
@@ -230,15 +245,20 @@ def lower_bound_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
 
 
 def next_to_zero(rows: Sequence[int], sufficient: Margin, fixed: Values, test: Test) -> Test:
-    """Return a test that has another margin where some rows begin at 0 together.
+    """Return a test that uses another margin for boxes in which the given rows all begin at 0.
 
     Parameters
     ----------
-    rows : which ones
-    sufficient : a margin that proves as much there, the more so the narrower these rows are; where it is negative, or
-        least, says nothing of the claim's
-    fixed : the values that are not among a box's rows
-    test : of the other boxes
+    rows : indices of these rows
+    sufficient : a margin that proves as much there, and more easily the narrower these rows are; where it is not
+        positive it says nothing about the claim
+    fixed : values that are no rows of the boxes
+    test : for all other boxes
+
+    Returns
+    -------
+    Test
+        Of boxes of frequency and values.
     """
     both = list(rows)
 

@@ -125,12 +125,17 @@ class Boxes:
         return [inf if infinite else row for row, infinite in zip(found, endless.tolist(), strict=True)]
 
     def named(self, rows: Sequence[Number], fixed: Values) -> Values:
-        """Return the numbers that a claim takes beside the frequency: these rows' and those that are fixed.
+        """Return the values of a claim by name: these rows' and the fixed ones.
 
         Parameters
         ----------
-        rows : one number for each of `names`, the frequency first
-        fixed : the other numbers by name; a row replaces one of its name
+        rows : one number for each of `names`, the frequency first, which is left out
+        fixed : the other numbers by name; a row replaces the number of its name
+
+        Returns
+        -------
+        Values
+            With the boxes' whole samples of delay.
         """
         return {**fixed, **dict(zip(self.names[1:], rows[1:], strict=True)), WHOLE_SAMPLES: self.whole_samples}
 
@@ -166,12 +171,12 @@ def joined(*parts: Boxes) -> Boxes:
 
 
 def band_of(low: float, high: float, ratio: float) -> tuple[Floats, Floats]:
-    """Return a band in intervals of at most this ratio, equal in the logarithm; low may be 0.
+    """Divide a band into intervals that are equal on a log scale.
 
     Parameters
     ----------
-    low, high : 0 <= low < high
-    ratio : > 1
+    low, high : edges of the band, 0 <= low < high; from low = 0 the first interval ends at 1e-3 high
+    ratio : greatest ratio of an interval's edges, > 1
 
     Returns
     -------
@@ -188,14 +193,19 @@ def band_of(low: float, high: float, ratio: float) -> tuple[Floats, Floats]:
 def over_band(
     names: Sequence[str], low: Floats, high: Floats, band: tuple[Floats, Floats], whole_samples: int = 0
 ) -> Boxes:
-    """Return each interval of a band with each of several boxes of other numbers, which own what becomes of them.
+    """Return the boxes of every interval of a band with every one of several owners.
 
     Parameters
     ----------
-    names : of the other numbers
-    low, high : their edges, shape (names, owners)
-    band : edges of the intervals, from `band_of`
-    whole_samples : N, of the delay
+    names : of the rows beside the frequency
+    low, high : edges of each owner in these rows, shape (names, owners)
+    band : lower and upper edges of m intervals, from `band_of`
+    whole_samples : N of the delay, the same for all boxes
+
+    Returns
+    -------
+    Boxes
+        m boxes for each owner, those of one owner next to each other.
     """
     owners, intervals = low.shape[1], len(band[0])
     left, right = (
@@ -209,34 +219,34 @@ def over_band(
 
 
 def over_cells(cells: Cells, band: tuple[Floats, Floats]) -> Boxes:
-    """Return each interval of a band with each cell.
+    """Return the boxes of every interval of a band with every cell.
 
     Parameters
     ----------
-    cells : n of them
-    band : edges of m intervals, from `band_of`
+    cells : n cells of designs
+    band : lower and upper edges of m intervals, from `band_of`
 
     Returns
     -------
     Boxes
-        n m of them, each owned by its cell.
+        n m boxes, each owned by its cell.
     """
     return over_band(cells.keys, cells.low, cells.high, band)
 
 
 def over_hands(cells: Cells, hands: Hands, band: tuple[Floats, Floats]) -> Boxes:
-    """Return each interval of a band with each cell in all hands of a box.
+    """Return the boxes of every interval of a band with every cell and all hands of a box.
 
     Parameters
     ----------
-    cells : n of them
-    hands : the box
-    band : edges of m intervals, from `band_of`
+    cells : n cells of designs
+    hands : the box of hands
+    band : lower and upper edges of m intervals, from `band_of`
 
     Returns
     -------
     Boxes
-        n m of them, each owned by its cell; the hand is three rows before those of the cell.
+        n m boxes, each owned by its cell; the rows of the hand come before those of the cell.
     """
     low, high = (
         np.vstack((np.tile(np.array(astuple(hand), float)[:, None], len(cells)), edge))
@@ -246,17 +256,18 @@ def over_hands(cells: Cells, hands: Hands, band: tuple[Floats, Floats]) -> Boxes
 
 
 def over_each(cells: Cells, at: Floats) -> Boxes:
-    """Return each cell at one frequency of its own, or in one hand at one.
+    """Return each cell as a box at one frequency of its own, or at one frequency in one hand.
 
     Parameters
     ----------
-    cells : n of them
-    at : the frequency of each as the claim has it, rad/s or rad, shape (n,); or its rows with those of a hand, (4, n)
+    cells : n cells of designs
+    at : frequency of each cell in the claim's unit, shape (n,); or with the hand's numbers in three more rows, shape
+        (4, n)
 
     Returns
     -------
     Boxes
-        n of them, without width in frequency and hand, each owned by its cell.
+        n boxes without width in frequency and hand, each owned by its cell.
     """
     at = np.atleast_2d(at)
     low, high = (np.vstack((at, edge)) for edge in (cells.low, cells.high))
@@ -265,12 +276,12 @@ def over_each(cells: Cells, at: Floats) -> Boxes:
 
 
 def in_chunks(f: Callable[[Boxes], Any], boxes: Boxes) -> Any:
-    """Return an array for all boxes, its last axis theirs, from as many of them at a time as the cache holds.
+    """Evaluate a function on all boxes, `CHUNK` at a time so that its arrays stay in the processor's cache.
 
     Parameters
     ----------
-    f : of boxes; its last axis is theirs
-    boxes : n of them
+    f : takes boxes and returns an array whose last axis is theirs
+    boxes : n boxes
 
     Returns
     -------

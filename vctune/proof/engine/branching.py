@@ -80,21 +80,22 @@ def prove(
     few: int = 0,
     only_whole: bool = False,
 ) -> Proofs:
-    """Test boxes and halve those that are not proved, until each owner's are, one of them fails, or effort ends.
+    """Test boxes and halve those that are not proved, until each owner is proved or fails, or the effort ends.
 
     Parameters
     ----------
-    test : of boxes
+    test : decides boxes
     boxes : to begin with
-    owners : their number
-    halved : which rows may be halved
-    max_halvings : how often a box is halved at most
-    max_boxes : boxes of one owner that are looked at before it is left open
-    measure : of proved boxes; what is summed up in `Proofs.total`
-    at_ends : whether a box is given up for its face where the margin is least there: for a test of one margin alone,
+    owners : number of owners
+    halved : for each row, whether it may be halved
+    max_halvings : greatest number of halvings of a box
+    max_boxes : boxes of one owner after which it is left open
+    measure : number of each proved box that `Proofs.total` adds up for its owner; None for none
+    at_ends : whether to replace a box by the face at which its margin is least; only for a test of one margin, and
         without `measure`
-    few : boxes that are halved again before they are tested: a test takes a time of its own, however few they are
-    only_whole : give an owner up as soon as a box of it stays open: where it fails is not asked for
+    few : number of boxes up to which halves are halved again before the next test, since so few take as long as one
+    only_whole : whether to give an owner up as soon as one of its boxes stays open, without a search for a failing
+        point
 
     Returns
     -------

@@ -15,18 +15,20 @@ from vctune.proof.enclosures.taylor import Taylor
 
 
 def shared(f: Callable[..., Any], rows: Sequence[Number]) -> Any:
-    """Return f of rows of boxes, evaluated once for those that are the same in all of them, and as near as its slopes.
+    """Evaluate f on rows of boxes, once for each set of boxes with equal rows.
+
+    For jets the result's values are tightened by the mean-value form.
 
     Parameters
     ----------
-    f : of as many numbers as there are rows; a dataclass of numbers and tuples of numbers
-    rows : enclosures of n boxes, or jets or Taylor polynomials of them, each of itself alone
+    f : takes as many numbers as there are rows; returns a dataclass of numbers and tuples of numbers
+    rows : enclosures of n boxes, or jets or Taylor polynomials of them, each in its own variable alone
 
     Returns
     -------
     Any
-        Of f, for each box. A number of it is enclosed by its values over the box, or by the one at its middle and by
-        what its slopes make of that, whichever is narrower.
+        f for each of the n boxes. Each number is the narrower of two enclosures: its direct one, and the value at the
+        middle with what the slopes add over the box.
     """
     plain = [_values(row) for row in rows]
     n = max(np.size(row.mid) for row in plain)

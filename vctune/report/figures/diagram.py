@@ -36,7 +36,7 @@ def loop_figure(device: Device, gains: Gains, coupling: AnyCoupling) -> Figure:
 
     Parameters
     ----------
-    device : Device
+    device : its parts are the blocks
     gains, coupling : of the design
     """
     with rc_context(STYLE):

@@ -31,8 +31,8 @@ def identification_figures(found: Identified, record: IdentificationRecord) -> d
 
     Parameters
     ----------
-    found : Identified
-    record : of it
+    found : device, box and studies of the recordings
+    record : the same identification as identification.json holds it
     """
     figures = {}
     moved = [study for study in found.records if study.motion is not None]

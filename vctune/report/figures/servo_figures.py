@@ -64,7 +64,7 @@ def servo_response(found: Identified, studies: list[RecordStudy]) -> Figure:
 
     Parameters
     ----------
-    found : Identified
+    found : device and box
     studies : of servos whose response shows
     """
     figure = canvas(9, 6.5, top=0.35, gaps=(0.0, 0.12))

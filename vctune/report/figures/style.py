@@ -143,7 +143,7 @@ def stamp(figure: Figure, words: str) -> None:
     Parameters
     ----------
     figure : whose axes are there
-    words : few
+    words : the text; its size falls with its length
     """
     style: dict[str, Any] = {"ha": "center", "va": "center", "rotation": 20, "fontweight": "bold"}
     for axes in figure.axes:

@@ -102,7 +102,7 @@ def choice(above: Term, limit: Term, yes: Term, no: Term) -> Operation:
     ----------
     above, limit : what is compared
     yes : where `above` is the greater
-    no : elsewhere
+    no : where it is not
     """
     return Operation("choice", (above, limit, yes, no))
 
@@ -112,7 +112,7 @@ def value(term: Term, known: Mapping[Symbol, Number], ops: Arithmetic) -> Number
 
     Parameters
     ----------
-    term : Term
+    term : a number, a symbol or an operation on terms
     known : value of every symbol in it
     ops : arithmetic of these values
     """

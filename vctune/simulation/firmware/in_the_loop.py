@@ -72,7 +72,7 @@ def run_in_the_loop(
 
     Parameters
     ----------
-    scene : Scene
+    scene : device, operator, friction and the design's own firmware
     controller : the firmware
     progress : told the share of the samples that is done
     tolerance : greatest difference of a command that passes, in its unit; None for what rounding explains

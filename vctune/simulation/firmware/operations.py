@@ -15,9 +15,30 @@ class Arithmetic(Protocol):
     def expm1(self, x: Number) -> Number: ...
     def absolute(self, x: Number) -> Number: ...
     def floor(self, x: Number) -> Number: ...
-    def minimum(self, a: Number, b: Number) -> Number: ...
-    def maximum(self, a: Number, b: Number) -> Number: ...
-    def where(self, condition: Number, yes: Number, no: Number) -> Number: ...
+    def minimum(self, a: Number, b: Number) -> Number:
+        """Return the lesser of two numbers.
+
+        Parameters
+        ----------
+        a, b : in the same unit
+        """
+
+    def maximum(self, a: Number, b: Number) -> Number:
+        """Return the greater of two numbers.
+
+        Parameters
+        ----------
+        a, b : in the same unit
+        """
+
+    def where(self, condition: Number, yes: Number, no: Number) -> Number:
+        """Return one number if a condition holds and another if not; both are evaluated.
+
+        Parameters
+        ----------
+        condition : a comparison of numbers
+        yes, no : in the same unit
+        """
 
 
 class _FloatArithmetic:

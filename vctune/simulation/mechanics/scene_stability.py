@@ -74,7 +74,7 @@ def least_virtual(device: Device, experiment: Experiment, pid: Baseline) -> floa
 
     Parameters
     ----------
-    device : Device
+    device : plain numbers, SI units
     experiment : what it is tried in
     pid : the regular controller, with the mass and the damping that are varied
 
