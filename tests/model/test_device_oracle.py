@@ -122,9 +122,7 @@ def test_friction_wheel_with_slow_force_sensors() -> None:
     coupling = gains.Coupling(*astuple(WHEEL_COUPLING))
     for of in (
         lambda device: ratio(device, WHEEL_GAINS, WHEEL_COUPLING, 0.5),
-        lambda device: stability_ratio(
-            device_of(device), WHEEL_GAINS, gains.Coupling(*astuple(WHEEL_COUPLING)), np.array(pi)
-        ),
+        lambda device: stability_ratio(device_of(device), WHEEL_GAINS, coupling, np.array(pi)),
     ):
         found = [of(device) for device in devices]
         assert to_all_digits("1.05", found[0])
