@@ -45,10 +45,10 @@ class SampledConditions:
     required: LeastQuotient
 
     def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
-        """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes that have none.
+        """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes that admit no coupling.
 
-        Those are the boxes in which at some place what R is over is negative throughout: some passive hand makes the
-        loop of K_v alone unstable.
+        At some place the denominator of R is negative throughout such a box: a passive hand makes the loop of K_v alone
+        unstable.
         """
         middle = 0.5 * (boxes.low + boxes.high)
         K_v, K_p = middle[K_V][:, None], middle[K_P][:, None]

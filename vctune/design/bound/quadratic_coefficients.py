@@ -22,7 +22,7 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 Coefficients = tuple[
     Enclosure, tuple[Enclosure, Enclosure] | None, tuple[Enclosure, Enclosure] | None, Enclosure | None
 ]
-"""Of a quadratic: constant, linear, square, cross."""
+"""Coefficients of a quadratic: constant, linear, square, cross."""
 
 
 class Term(NamedTuple):

@@ -184,6 +184,13 @@ def demand_of(device: Device, hands: Hands) -> Demand:
 
 
 def vertices(hands: Hands) -> list[Hand]:
-    """Return the hands at the vertices of a box, of which one asks most at each frequency: R is convex in the hand."""
+    """Return the hands at the vertices of a box.
+
+    R is convex in the hand, so that at each frequency one of them requires the greatest R of the box.
+
+    Parameters
+    ----------
+    hands : the box
+    """
     ends = zip(astuple(hands.low), astuple(hands.high), strict=True)
     return [Hand(*corner) for corner in product(*(sorted(set(pair)) for pair in ends))]

@@ -106,7 +106,7 @@ class Enclosure:
         return self.reciprocal() * other if _exact(other) else NotImplemented
 
     def reciprocal(self) -> Enclosure:
-        """Return 1/x; nothing is known of it where x may be 0."""
+        """Return 1/x; nan where the enclosure contains 0."""
         size = np.abs(self.mid)
         gap = np.where(size > self.rad, size - self.rad, np.nan)
         mid = self.mid / gap / (size + self.rad)
@@ -161,7 +161,7 @@ def decimal(x: Any) -> Enclosure:
 
 
 def decimal_or_inf(x: float) -> Number:
-    """Return the same of a number that may be infinite, which stays a float."""
+    """Return an enclosure of the decimal that a float is written as; inf stays a float."""
     return x if x == inf else decimal(x)
 
 
