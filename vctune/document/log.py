@@ -61,7 +61,7 @@ def read_log_map(path: Path | None, *, servo: bool = False) -> LogMap:
     Returns
     -------
     LogMap
-        The column of each role and the known numbers of the device, as the file states them.
+        As written, checked.
 
     Raises
     ------
