@@ -181,7 +181,7 @@ class Problem:
 
     @property
     def demands(self) -> Demands:
-        """What is to be proved of a design."""
+        """The demands on a design, in the form that the proof takes."""
         stability = self.stability
         return Demands(
             device=self.device.modelled,

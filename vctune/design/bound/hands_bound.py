@@ -100,7 +100,7 @@ def _angles(device: Device, omega: Floats) -> Floats:
 def _conditions(
     devices: Sequence[Device], angles: list[Floats], each: list[tuple[Coefficients, Coefficients]]
 ) -> SampledConditions:
-    """Return the demand from what is lost and its size, of each device."""
+    """Return the demand from the coefficients of R's numerator and denominator on each device."""
     lost, size = (joined([coefficients[k] for coefficients in each]) for k in (0, 1))
     offer: Offer
     if devices[0].kind.inverse:

@@ -268,7 +268,7 @@ def _each(matrix: AnyMatrix, rest: Number) -> AnyMatrix:
 
 
 def norm_of(matrix: Matrix, ops: Arithmetic) -> float:
-    """Return an upper bound of the norm of A that belongs to the greatest component, its greatest row sum of |a_ij|.
+    """Return an upper bound of the greatest row sum of |a_ij|, a norm of A.
 
     Parameters
     ----------

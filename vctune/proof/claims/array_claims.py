@@ -252,7 +252,7 @@ def bounded_in_any_hand(device: Device) -> Margin:
 
 
 def _above_bound(demands: Demands) -> Margin:
-    """Return the margin of a coupling above what is required in all hands, of theta, `OFFSET` and `SLOPE`."""
+    """Return the margin of a coupling above a bound of R in all hands, a function of theta, `OFFSET` and `SLOPE`."""
     device, factor = demands.device.converted(decimal), decimal(demands.factor)
 
     def margin(theta: Number, v: Values) -> Number:
