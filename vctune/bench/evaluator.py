@@ -370,6 +370,11 @@ def violation(problem: Problem, case: Case, extra: Sequence[float] = ()) -> floa
     problem : the demands
     case : one case, of the problem's device
     extra : rad/s; those beyond a demand's band are left out of it
+
+    Returns
+    -------
+    float
+        Dimensionless, >= 0.
     """
     device, stability, nyquist = problem.device, problem.stability, pi / problem.device.sample_time
     middle = [problem.transparency.band.min, problem.transparency.band.max, nyquist]

@@ -193,19 +193,19 @@ class Device:
 
     @property
     def kind(self) -> Display:
-        """What it makes of what."""
+        """The display: force in and motion out, motion in and force out, or a servo."""
         return DISPLAYS[self.display]
 
     @property
     def commanded(self) -> Commanded:
-        """What its firmware commands."""
+        """The quantity that the firmware commands."""
         return "force" if self.servo is None else self.servo.command
 
     @property
     def coupling_may_drive(self) -> bool:
-        """Whether Re 1/Z_c of its coupling may be negative: of an impedance display behind two low-passes.
+        """Whether the coupling may have Re 1/Z_c < 0: that of an impedance display with two low-passes of the velocity.
 
-        Where R is negative too, R and no multiple of it is what stability asks for.
+        Where R is negative too, stability requires Re 1/Z_c > R itself, not a multiple of R.
         """
         known = self.velocity
         return self.kind.inverse and known is not None and known.filter_hz is not None and known.filter_order > 1

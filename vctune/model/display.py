@@ -71,7 +71,7 @@ class Display:
         return f"Re {self.couples} / R"
 
     def reference(self, Z_0: float) -> float:
-        """Return what its coupling's response is compared with: Z_0, N s/m, or 1/Z_0."""
+        """Return the number that the coupling's response is compared with: Z_0, N s/m, or 1/Z_0."""
         return 1 / Z_0 if self.inverse else Z_0
 
     def coupling_unit(self, units: Units) -> str:

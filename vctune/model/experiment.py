@@ -110,7 +110,7 @@ class Baseline:
 
 
 USUAL_MASS = 0.4
-"""Of a linear device, kg."""
+"""Mass of a usual linear device, kg."""
 
 
 def usual_share(mass: float, units: UnitSystem) -> float:

@@ -52,7 +52,7 @@ class Band:
 
 
 ABSENT = Range(0.0, 0.0)
-"""Of a variable that a display has not got."""
+"""The range of a variable that a display does not have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +133,7 @@ class Uncertainty:
     unmodelled: tuple[tuple[float, float], ...] = ()
 
     def in_time(self, time: float) -> Uncertainty:
-        """Return the same with times in units of `time`, s."""
+        """Return the uncertainty with times in units of `time`, s."""
         return replace(self, unmodelled=tuple((hz * time, radius) for hz, radius in self.unmodelled))
 
 
@@ -158,7 +158,7 @@ class Problem:
 
     @property
     def units(self) -> Units:
-        """What its numbers are called and what they are in."""
+        """The names and units of its quantities."""
         return UNITS[self.device.units]
 
     @property
@@ -181,7 +181,7 @@ class Problem:
 
     @property
     def demands(self) -> Demands:
-        """What is to be proved of a design."""
+        """The demands on a design, in the form that the proof takes."""
         stability = self.stability
         return Demands(
             device=self.device.modelled,

@@ -69,7 +69,7 @@ def loop_terms(loop: LoopResponse, at: DeviceResponse, kind: Display) -> LoopTer
 
 
 class Quotient(NamedTuple):
-    """What is affine in the gains over what is affine in the gains."""
+    """A quotient of two numbers that are affine in the gains."""
 
     above: Affine
     below: Affine

@@ -189,7 +189,7 @@ def _worse(found: Outcome, other: Outcome, device: Device) -> Outcome:
 
 
 def _in_time(proof: Callable[[], Outcome]) -> Outcome:
-    """Return what a proof finds, or that the time limit cut it."""
+    """Return the outcome of a proof, or undecided if the time limit cut it."""
     try:
         check_time()
         return proof()
@@ -198,7 +198,7 @@ def _in_time(proof: Callable[[], Outcome]) -> Outcome:
 
 
 def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | None = None) -> list[Certificate]:
-    """Prove that several designs of one device meet its demands, with the same result as `certify` for each.
+    """Prove that several designs of one device meet its demands, as `certify` does for each.
 
     Arrays prove most designs together. Arb decides about the others. With a box of devices or with hands, each design
     is proved by itself.

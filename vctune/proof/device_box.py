@@ -14,7 +14,7 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.problem import Uncertainty
 
 DIRECTION = "unmodelled.phase"
-"""Of a response at the edge of the disc."""
+"""Key of the direction of a response at the edge of the disc, rad."""
 UNCERTAIN = tuple(key for key in NUMBERS if key != "sample_time")
 """The numbers of a device that may be uncertain: all but the firmware's clock."""
 
@@ -63,9 +63,9 @@ class DeviceBox:
         return self.low.with_numbers(numbers)
 
     def corners(self) -> list[Device]:
-        """Return the devices at the vertices, of many numbers those with one number at an end.
+        """Return the devices at the vertices; of more than `MOST_AT_ONCE` numbers those with a single number at an end.
 
-        Responses that are not known exactly are taken at the edge of their discs, in `PHASES` directions.
+        Unmodelled dynamics are at the edge of their disc, in `PHASES` directions.
         """
         box = self.modelled
         ends = {key: (box.low.number(key), box.high.number(key)) for key in box.uncertain}
@@ -128,9 +128,10 @@ ADDED = ("mass", "damping")
 
 
 def moved_as_one(box: DeviceBox) -> tuple[str, ...]:
-    """Return which uncertain numbers of a box are as well a hand's.
+    """Return the uncertain numbers of a box that only count together with the hand's.
 
-    A rigid impedance display measures motion alone, and what moves is its own mass and the hand's, or damping, as one.
+    A rigid impedance display measures motion alone. Its mass and the hand's therefore act as one, and so do the
+    dampings.
     """
     if box.nominal.kind.senses_force or box.nominal.structure is not None:
         return ()

@@ -1,7 +1,7 @@
 """What the bound knows of a display's coupling: what it offers, how large it may be, what is felt of it.
 
 A coupling has two elements of which more is safer and more is felt, b_c and m_c, or of an impedance display 1/k_c and
-1/b_c. Of both the demands and the bounds leave a least one to each box (design/bound/README.md, section 1).
+1/b_c. Demands and bounds leave a least value of both to each box (design/bound/README.md, section 1).
 """
 
 from __future__ import annotations
@@ -90,12 +90,12 @@ class SeriesCouplings:
 
     @property
     def first(self) -> Range:
-        """Of b_c, N s/m."""
+        """Bounds of b_c, N s/m."""
         return self.problem.bounds.damping
 
     @property
     def second(self) -> Range:
-        """Of m_c, kg."""
+        """Bounds of m_c, kg."""
         return self.problem.bounds.mass
 
     @staticmethod
@@ -174,12 +174,12 @@ class SpringDampers:
 
     @property
     def first(self) -> Range:
-        """Of 1/k_c, m/N."""
+        """Bounds of 1/k_c, m/N."""
         return _inverse(self.problem.bounds.stiffness)
 
     @property
     def second(self) -> Range:
-        """Of 1/b_c, m/(N s)."""
+        """Bounds of 1/b_c, m/(N s)."""
         return _inverse(self.problem.bounds.damping)
 
     @staticmethod

@@ -45,10 +45,10 @@ class SampledConditions:
     required: LeastQuotient
 
     def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
-        """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes that have none.
+        """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes that admit no coupling.
 
-        Those are the boxes in which at some place what R is over is negative throughout: some passive hand makes the
-        loop of K_v alone unstable.
+        At some place the denominator of R is negative throughout such a box: a passive hand makes the loop of K_v alone
+        unstable.
         """
         middle = 0.5 * (boxes.low + boxes.high)
         K_v, K_p = middle[K_V][:, None], middle[K_P][:, None]
@@ -100,7 +100,7 @@ def _angles(device: Device, omega: Floats) -> Floats:
 def _conditions(
     devices: Sequence[Device], angles: list[Floats], each: list[tuple[Coefficients, Coefficients]]
 ) -> SampledConditions:
-    """Return the demand from what is lost and its size, of each device."""
+    """Return the demand from the coefficients of R's numerator and denominator on each device."""
     lost, size = (joined([coefficients[k] for coefficients in each]) for k in (0, 1))
     offer: Offer
     if devices[0].kind.inverse:

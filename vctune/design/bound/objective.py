@@ -42,8 +42,8 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.running import check_time
 
 PRECISION = 2.0**-44
-"""Of the integrals, relative: 6e-14, of the size of `GUARD`. Half and twice it change the bound by as much, and the
-time by one of Gauss's nodes."""
+"""Relative precision of the integrals: 6e-14, of the size of `GUARD`. Half and twice it change the bound by as much,
+and the time by one of Gauss's nodes."""
 
 
 @dataclass(frozen=True, slots=True)

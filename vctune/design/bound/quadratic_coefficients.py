@@ -22,7 +22,7 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 Coefficients = tuple[
     Enclosure, tuple[Enclosure, Enclosure] | None, tuple[Enclosure, Enclosure] | None, Enclosure | None
 ]
-"""Of a quadratic: constant, linear, square, cross."""
+"""Coefficients of a quadratic: constant, linear, square, cross."""
 
 
 class Term(NamedTuple):
@@ -152,7 +152,7 @@ def _pairs(affine: Affine) -> tuple[Pair | None, Pair | None, Pair | None]:
 
 
 def concatenated(parts: Sequence[Sequence[Number]]) -> list[Number]:
-    """Return the same numbers of several devices, one after another; None where there is none.
+    """Concatenate corresponding numbers of several devices, one device after another.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def concatenated(parts: Sequence[Sequence[Number]]) -> list[Number]:
 
 
 def joined(parts: Sequence[Coefficients]) -> Coefficients:
-    """Return the same quadratic of several devices, one after another."""
+    """Concatenate the coefficients of several devices, one device after another."""
     rows: list[list[Number]] = [[] for _ in parts]
     for row, part in zip(rows, parts, strict=True):
         mapped(part, row.append)

@@ -60,8 +60,8 @@ class Quadratic:
     def greatest(self, boxes: DesignBoxes) -> Floats:
         """Return a number that no value over a box of gains exceeds, shape (boxes, points).
 
-        It is the greatest value, at a vertex, where no square is negative or there is no cross term; else the sum of
-        what each term at most comes to.
+        It is the greatest value, at a vertex, if no square is negative or there is no cross term. Otherwise it is the
+        sum of the greatest values of the terms.
         """
         if self.cross is not None and self.square is not None and all(np.all(square >= 0) for square in self.square):
             vertices = [(K_v, K_p) for K_v in self._ends(K_V, boxes) for K_p in self._ends(K_P, boxes)]

@@ -43,7 +43,7 @@ MOST_FREQUENCIES = 160
 """Frequencies up to which those that a box's middle violates are added: four times the first, and four times the cost
 of a bound. Near the end of a search no other demand is broken than those that are known."""
 LOWEST_ANGLE = 1e-3
-"""Of any passive hand's first places, relative to pi, beside 0: what is below is at its limit to 1e-5."""
+"""Least first angle for any passive hand beside 0, relative to pi: below it R is at its limit to 1e-5."""
 SHARES_IN_HANDS, ANGLES_IN_HANDS = (0.0, 0.1, 1.0), 12
 """Shares of the ranges of hands, and angles per decade, at which the first places in hands are looked for."""
 LITTLE = 1e-3

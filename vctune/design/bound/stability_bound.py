@@ -16,7 +16,7 @@ from vctune.proof.engine.boxes import Cells
 
 @dataclass(frozen=True, slots=True)
 class Stability:
-    """What is proved of the loops in each of n boxes of designs.
+    """Proved stability and instability of the loops in each of n boxes of designs.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ def proved_stability(posed: Posed, boxes: DesignBoxes) -> Stability:
 
 
 def _of_rectangles(posed: Posed, low: Floats, high: Floats) -> Stability:
-    """Return the same of rectangles of K_v and K_p, arrays of shape (2, n)."""
+    """Return the stability of rectangles of K_v and K_p, whose edges have the shape (2, n)."""
     count, boxes = low.shape[1], 0
     cells = Cells(*(np.concatenate((end, np.ones((3, count)))) for end in (low, high)))  # any coupling will do
     stable, unstable = np.zeros(count, bool), np.zeros(count, bool)

@@ -33,7 +33,7 @@ class Affine:
         return sum(parts[1:], start=parts[0]) if parts else Pair(0, 0)
 
     def driven(self, gains: Gains) -> Pair:
-        """Return what the gains add."""
+        """Return the number for the given gains without its constant: the gains' contribution."""
         return Affine(None, self.velocity, self.position).closed(gains)
 
 

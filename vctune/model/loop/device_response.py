@@ -87,7 +87,7 @@ class DeviceResponse(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Mechanism:
-    """A structure's two masses and what is between them.
+    """A structure's two masses and the spring between them.
 
     Attributes
     ----------

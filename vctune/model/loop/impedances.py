@@ -81,7 +81,7 @@ def G_hh_abs2(loop: LoopResponse) -> Number:
 
 
 def tracking_abs2(loop: LoopResponse) -> Number:
-    """Return |1 - G_he|^2 = |(D - C_0)/D|^2: by how much the device misses the velocity that it is told.
+    """Return |1 - G_he|^2 = |(D - C_0)/D|^2, the relative error between commanded and actual velocity, squared.
 
     See model/README.md, section 2.
     """

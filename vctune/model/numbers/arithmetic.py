@@ -30,7 +30,7 @@ class Arithmetic(Protocol):
         """The arithmetic itself where its numbers are arrays, None where they are single."""
 
     def is_zero(self, x: Number) -> bool:
-        """Return whether a number is 0 for certain, so that what it multiplies can be left out."""
+        """Return whether a number is 0 for certain, so that a product with it can be left out."""
 
     def sqrt(self, x: Number) -> Number: ...
     def modulus(self, re: Number, im: Number) -> Number:
@@ -139,7 +139,12 @@ no longer less than rounding."""
 
 
 def sinc_curvature_series(x2: Number) -> Number:
-    """Return 1/3! - x^2/5! + x^4/7! - ... + x^12/15!, of x^2; what is left out is between -x^14/17! and 0."""
+    """Return 1/3! - x^2/5! + x^4/7! - ... + x^12/15!; the remainder is between -x^14/17! and 0.
+
+    Parameters
+    ----------
+    x2 : x^2
+    """
     total: Number = 1
     for n in (14, 12, 10, 8, 6, 4):
         total = 1 - x2 * total / (n * (n + 1))

@@ -83,7 +83,7 @@ def blocked(matrix: Matrix, ops: Arithmetic) -> Any:
 
 
 def rows_of(matrix: Matrix | Block) -> Matrix:
-    """Return a matrix as rows, what is 0 by structure as the integer 0."""
+    """Return a matrix as rows; the integer 0 stands for an entry that is 0 by structure."""
     if not isinstance(matrix, Block):
         return matrix
     return tuple(
@@ -204,9 +204,9 @@ def inverse(matrix: Matrix) -> Matrix:
 
 
 def minors(rows: Sequence[Sequence[Number]]) -> dict[int, Number]:
-    """Return the determinants of n rows of n + 1 columns without one of them, by the column that is left out.
+    """Return the determinants of n rows of n + 1 columns without one column, by the index of that column.
 
-    Expanded row by row without a division; those that are 0 by structure are absent.
+    The expansion goes row by row, without a division. A minor that is 0 by structure is absent.
 
     Parameters
     ----------
@@ -221,6 +221,7 @@ def minors(rows: Sequence[Sequence[Number]]) -> dict[int, Number]:
                 if entry is None or columns >> j & 1:
                     continue
                 term = entry if minor is None else minor * entry
+                # each column to the right of j that earlier rows have taken is one exchange of columns
                 if (columns >> j).bit_count() % 2:
                     term = term.scaled(-1)
                 both = columns | 1 << j
@@ -267,7 +268,7 @@ def _each(matrix: AnyMatrix, rest: Number) -> AnyMatrix:
 
 
 def norm_of(matrix: Matrix, ops: Arithmetic) -> float:
-    """Return an upper bound of the norm of A that belongs to the greatest component, its greatest row sum of |a_ij|.
+    """Return an upper bound of the greatest row sum of |a_ij|, a norm of A.
 
     Parameters
     ----------

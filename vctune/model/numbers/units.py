@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Literal
 
 UnitSystem = Literal["linear", "rotary"]
-"""Of a handle: along a line, or about an axis."""
+"""How the handle moves: along a line, or about an axis."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -57,7 +57,7 @@ class AnyHand(NamedTuple):
 
     @property
     def of_velocity(self) -> InAnyHand:
-        """What is lost, and its size, as polynomials in K_v."""
+        """Numerator and denominator of R/s^2 as polynomials in K_v."""
         low_pass, inside = self.low_pass, self.beyond * self.sine2
         if low_pass is None:
             return InAnyHand(self.short, -self.beyond, 2 * self.centre.re, inside)
@@ -65,7 +65,7 @@ class AnyHand(NamedTuple):
         return InAnyHand(self.short, -(self.beyond * low_pass.re), 2 * along, low_pass.abs2() * inside)
 
     def required(self, gains: Gains) -> Required:
-        """Return R/s^2, of which only K_v counts."""
+        """Return R/s^2 as a quotient; of the gains only K_v counts."""
         K_v, of = gains.velocity, self.of_velocity
         return Required(of.lost + K_v * of.lost_slope, 1 + K_v * of.size_slope + K_v * K_v * of.size_square)
 
@@ -170,7 +170,7 @@ def drive_at(device: Device, theta: Number, at: Number, ops: Arithmetic) -> Pair
     Parameters
     ----------
     device : its sample time, delay and actuator are used
-    theta : omega T, rad, in [0, pi]; it delays the force by the sample over which the position is differenced
+    theta : omega T, rad, in [0, pi]; its turn is half a sample of the hold and half of the differenced position
     at : omega_n T = theta + 2 pi n, rad, n an integer
     ops : arithmetic of the other arguments
 

@@ -1,7 +1,7 @@
 """The sampled loop with a hand at the handle, and what the environment meets of it (model/README.md, section 14).
 
-Of the states of device and hand (`plant_in_hand`) the position x_1, the velocity estimate and the sensed force f make
-the return difference and what the environment meets,
+The position x_1, the velocity estimate and the sensed force f of device and hand (`plant_in_hand`) make the return
+difference and the impedance that the environment meets,
 
     Delta = 1 + K_v G_v + K_p G_x,   Z_seen = -G_f (K_v + (T/2) K_p (1 + z^-1)/d)/Delta,
 

@@ -42,7 +42,7 @@ class ForceInHand(NamedTuple):
         return self.open + self.velocity.scaled(gains.velocity)
 
     def numerator(self, _gains: Gains) -> EvenOdd:
-        """Return what is over 2 j s F, which no gain is in."""
+        """Return the numerator of G_y/s^2 over 2 j s F; it does not depend on the gains."""
         return self.met
 
 

@@ -320,6 +320,7 @@ def equations(
 
 
 def numerators(rows: list[list[Complex | None]]) -> dict[int, Complex]:
-    """Return the determinant of n equations, which is that of n, and what each of the n unknowns is times it."""
+    """Return the determinant of n linear equations, by n, and the product of each unknown j with it, by j."""
     n = len(rows)
+    # Cramer's rule: the right-hand side, the last column, passes n - 1 - j others on its way to column j
     return {j: minor.scaled(-1) if (n - 1 - j) % 2 and j < n else minor for j, minor in minors(rows).items()}

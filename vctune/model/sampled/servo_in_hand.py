@@ -72,7 +72,7 @@ def seen_of_servo(plant: ServoPlant, hand: Hand, theta: Number, ops: Arithmetic)
 
 
 def _seen_at(plant: ServoPlant, hand: Hand, at: Circle) -> Seen:
-    """Return what is seen of a hand, through the force sensor alone."""
+    """Return the part of Z_seen that a hand makes through the force sensor."""
     even, odd, size = _at_once(plant, hand, at)
     cos, sine = at.turned(plant.turns)
     found = cos * even + at.square * (sine * odd), cos * odd - sine * even
@@ -86,7 +86,7 @@ def _pulling(pull: Pull) -> Hand:
 
 
 def _both(one: Seen, other: Seen) -> Seen:
-    """Return the sum of what is seen of each."""
+    """Return the sum of two parts of Z_seen."""
     even, odd = one.even * other.size + other.even * one.size, one.odd * other.size + other.odd * one.size
     return Seen(even, odd, one.size * other.size)
 
@@ -184,6 +184,13 @@ def demand_of(device: Device, hands: Hands) -> Demand:
 
 
 def vertices(hands: Hands) -> list[Hand]:
-    """Return the hands at the vertices of a box, of which one asks most at each frequency: R is convex in the hand."""
+    """Return the hands at the vertices of a box.
+
+    R is convex in the hand, so that at each frequency one of them requires the greatest R of the box.
+
+    Parameters
+    ----------
+    hands : the box
+    """
     ends = zip(astuple(hands.low), astuple(hands.high), strict=True)
     return [Hand(*corner) for corner in product(*(sorted(set(pair)) for pair in ends))]

@@ -195,7 +195,7 @@ def _pull(device: Device, servo: Servo, delay: SensedDelay, ops: Arithmetic) -> 
 
 
 def _smoothed(part: Numerator, share: Number) -> Numerator:
-    """Return what a filter of the samples makes of a numerator; the size is multiplied by a + 4 b y/a."""
+    """Return a numerator behind a filter of the samples, which multiplies the size by a + 4 b y/a."""
     twice, late = (share, 2 * (1 - share)), (0, 2 * (1 - share))
     even = _sum(_polynomial_product(part.even, twice), _polynomial_product(part.odd, (*late, -late[1])))
     odd = _sum(_polynomial_product(part.odd, twice), [times(-late[1], x) for x in part.even])

@@ -151,7 +151,7 @@ def _halves(rates: Matrix, older: Number, ops: Arithmetic) -> tuple[Matrix, Matr
 
 
 def _moved_on(early: Matrix, late: Matrix) -> Vector:
-    """Return what the early force leaves behind at the end of the sample."""
+    """Return the change of the states at the end of the sample per unit of the early force."""
     left = column(early, -1)
     return tuple(add(a, b) for a, b in zip(left, applied(late, left), strict=True))
 

@@ -61,13 +61,13 @@ from vctune.proof.engine.boxes import WHOLE_SAMPLES, Values, coupling_of, gains_
 from vctune.proof.engine.sharing import shared
 
 SHARE = "share of the hand's stiffness"
-"""In what F vanishes with, for K_p = 0 next to theta = 0 and a hand without stiffness."""
+"""Share of the stiffness in rho, with which F vanishes for K_p = 0, theta = 0 and a hand without stiffness."""
 AT_REST = (0, 1 + HAND.index("operator.stiffness"))
 """Rows of boxes of hands, the angle and the stiffness, that both begin at 0 there."""
 
 
 OFFSET, SLOPE = "offset of the bound", "slope of the bound"
-"""Of what is required in all hands, as rows of boxes (`vctune.proof.claims.envelope`)."""
+"""Names of the rows of a straight line that bounds R in all hands (`vctune.proof.claims.envelope`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,7 +252,7 @@ def bounded_in_any_hand(device: Device) -> Margin:
 
 
 def _above_bound(demands: Demands) -> Margin:
-    """Return the margin of a coupling above what is required in all hands, of theta, `OFFSET` and `SLOPE`."""
+    """Return the margin of a coupling above a bound of R in all hands, a function of theta, `OFFSET` and `SLOPE`."""
     device, factor = demands.device.converted(decimal), decimal(demands.factor)
 
     def margin(theta: Number, v: Values) -> Number:

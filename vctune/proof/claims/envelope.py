@@ -68,7 +68,7 @@ class Envelope:
     boxes: int
 
     def over(self, cells: Cells) -> Boxes:
-        """Return each piece with each cell, the bound in two rows before those of the cell."""
+        """Return the boxes of every piece with every cell, with two rows for the bound before those of the cell."""
         boxes, rows = over_cells(cells, (self.low, self.high)), np.tile([self.offset, self.slope], len(cells))
         low, high = (np.vstack((edge[:1], rows, edge[1:])) for edge in (boxes.low, boxes.high))
         return Boxes((FREQUENCY, OFFSET, SLOPE, *cells.keys), low, high, boxes.owner, boxes.whole_samples)

@@ -248,11 +248,11 @@ def _small_from(robust: RobustDesign, gain: Margin) -> float:
 
 
 def prove_unmodelled(robust: RobustDesign, alone: NominalProof) -> Outcome:
-    """Prove |1 - S| r < 1 of the sampled loop for every device, r the radius of what is not modelled.
+    """Prove |1 - S| r < 1 of the sampled loop for every device, r the radius of the unmodelled dynamics.
 
     Parameters
     ----------
-    robust : the design and a box whose devices have a radius of what is not modelled
+    robust : the design and a box whose devices have unmodelled dynamics
     alone : judges |1 - S| r for one device at an angle omega T, rad
 
     Returns

@@ -206,7 +206,7 @@ class Places:
     in_hands: Floats | None = None
 
     def subset(self, at: Integers) -> Places:
-        """Return those of some of the cells."""
+        """Return the places of some of the cells."""
         some = (None if of is None else of[..., at] for of in (self.omega, self.theta, self.in_hands))
         return Places(self.theta_S[at], *some)
 

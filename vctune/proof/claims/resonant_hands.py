@@ -55,7 +55,7 @@ class Resonance:
     first: float
 
     def margin(self, margin: Margin) -> Margin:
-        """Return a margin of the numbers of `HAND` as one of those of `ROWS`."""
+        """Return a margin over the numbers of `HAND` as a margin over the numbers of `ROWS`."""
 
         def of_ratio(theta: Number, v: Values) -> Number:
             per_sample = theta / decimal(self.sample_time)

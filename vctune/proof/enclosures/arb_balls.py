@@ -121,7 +121,7 @@ def ball(decimal: float) -> arb:
 
 
 def ball_or_inf(decimal: float) -> Number:
-    """Return the same of a number that may be infinite, which stays a float."""
+    """Return a ball around the decimal that a float is written as; inf stays a float."""
     return decimal if decimal == inf else ball(decimal)
 
 

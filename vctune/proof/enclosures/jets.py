@@ -369,7 +369,7 @@ def _beyond(x: Enclosure, table: Table) -> NDArray[np.bool_]:
 
 
 def _cosine(x: Enclosure) -> Enclosure:
-    """Return what is between -1 and 1 of numbers that are; all of it where nothing is known of them."""
+    """Return numbers known to lie in [-1, 1] clipped to it; all of [-1, 1] where nothing else is known."""
     return between(np.fmax(x.mid - x.rad, -1.0), np.fmin(x.mid + x.rad, 1.0))
 
 

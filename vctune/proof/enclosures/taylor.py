@@ -189,6 +189,7 @@ def variables(rows: Sequence[Enclosure], varied: Sequence[bool]) -> list[Taylor 
     k, n = sum(varied), max(np.size(row.mid) for row in rows)
 
     def alone(place: int, row: Enclosure) -> Taylor:
+        # coefficients of 1, of each e_i, and of each e_i e_j with i <= j
         poly = np.zeros((1 + k + k * (k + 1) // 2, n))
         poly[0], poly[1 + place] = row.mid, row.rad
         return Taylor(k, poly, np.zeros((k + 1, n)))

@@ -12,7 +12,7 @@ FINEST_STEP = 1e-6
 """Where the extension of a proved band ends, relative, before it is moved to an edge of few digits. Half and twice it
 are a step, and end at the same edge."""
 EDGE_DIGITS = 5
-"""Of an edge in hertz beyond the requested band: all that are shown, and ten times as coarse as the steps at least."""
+"""Digits of an edge, Hz, beyond the requested band: all that are shown, ten times as coarse as the steps at least."""
 BEYOND = 1e-12
 """By how much an edge in rad/s is beyond its decimals in hertz, relative: more than the rounding of 2 pi f."""
 

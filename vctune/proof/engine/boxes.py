@@ -155,6 +155,7 @@ class Boxes:
         """
         at = np.arange(len(self))
         low, high = self.low[axis, at], self.high[axis, at]
+        # a product of roots, since low times high may overflow; 0 has no logarithm, and is left by a factor 16
         wide = np.where(low > 0, np.sqrt(low) * np.sqrt(high), high / 16)
         middle = np.where(high > WIDE * low, wide, (low + high) / 2)
         left, right = self.high.copy(), self.low.copy()
