@@ -65,6 +65,16 @@ def test_a_servo_is_told_of_its_own_keys(text, said):
     assert [mistake.message for mistake in refused.value.mistakes] == [said]
 
 
+@pytest.mark.parametrize(
+    ("key", "why"), [("mass", "follows the command alone"), ("damping", "alone"), ("delay", 'is "servo.delay"')]
+)
+def test_a_servo_has_no_numbers_of_a_mechanism_to_be_uncertain(key, why):
+    """They would be taken for those of the servo, and nothing would be proved of what is uncertain."""
+    text = SERVO.format("", 20.0, f"[uncertainty]\n{key} = 0.1\n")
+    with pytest.raises(InputError, match=rf"arm.toml:7: uncertainty.{key}: means nothing with.*{why}; leave it out"):
+        parse_problem(text, "arm.toml", "arm")
+
+
 def test_a_rotary_servo_is_not_sent_to_a_criterion_that_it_has_not():
     text = SERVO.format('units = "rotary"\n', 20.0, "")
     with pytest.raises(InputError, match=r"r metres from the axis \[contradiction\]$"):
