@@ -45,6 +45,42 @@ def test_what_is_no_number_is_told_nothing_of_numbers(line):
     assert hint_on_line(line) == ""
 
 
+SERVO = "[device]\nsample_time = 1e-3\n{}[device.servo]\ndelay = 0.01\nbandwidth_hz = {}\n{}"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (SERVO.format("foo = 1\n", 20.0, ""), "unknown key; known here: units, sample_time, servo, force_sensor"),
+        (
+            SERVO.format("", 20.0, "hold = 1\n"),
+            "unknown key; known here: command, delay, bandwidth_hz, order, stiffness",
+        ),
+        (SERVO.format("", 1e9, ""), "1e+09 Hz is above 1e+06 Hz, where it does nothing; lower it"),
+    ],
+)
+def test_a_servo_is_told_of_its_own_keys(text, said):
+    with pytest.raises(InputError) as refused:
+        parse_problem(text, "arm.toml", "arm")
+    assert [mistake.message for mistake in refused.value.mistakes] == [said]
+
+
+@pytest.mark.parametrize(
+    ("key", "why"), [("mass", "follows the command alone"), ("damping", "alone"), ("delay", 'is "servo.delay"')]
+)
+def test_a_servo_has_no_numbers_of_a_mechanism_to_be_uncertain(key, why):
+    """They would be taken for those of the servo, and nothing would be proved of what is uncertain."""
+    text = SERVO.format("", 20.0, f"[uncertainty]\n{key} = 0.1\n")
+    with pytest.raises(InputError, match=rf"arm.toml:7: uncertainty.{key}: means nothing with.*{why}; leave it out"):
+        parse_problem(text, "arm.toml", "arm")
+
+
+def test_a_rotary_servo_is_not_sent_to_a_criterion_that_it_has_not():
+    text = SERVO.format('units = "rotary"\n', 20.0, "")
+    with pytest.raises(InputError, match=r"r metres from the axis \[contradiction\]$"):
+        parse_problem(text, "arm.toml", "arm")
+
+
 @given(st.text(max_size=30))
 def test_no_line_is_too_odd_for_a_hint(line):
     assert isinstance(hint_on_line(line), str) and isinstance(number_meant(line), str)

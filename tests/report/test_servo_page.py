@@ -89,6 +89,30 @@ def test_damping_in_every_hand_lightens_the_drag():
     assert "1.05 K L less what damping every hand has" in {row.unit.partition(": ")[2] for row in damped.rows(LINEAR)}
 
 
+def test_the_filter_of_the_samples_is_late_too_and_the_own_spring_asks_for_drag():
+    filtered = ARM.replace("[operator]", "force_sensor = { filter_coefficient = 0.2 }\n[operator]")
+    sprung = filtered.replace("order = 2", "order = 2, stiffness = 200.0") + HEAVY.format(90.0)
+    contact = given(sprung)[0].contact
+    assert {part.part: part.latency_s for part in contact.parts}["filter"] == pytest.approx(0.002 * 0.8 / 0.2)
+    moved = contact.latency_s - 0.008
+    assert contact.rest_drag == pytest.approx(1.05 * (1000.0 * contact.latency_s + 200.0 * moved), rel=1e-9)
+    assert contact.rule == "1.05 K L and that of the own spring"
+
+
+@pytest.mark.parametrize(
+    ("device", "said"),
+    [
+        ("", "shorten device.servo.delay"),
+        ("force_sensor = { filter_coefficient = 1e-2 }\n", "raise device.force_sensor.filter_coefficient"),
+        ("force_sensor = { delay = 0.1 }\n", "state a quicker device.force_sensor"),
+    ],
+)
+def test_too_little_drag_names_the_longest_part_of_the_latency(device, said):
+    text = ARM.replace("[operator]", f"{device}[operator]") + "[coupling]\ndrag = 0.0\n"
+    reason = solve(posed(text)).reason
+    assert reason.endswith(said) and "inf" not in reason
+
+
 def test_what_drag_alone_needs_is_the_greatest_of_every_hand_and_frequency():
     device, hands = posed(SENSED).device, posed(SENSED).hands
     most = greatest_drag([device], hands)

@@ -19,6 +19,7 @@ class Latency:
     delay : of the servo
     lag : of its low-pass
     sensor : delay and lag of the force sensor
+    filter : lag of the firmware's filter of the sensed samples
     """
 
     hold: Number
@@ -26,11 +27,12 @@ class Latency:
     delay: Number
     lag: Number
     sensor: Number
+    filter: Number
 
     @property
     def total(self) -> Number:
         """L."""
-        return self.hold + self.interpolation + self.delay + self.lag + self.sensor
+        return self.hold + self.interpolation + self.delay + self.lag + self.sensor + self.filter
 
 
 def latency(device: Device, ops: Arithmetic) -> Latency:
@@ -48,17 +50,20 @@ def latency(device: Device, ops: Arithmetic) -> Latency:
     """
     servo, sensor, half = device.servo, device.force_sensor, device.sample_time / 2
     assert servo is not None
-    late = 0 * half
+    late = smoothed = 0 * half
     if sensor is not None:
         late = late + sensor.delay
         if sensor.bandwidth_hz is not None:
             late = late + _lag(sensor.bandwidth_hz, sensor.order, ops)
+        if sensor.filter_coefficient is not None:
+            smoothed = device.sample_time * (1 - sensor.filter_coefficient) / sensor.filter_coefficient
     return Latency(
         hold=half,
         interpolation=half if servo.command == "position" else 0 * half,
         delay=servo.delay,
         lag=_lag(servo.bandwidth_hz, servo.order, ops),
         sensor=late,
+        filter=smoothed,
     )
 
 

@@ -28,6 +28,7 @@ KEYS_OF = {
     "delay": ("delay", "device.servo.delay"),
     "lag": ("lag", "device.servo.bandwidth_hz"),
     "sensor": ("force sensor", "device.force_sensor"),
+    "filter": ("filter", "device.force_sensor.filter_coefficient"),
 }
 """What each part of a latency is called, and the key that states it."""
 RESERVE = 1e-3
@@ -70,11 +71,18 @@ def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | No
         drag_alone_hand=HandRecord(**asdict(most.hand)),
         stiffest_contact=stiffest,
         stiffest_contact_verdict=verdict,
+        own_spring=factor * _own_spring(slowest),
     )
 
 
 def _latency(device: Device) -> float:
     return float(latency(device, FLOATS).total)
+
+
+def _own_spring(device: Device) -> float:
+    """Return the drag that the firmware's own spring asks for at rest, N s/m: no force sensor is in its way."""
+    assert device.servo is not None
+    return (device.servo.stiffness or 0.0) * _latency(replace(device, force_sensor=None))
 
 
 def _stiffest(

@@ -28,7 +28,8 @@ class LatencyPartRecord(Part):
 class ContactRecord(Part):
     """What contacts ask of the drag before a servo, and the stiffest that its coupling bears.
 
-    `stiffness` is that of the stiffest hand of the box, `safety_factor` that of the problem.
+    `stiffness` is that of the stiffest hand of the box, `safety_factor` that of the problem, `own_spring` the drag that
+    the firmware's own spring asks for at rest.
     """
 
     stiffness: float
@@ -41,6 +42,7 @@ class ContactRecord(Part):
     drag_alone_hand: HandRecord
     stiffest_contact: Annotated[Number, Shown("stiffest contact", digits=7, of="stiffness")]
     stiffest_contact_verdict: Literal["proved", "undecided"] | None
+    own_spring: float = 0.0
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the rows, each with what it is of."""
@@ -68,8 +70,8 @@ class ContactRecord(Part):
     @property
     def rule(self) -> str:
         """What the least drag at rest is."""
-        of_springs = self.safety_factor * self.stiffness * self.latency_s
-        rule = f"{text(self.safety_factor)} K L"
+        of_springs = self.safety_factor * self.stiffness * self.latency_s + self.own_spring
+        rule = f"{text(self.safety_factor)} K L{' and that of the own spring' if self.own_spring else ''}"
         if isclose(self.rest_drag, of_springs, rel_tol=1e-6):
             return rule
         less = self.rest_drag < of_springs

@@ -54,7 +54,8 @@ def _rates(raw: dict[str, Any], sample_time: float) -> Iterator[Contradiction]:
             continue
         if rate * sample_time > FASTEST:
             most = f"{FASTEST / sample_time:g}"
-            yield ("device", part, key), f"{rate:g} Hz is above {most} Hz, where it does nothing; leave the table out"
+            remedy = "lower it" if part == "servo" else "leave the table out"
+            yield ("device", part, key), f"{rate:g} Hz is above {most} Hz, where it does nothing; {remedy}"
         if rate * sample_time < SLOWEST:
             yield ("device", part, key), f"{rate:g} Hz is below {SLOWEST / sample_time:g} Hz; raise it"
     delay = number_at(raw, "device", "force_sensor", "delay")

@@ -30,6 +30,9 @@ OF_OWN_LOOP: dict[tuple[str, ...], str] = {
     ("gains",): "its loop is the vendor's; only the coupling is designed",
     ("coupling", "stiffness"): "its coupling is damping and mass in series, beside drag",
     ("stability", "band_hz"): "its requirements are proved at every frequency up to the Nyquist frequency",
+    ("uncertainty", "mass"): "the hand does not move it: its motion follows the command alone",
+    ("uncertainty", "damping"): "the hand does not move it: its motion follows the command alone",
+    ("uncertainty", "delay"): 'the delay is "servo.delay"',
     ("stability", "max_sensitivity"): "the file closes no loop of its own that could be too sensitive",
 }
 """What a servo has not got."""

@@ -20,7 +20,7 @@ def missing_of_rotary(raw: dict[str, Any]) -> Iterator[Contradiction]:
     if units_stated(raw) is not ROTARY:
         return
     if _hands_are_met(raw):
-        yield from _hands(raw.get("operator", {}))
+        yield from _hands(raw.get("operator", {}), servo="servo" in raw["device"])
     tables = raw.get("experiment")
     for index, table in enumerate(tables if isinstance(tables, list) else []):
         stated = table if isinstance(table, dict) else {}
@@ -35,7 +35,7 @@ def _hands_are_met(raw: dict[str, Any]) -> bool:
     return criterion == "hands" or (criterion == "both" and display != "impedance")
 
 
-def _hands(operator: Any) -> Iterator[Contradiction]:
+def _hands(operator: Any, *, servo: bool) -> Iterator[Contradiction]:
     if not isinstance(operator, dict):
         return
     lacking = [key for key in HAND if not isinstance(operator.get(key.partition(".")[2]), dict)]
@@ -44,10 +44,11 @@ def _hands(operator: Any) -> Iterator[Contradiction]:
     ends = (HUMAN_HANDS.high.mass, HUMAN_HANDS.high.damping, HUMAN_HANDS.high.stiffness)
     of_a_grip = dict(zip(HAND, ends, strict=True))
     written = ", ".join(f"{key.partition('.')[2]} = {{ min = 0, max = {of_a_grip[key]:g} r^2 }}" for key in lacking)
+    otherwise = "" if servo else ', or ask for stability.criterion = "passive"'
     yield (
         ("operator",),
         f"a rotary device has no default hands, since they depend on how far from its axis it is held: write {written} "
-        'for a hand that holds it r metres from the axis, or ask for stability.criterion = "passive"',
+        f"for a hand that holds it r metres from the axis{otherwise}",
     )
 
 

@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from math import isnan
 from typing import Any, NamedTuple, TypeVar, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, Tag, ValidationError
 from pydantic.fields import FieldInfo
 
 from vctune.document.text import toml
@@ -132,7 +132,7 @@ def _fault(model: type[BaseModel], details: Any) -> Fault:
     value, context, kind = details["input"], details.get("ctx", {}), details["type"]
     if kind == "extra_forbidden":
         moved = MOVED.get(path[-2:])
-        return Fault(path, moved, "moved-key") if moved else Fault(path, _unknown(model, path), "unknown-key")
+        return Fault(path, moved, "moved-key") if moved else Fault(path, _unknown(model, details["loc"]), "unknown-key")
     if isinstance(value, float) and isnan(value):
         return Fault(path, "nan is not a number; write a number", "wrong-type")
     if kind == "missing":
@@ -225,10 +225,16 @@ def _field_at(model: type[BaseModel], path: KeyPath) -> FieldInfo | None:
 
 
 def _table_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
-    """Return the table at a path: a key's own, that of each element of a list, or one that may be left out."""
-    tables = [model]
+    """Return the table at a path: a key's own, that of each element of a list, or one that may be left out.
+
+    A tag in the path says which of several tables a key holds; without one it is the first.
+    """
+    tables, annotation = [model], None
     for step in path:
         if isinstance(step, int):
+            continue
+        if step in TAGS:
+            tables = _tables_in(annotation, step) or tables
             continue
         known = (
             field for table in tables for name, field in table.model_fields.items() if step == (field.alias or name)
@@ -236,21 +242,33 @@ def _table_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
         field = next(known, None)
         if field is None or "<number>" in str(field.annotation):
             return None
-        tables = _tables_in(field.annotation)
+        annotation = field.annotation
+        tables = _tables_in(annotation)
         if not tables:
             return None
     return tables[0]
 
 
-def _tables_in(annotation: Any) -> list[type[BaseModel]]:
-    """Return the tables that a key may hold."""
+def _tables_in(annotation: Any, tag: str | None = None) -> list[type[BaseModel]]:
+    """Return the tables that a key may hold, of a tag those with it."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
-    return [table for part in get_args(annotation) for table in _tables_in(part)]
+    parts = get_args(annotation)
+    if tag is not None and Tag(tag) in parts:
+        return _tables_in(parts[0])
+    if tag is not None and any(isinstance(part, Tag) for part in parts):
+        return []
+    return [table for part in parts for table in _tables_in(part, tag)]
 
 
 def _unknown(model: type[BaseModel], path: KeyPath) -> str:
-    """Return what is said of a key that there is not: which one was meant, or where it belongs."""
+    """Return what is said of a key that there is not: which one was meant, or where it belongs.
+
+    Parameters
+    ----------
+    model : of the document
+    path : of the key, with the tags of the forms on its way
+    """
     table = _table_at(model, path[:-1])
     known = [field.alias or name for name, field in table.model_fields.items()] if table else ["min", "max"]
     if CALLED.get(str(path[-1])) in known:
@@ -258,14 +276,16 @@ def _unknown(model: type[BaseModel], path: KeyPath) -> str:
     meant = get_close_matches(str(path[-1]), known, n=1, cutoff=0.6)
     if meant:
         return f"unknown key; did you mean {meant[0]}?"
-    owner = next((name for name, field in _tables(model) if path[-1] in field), None)
+    tag = path[1:2] if path[1:2] and path[1] in TAGS else ()
+    owner = next((name for name, fields in _tables(model, path[:1], tag) if path[-1] in fields), None)
     where = f"it belongs in [{owner}]" if owner else f"known here: {', '.join(known)}"
     return f"unknown key; {where}"
 
 
-def _tables(model: type[BaseModel]) -> Iterator[tuple[str, set[str]]]:
+def _tables(model: type[BaseModel], told: KeyPath, tag: KeyPath) -> Iterator[tuple[str, set[str]]]:
+    """Yield the tables of a document with their keys: of the one at `told` that which the tag names."""
     for name in model.model_fields:
-        table = _table_at(model, (name,))
+        table = _table_at(model, (name, *(tag if (name,) == told else ())))
         if table:
             yield name, set(table.model_fields)
 
