@@ -152,6 +152,7 @@ def _posed(problem: Problem) -> Posed:
         passive=problem.passive,
         any_hand=problem.any_hand,
         hands=problem.hands_met,
+        worlds=problem.worlds,
     )
     held = cases if problem.hands_met is not None or problem.any_hand else ()
     if held and box is not None:

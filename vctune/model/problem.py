@@ -13,6 +13,7 @@ from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.frequency import hertz
 from vctune.model.numbers.units import UNITS, Units
 from vctune.model.transparency import Terms
+from vctune.model.worlds import Worlds, WorldsMet
 
 Norm = Literal["rms", "peak"]
 Criterion = Literal["passive", "hands", "both"]
@@ -119,7 +120,8 @@ class Problem:
 
     See design/README.md, section 1; document/README.md, section 1.
 
-    The demands hold for the device alone, or with `uncertainty` for every device of a box around it.
+    The demands hold for the device alone, or with `uncertainty` for every device of a box around it; with every
+    environment that is passive as it runs, or with every one of `worlds`.
     """
 
     name: str
@@ -131,6 +133,7 @@ class Problem:
     uncertainty: Uncertainty | None = None
     experiments: tuple[Experiment, ...] = ()
     hands: Hands = HUMAN_HANDS
+    worlds: Worlds | None = None
 
     @property
     def units(self) -> Units:
@@ -154,6 +157,11 @@ class Problem:
         On an impedance display they are among any passive ones, which are met in the same loop.
         """
         return None if self.stability.criterion == "passive" or self.any_hand else self.hands
+
+    @property
+    def worlds_met(self) -> WorldsMet | None:
+        """The environments that are to be met in these hands; None for every one that is passive as it runs."""
+        return self.worlds and WorldsMet(self.worlds, self.stability.safety_factor)
 
     @property
     def nyquist(self) -> float:
@@ -202,4 +210,5 @@ class Problem:
             uncertainty=self.uncertainty and self.uncertainty.in_time(time),
             experiments=(),
             hands=self.hands.in_units(impedance, time),
+            worlds=self.worlds and self.worlds.in_units(impedance, time),
         )

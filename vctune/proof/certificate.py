@@ -55,13 +55,15 @@ class Claim(StrEnum):
     UNMODELLED = "|1 - S| r < 1 of the sampled loop up to Nyquist, r the radius of what is not modelled"
     ANY_HAND = "stable in any passive hand with every passive environment, Re 1/Z_c >= safety_factor R up to Nyquist"
     HANDS = "stable in every hand with every passive environment, Re Z_c >= safety_factor R up to Nyquist"
+    WORLDS = "stable in every hand with every environment of the box, also with Z_c / safety_factor"
     FORCE_HANDS = "stable in every hand with every passive environment, Re 1/Z_c >= safety_factor R up to Nyquist"
 
 
 STABILITY = Claim.MODEL_POLES, Claim.SAMPLED_POLES, Claim.UNMODELLED
 """Those without which no ratio means anything."""
-IN_HANDS = Claim.HANDS, Claim.FORCE_HANDS
-"""Those that are about the hands of a box, of an admittance display and of an impedance display."""
+IN_HANDS = Claim.HANDS, Claim.WORLDS, Claim.FORCE_HANDS
+"""Those about the hands of a box: of an admittance display with any environment or those of a box, of an impedance
+display."""
 RATIOS = Claim.CONDITIONS, Claim.ANY_HAND, *IN_HANDS
 """Those that are about Re Z_c / R."""
 
@@ -201,7 +203,7 @@ def _certificate(design: Design, demands: Demands, box: DeviceBox | None) -> Cer
     if demands.any_hand:
         proofs[Claim.ANY_HAND] = partial(prove_any_hand, design, demands, box)
     if demands.hands is not None:
-        in_hands = Claim.FORCE_HANDS if design.device.kind.inverse else Claim.HANDS
+        in_hands = Claim.FORCE_HANDS if design.device.kind.inverse else Claim.WORLDS if demands.worlds else Claim.HANDS
         proofs[in_hands] = partial(prove_hands, design, demands, box)
     with ctx.workprec(PRECISION), aloud():
         for number, (name, proof) in enumerate(proofs.items(), 1):

@@ -38,10 +38,12 @@ from vctune.model.loop.llewellyn import modulus_excess
 from vctune.model.loop.loop import loop_response
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import EvenOdd, Pair
-from vctune.model.sampled.hand_loop import LoopInHand, required_in_hand
+from vctune.model.sampled.hand_loop import LoopInHand, required_in_hand, seen_in_hand
 from vctune.model.sampled.impedance_display import offered_by_spring, spring_damper_admittance
+from vctune.model.sampled.loop_in_worlds import Seen, disjuncts, offered_at, room_of
 from vctune.model.sampled.velocity_loop import return_difference, sensitivity_abs2
 from vctune.model.transparency import PANEL_NODES, TERMS, loop_terms, squared_terms
+from vctune.model.worlds import World, Worlds
 
 OPTIONS: dict[str, Any] = {
     "print_time": False,
@@ -197,7 +199,7 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
             "stability": cut["open"] + gains.velocity * cut["velocity"] + gains.position * cut["position"],
             "peak": epigraph - ca.log(error2) / 2,
             "unmodelled": _room(perturbed_L) - perturbed["log_radius"],
-            "in_hand": _margin_in_hand(held, gains, coupling),
+            "in_hand": (_margin_in_worlds if structure.worlds else _margin_in_hand)(held, gains, coupling),
             "tracked_peaks": ca.vertcat(-log_peak, ca.gradient(log_peak, y)),
         },
     )
@@ -243,11 +245,33 @@ def _margin_in_hand(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling)
     return ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)
 
 
-def _required_of_loop(held: dict[str, ca.SX], gains: Gains) -> Number:
-    """Return R of a velocity loop in a hand."""
+def _margin_in_worlds(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
+    """Return the margin that the environments of a box are met by, each of which rises with what is to spare."""
+    low, high = (
+        World(*(held[f"environment_{end}_{name}"] for name in ("mass", "damping", "stiffness")))
+        for end in ("low", "high")
+    )
+    theta, factor = held["theta"], held["reserve"]
+    seen = Seen(held["required"], held["swing"], 1.0) if "required" in held else seen_in_hand(_loop(held), gains)
+    at = offered_at(series_coupling(coupling), 1.0, theta, SYMBOLS)
+    found = disjuncts(at, Worlds(low, high), 1.0, seen, factor, theta, SYMBOLS)
+    offered, wanted = at.resistance + factor * low.damping, held["factor"] * (seen.lost / seen.size)
+    margins = {"resistive": ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)}
+    for name in found._fields[1:]:
+        margins[name] = room_of(getattr(found, name), ca.fabs) - held["spare"]
+    return sum(held[f"by_{name}"] * margin for name, margin in margins.items())
+
+
+def _loop(held: dict[str, ca.SX]) -> LoopInHand:
+    """Return a velocity loop in a hand."""
     sine = ca.sin(held["theta"] / 2)
     parts = (EvenOdd(held[f"{part}_even"], held[f"{part}_odd"], sine * sine) for part in LoopInHand._fields)
-    required = required_in_hand(LoopInHand(*parts), gains)
+    return LoopInHand(*parts)
+
+
+def _required_of_loop(held: dict[str, ca.SX], gains: Gains) -> Number:
+    """Return R of a velocity loop in a hand."""
+    required = required_in_hand(_loop(held), gains)
     return required.lost / required.size
 
 

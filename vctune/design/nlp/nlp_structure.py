@@ -31,6 +31,7 @@ class NlpStructure:
     ----------
     kind : of the device
     rigid : whether b_c is infinite
+    worlds : whether the environments are those of a box
     free : (index among a design's numbers, whether it may be 0) for each variable
     integrator : whether the law has its K_p/s term
     terms : terms of the error with a positive weight
@@ -48,6 +49,7 @@ class NlpStructure:
 
     kind: Display
     rigid: bool
+    worlds: bool
     free: tuple[tuple[int, bool], ...]
     integrator: bool
     terms: tuple[TermName, ...]
@@ -102,6 +104,7 @@ def nlp_structure(
     return NlpStructure(
         kind=problem.device.kind,
         rigid=problem.bounds.damping.min == inf,
+        worlds=problem.worlds is not None,
         free=tuple((coordinate.index, coordinate.scale > 0) for coordinate in free),
         integrator=integrator,
         terms=tuple(term for term in TERMS if getattr(weights, term) > 0),

@@ -25,7 +25,7 @@ from vctune.design.verdict.judge import Judgement, Status, judge_posed
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem, Range
 from vctune.model.transparency import Terms
-from vctune.proof.certificate import Claim
+from vctune.proof.certificate import IN_HANDS, Claim
 from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.running import OutOfTimeError, check_time, out_of_time, seconds_left, time_limit
 
@@ -283,8 +283,7 @@ def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Ite
             (witnesses.ratio, Claim.CONDITIONS),
             (witnesses.sensitivity, Claim.SENSITIVITY),
             (witnesses.unmodelled, Claim.UNMODELLED),
-            (witnesses.in_hand, Claim.HANDS),
-            (witnesses.in_hand, Claim.FORCE_HANDS),
+            *((witnesses.in_hand, claim) for claim in IN_HANDS),
             (witnesses.in_hand, Claim.ANY_HAND),
         ):
             if claim in certificate.outcomes:
@@ -306,14 +305,14 @@ def _start_at(polished: Polished) -> Start:
 def _new_hand(prepared: Prepared, judgement: Judgement, witnesses: WorkingSet, tightening: float) -> bool:
     """Add the worst hand near the one that a proof refused, if it asks for more than what was sharpened."""
     problem, outcomes = prepared.problem, judgement.certificate.outcomes
-    met = [outcomes[claim] for claim in (Claim.HANDS, Claim.FORCE_HANDS) if claim in outcomes]
+    met = [outcomes[claim] for claim in IN_HANDS if claim in outcomes]
     found = False
     for outcome in met:
         if problem.hands_met is None or outcome.hand is None or not outcome.witness:
             continue
         device = outcome.device or problem.device
         law = judgement.gains, judgement.coupling
-        worst = least_ratio_near(device, problem.hands_met, *law, outcome.witness, outcome.hand)
+        worst = least_ratio_near(device, problem.hands_met, *law, outcome.witness, outcome.hand, problem.worlds_met)
         if worst.ratio < problem.stability.safety_factor * (1 - tightening):
             _collect(witnesses.in_hand, replace(outcome, witness=worst.omega, hand=worst.hand), prepared)
             found = True

@@ -84,7 +84,7 @@ def violations(
     if posed.hand_cases:
         met = {case.device.modelled: case for case in (*loops, *posed.hand_cases)}
         parts += [_in_hands(case, gains, coupling, tightening) for case in met.values()]
-        parts.append(_at_points(refuted, posed.problem.stability.safety_factor, gains, coupling, tightening))
+        parts.append(_at_points(refuted, posed.problem, gains, coupling, tightening))
     parts += [_peaks(case, there, tightening) for case, there in zip(loops, peaks, strict=True)]
     if posed.problem.uncertainty is not None and posed.problem.uncertainty.unmodelled:
         known = posed.problem.uncertainty
@@ -129,12 +129,13 @@ def _in_hands(problem: Problem, gains: Gains, coupling: AnyCoupling, tightening:
 
 
 def _at_points(
-    points: Sequence[ConstraintPoint], factor: float, gains: Gains, coupling: AnyCoupling, tightening: float
+    points: Sequence[ConstraintPoint], problem: Problem, gains: Gains, coupling: AnyCoupling, tightening: float
 ) -> Violations:
     """Find at which points, those in a hand, the ratio fails."""
     held = [point for point in points if point.hand is not None]
-    ratios = [ratio_at(point.device, gains, coupling, point.omega, point.hand) for point in held if point.hand]
-    return _short(held, ratios, factor, tightening)
+    met = problem.worlds_met
+    ratios = [ratio_at(point.device, gains, coupling, point.omega, point.hand, met) for point in held if point.hand]
+    return _short(held, ratios, problem.stability.safety_factor, tightening)
 
 
 def _short(points: Sequence[ConstraintPoint], ratios: Sequence[float], factor: float, tightening: float) -> Violations:

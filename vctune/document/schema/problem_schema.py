@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
@@ -172,6 +173,31 @@ class OperatorTable(Table):
     stiffness: Variable = Field(0.0, description="K, N/m. Default { min = 0, max = 3000 }.")
 
 
+class WorldRange(Table):
+    """A range of the environments that are rendered."""
+
+    min: NotNegative = 0.0
+    max: NotNegativeOrInf = Field(inf, description="inf for no limit.")
+
+
+class LeastTable(Table):
+    """A range without upper limit."""
+
+    min: NotNegative = 0.0
+
+
+class WorldsTable(Table):
+    """The environments that are rendered, mass s + damping + stiffness/s by the trapezoidal rule.
+
+    Every one of the box is met in every hand of [operator]. Without this table it is every environment that is passive
+    as it runs, tools of a gram and walls of any stiffness among them.
+    """
+
+    mass: WorldRange = Field(default_factory=WorldRange, description="kg. Default { min = 0, max = inf }.")
+    damping: LeastTable = Field(default_factory=LeastTable, description="N s/m. Default { min = 0 }.")
+    stiffness: WorldRange = Field(default_factory=WorldRange, description="N/m. Default { min = 0, max = inf }.")
+
+
 class GainsTable(Table):
     """The velocity loop's law K_v + K_p/s. A number fixes a gain, { min, max } frees it."""
 
@@ -248,7 +274,8 @@ class StabilityTable(Table):
     criterion: Literal["passive", "hands", "both"] = Field(
         "both",
         description='"passive": any passive hand, on band_hz. "hands": every hand of [operator] with every passive '
-        "environment, in the sampled loop at every frequency.",
+        'environment, or every one of [environment], in the sampled loop at every frequency. Default "hands" of a '
+        "servo and with [environment].",
     )
 
 
@@ -302,6 +329,9 @@ class ProblemDocument(Table):
     description: Text = Field("", description="Free text for the reader.")
     device: AnyDeviceTable
     operator: OperatorTable | None = Field(None, description="Default: a human hand, from none to a firm grip.")
+    environment: WorldsTable | None = Field(
+        None, description="Default: every environment that is passive as the firmware runs it."
+    )
     gains: GainsTable = Field(default_factory=GainsTable)
     coupling: CouplingTable = Field(default_factory=CouplingTable)
     transparency: TransparencyTable = Field(default_factory=TransparencyTable)

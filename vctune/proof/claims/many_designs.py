@@ -137,13 +137,19 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
     hopeful = np.flatnonzero((cells.low[1] > 0) | regular)
     points = cells.subset(hopeful).centres()
     left = hopeful[turns_in_hand(demands, points) == 0]
-    if _have_the_same_gains(cells):
+    of_hands = positive(alone(claims.in_hand), {})
+    if demands.worlds is not None:
+        polynomials = hands_margins(demands, (), delays_of(demands.device), TAYLOR)
+        low, high = (np.array([*astuple(end)])[:, None] for end in (hands.low, hands.high))
+        spans = np.vstack((high - low, np.ptp((cells.low, cells.high), axis=(0, 2))[:, None]))
+        of_hands = any_positive(polynomials, claims.in_hand, {}, spans)
+    elif _have_the_same_gains(cells):
         proved[left] = _above_envelope(demands, hands, claims, cells.subset(left))
         return proved
     for some in np.split(left, range(TOGETHER_IN_HANDS, len(left), TOGETHER_IN_HANDS)):
         part = cells.subset(some)
         found = prove_boxes(
-            positive(claims.in_hand, {}),
+            of_hands,
             over_hands(part, hands, band_of(0.0, HALF_TURN, STEP)),
             len(part),
             halved=[True] * (1 + len(HAND) + len(cells.keys)),
@@ -223,7 +229,7 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
         if places.theta is not None:
             lost |= negative_at(claims.any_hand[0], part, places.theta[0, at])
         if places.in_hands is not None:
-            lost |= negative_at(claims.in_hand, part, places.in_hands[:, 0, at])
+            lost |= all_negative_at(claims.in_hand, part, places.in_hands[:, 0, at])
         left = np.flatnonzero(~lost)
         number = encirclements(demands, part.subset(left)).number
         lost[left] = (np.isfinite(number) & (number != 0)).any(axis=0)
