@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from functools import lru_cache, partial
 from itertools import product
@@ -237,6 +238,33 @@ def least_ratios_in_hands(
     sharp = _resonant(device, hands, gains)
     theta, starts = np.append(theta, sharp[0]), np.column_stack((starts, sharp[1:]))
     return sorted(_closest(device, hands, gains, coupling, theta, starts, met), key=lambda each: each.ratio)
+
+
+WINDOW = np.exp(np.linspace(-0.3, 0.3, 121))
+"""Angles about the worst one, relative, among which those are looked for between which environments are not met."""
+
+
+ACROSS = (0.0, 1.0)
+
+
+def beside(
+    problem: Problem, gains: Gains, coupling: AnyCoupling, worst: Sequence[RatioInHand | RatioInAnyHand]
+) -> list[RatioInHand]:
+    """Return the ends of the windows of angles about the worst places in which a box of environments is not met."""
+    device, met, found = problem.device, problem.worlds_met, []
+    for at in worst:
+        if not isinstance(at, RatioInHand) or met is None or at.ratio >= met.factor or at.omega <= 0:
+            continue
+        theta = np.minimum(at.omega * device.sample_time * WINDOW, pi)
+        loop = loop_in_hand(plant_in_hand(device, at.hand, delays_of(device), FLOATS), theta, FLOATS)
+        ratio = 1 / np.maximum(_needs(loop, device, gains, coupling, theta, met), 1e-200)
+        fails = ratio < met.factor
+        middle = WINDOW.size // 2
+        first = middle - int(np.argmin(fails[middle::-1])) if not fails[: middle + 1].all() else 0
+        last = middle + int(np.argmin(fails[middle:])) if not fails[middle:].all() else WINDOW.size - 1
+        for k in sorted({round(first + (last - first) * share) for share in ACROSS}):
+            found.append(RatioInHand(float(min(ratio[k], at.ratio + 1e-9)), float(theta[k] / device.sample_time), at.hand))
+    return found
 
 
 def ratio_at(

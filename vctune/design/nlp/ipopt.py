@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from vctune.analysis.extrema import Floats
-from vctune.analysis.in_hands import needs_in_worlds
 from vctune.analysis.sampled_loop import plant_of, pulse_transfer
 from vctune.design.nlp.nlp import compiled
 from vctune.design.nlp.nlp_parameters import (
@@ -26,11 +25,11 @@ from vctune.design.nlp.nlp_structure import NlpStructure
 from vctune.design.prepared import Posed
 from vctune.design.result import Solution
 from vctune.design.search.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, WorkingSet, stacked
-from vctune.design.variables import Coordinate, Point, design_of
+from vctune.design.variables import Coordinate, Point
 from vctune.interrupt import interrupt_deferred
 from vctune.model.device import Device
 from vctune.model.display import DisplayName
-from vctune.model.gains import AnyCoupling, Gains, series_coupling
+from vctune.model.gains import Gains
 from vctune.model.loop.device_response import device_response
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import Pair
@@ -39,6 +38,7 @@ from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import AnyLoopInHand, LoopInHand, loop_in_hand, required_in_hand, seen_in_hand
 from vctune.model.sampled.impedance_display import Required, firmware_filter
 from vctune.model.sampled.loop_in_worlds import Disjuncts
+from vctune.model.sampled.loop_in_worlds import posed as posed_in
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.transparency import TERMS, log_quadrature
 from vctune.model.worlds import WorldsMet
@@ -196,7 +196,7 @@ def _parameters(
         factor = posed.problem.stability.safety_factor * exp(spare)
         numbers["in_hand"] = _in_hands(points) | {"factor": np.full(len(points), factor)}
         if (met := posed.problem.worlds_met) is not None:
-            numbers["in_hand"] |= _in_worlds(points, design_of(start), met, spare)
+            numbers["in_hand"] |= _in_worlds(len(points), met, spare)
     if working_set.tracked_peaks:
         plants = [plant_numbers(plant_of(point.device)) for point in working_set.tracked_peaks]
         numbers["tracked_peaks"] = {name: np.array([plant[name] for plant in plants]).T for name in plants[0]}
@@ -285,21 +285,13 @@ def _command_in_hand(at: ConstraintPoint) -> dict[str, Any]:
     return {"theta": theta, "required": found.lost / found.size, "swing": seen.swing / seen.size}
 
 
-def _in_worlds(
-    points: Sequence[ConstraintPoint], design: tuple[Gains, AnyCoupling], met: WorldsMet, spare: float
-) -> dict[str, Any]:
-    """Return the environments by the names of `WORLDS_IN_HAND`, each met by the margin that is nearest to it now."""
-    ends = {"low": met.worlds.low, "high": met.worlds.high}
+def _in_worlds(count: int, met: WorldsMet, spare: float) -> dict[str, Any]:
+    """Return the environments of some points by the names of `WORLDS_IN_HAND`; a limit that is infinite is 0."""
+    ends, names = {"low": met.worlds.low, "high": met.worlds.high}, posed_in(met.worlds, met.factor)
     numbers = {f"environment_{end}_{name}": x for end, world in ends.items() for name, x in asdict(world).items()}
     numbers = {name: x if x < inf else 0.0 for name, x in numbers.items()} | {"reserve": met.factor, "spare": spare}
-    found: dict[str, Any] = {name: np.full(len(points), x) for name, x in numbers.items()}
-    gains, coupling = design[0], series_coupling(design[1])
-    nearest = []
-    for at in points:
-        theta = np.array(min(at.omega, pi))
-        needs = needs_in_worlds(_loop_at(at, theta), at.device, gains, coupling, theta, met)
-        nearest.append(min(needs, key=lambda name: float(needs[name])))
-    return found | {f"by_{name}": np.array([1.0 * (each == name) for each in nearest]) for name in Disjuncts._fields}
+    numbers |= {f"by_{name}": 1.0 * (name in names) for name in Disjuncts._fields}
+    return {name: np.full(count, x) for name, x in numbers.items()}
 
 
 def _loop_at(at: ConstraintPoint, theta: Any) -> AnyLoopInHand:

@@ -53,7 +53,7 @@ WORLDS_IN_HAND: Layout = {
     "reserve": 1,
     "spare": 1,
 }
-"""Beside the loop in a hand, the environments, by which of the margins they are met, g and the tightening of a room."""
+"""Beside the loop in a hand, the environments, the margins that may be positive, g and the tightening of a room."""
 STABILITY_CUT: Layout = {"open": 1, "velocity": 1, "position": 1}
 """The fields of `Cut`."""
 

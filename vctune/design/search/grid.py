@@ -46,7 +46,7 @@ better.
 """
 PER_DECADE = 3.5
 """Least number of corners, and of time constants, in a decade: what `COUNTS` are on usual bounds, kept on wide ones."""
-LEAPS = 3
+LEAPS = 2
 """How many intervals of forbidden scales are left one after the other. Half and twice: starts as good."""
 LOOPS_AT_ONCE = 160
 """Loops whose arrays, a hundred frequencies each, stay in the processor's cache; of no consequence but speed."""
