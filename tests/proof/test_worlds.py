@@ -1,4 +1,4 @@
-"""Boxes of environments: what is proved and refuted, against eigenvalues of the whole loop (model/README, section 18)."""
+"""Boxes of environments: verdicts against eigenvalues of the whole loop (model/README.md, section 18)."""
 
 from __future__ import annotations
 
@@ -67,7 +67,9 @@ def draw(rng: np.random.Generator) -> Case:
     rigid = rng.random() < 0.2
     if rng.random() < 0.5:
         order = int(rng.integers(1, 3))
-        plant = Plant(T, T * rng.uniform(0, 4), 1.0, 0.0, order, 2 * pi * rng.uniform(0.01, 0.08) / T, rng.random() < 0.3)
+        plant = Plant(
+            T, T * rng.uniform(0, 4), 1.0, 0.0, order, 2 * pi * rng.uniform(0.01, 0.08) / T, rng.random() < 0.3
+        )
         gains, scale = (0.0, 0.0), 10 ** rng.uniform(-0.5, 1.5)
     else:
         m = 10 ** rng.uniform(-1, 0.5)
@@ -83,10 +85,18 @@ def draw(rng: np.random.Generator) -> Case:
     low = Hand(high.mass * share[0], high.damping * share[1], high.stiffness * share[2])
     b_c = inf if rigid else scale * 10 ** rng.uniform(-1.5, 0.5)
     tau = T * 10 ** rng.uniform(-0.5, 1.5)
-    coupling = (b_c, scale * tau * 10 ** rng.uniform(-1.5, 0) if rigid else b_c * tau, scale * 10 ** rng.uniform(-3, -1))
+    coupling = (
+        b_c,
+        scale * tau * 10 ** rng.uniform(-1.5, 0) if rigid else b_c * tau,
+        scale * 10 ** rng.uniform(-3, -1),
+    )
     mass, stiff = scale * T * 10 ** rng.uniform(-1, 2), scale / T * 10 ** rng.uniform(-3, 0)
     worlds = Worlds(
-        World(mass * rng.choice([0.0, 10 ** rng.uniform(-3, 0)]), rng.choice([0.0, 0.03 * scale]), stiff * rng.choice([0.0, 0.3])),
+        World(
+            mass * rng.choice([0.0, 10 ** rng.uniform(-3, 0)]),
+            rng.choice([0.0, 0.03 * scale]),
+            stiff * rng.choice([0.0, 0.3]),
+        ),
         World(rng.choice([mass, mass, inf]), inf, rng.choice([stiff, stiff, inf])),
     )
     middle = Hands(low, high).middle
@@ -195,31 +205,60 @@ def test_verdicts_of_some_loops_agree_with_eigenvalues() -> None:
 
 
 def limit_of(case: Case) -> float:
-    """Return the damping that every environment must have at least, of hands that differ in one number.
+    """Return the damping that every environment must have at least, of hands that differ in one number."""
+    low, high = _numbers(case.hands.low), _numbers(case.hands.high)
 
-    By shrinking grids about the best place, over the angle and that number.
-    """
-    low, high = case.hands.low, case.hands.high
-    T, worlds = case.whole.plant.sample_time, case.worlds
-    at, width, best = np.array([np.log(0.1), 0.5]), np.array([np.log(30), 0.5]), -inf
+    def asked(share: float) -> float:
+        return damping_asked(case, Hand(*(a + share * (b - a) for a, b in zip(low, high, strict=True))))
 
-    def missing(theta: np.ndarray, share: float) -> np.ndarray:
-        hand = Hand(*(a + share * (b - a) for a, b in zip(_numbers(low), _numbers(high), strict=True)))
-        alone = of_hand(case, hand)
+    shares = np.concatenate((np.linspace(0, 1, 33), [1e-3, 1e-2]))
+    found = np.array([asked(share) for share in shares])
+    at, best, width = float(shares[np.argmax(found)]), float(found.max()), 1 / 32
+    while width > 1e-8:
+        near = np.clip(at + width * np.array([-1.0, -0.5, 0.5, 1.0]), 0, 1)
+        values = [asked(share) for share in near]
+        if max(values) > best:
+            at, best = float(near[int(np.argmax(values))]), max(values)
+        else:
+            width /= 2
+    return best
+
+
+def damping_asked(case: Case, hand: Hand) -> float:
+    """Return the greatest -Re Y where -Im Y is a reactance of the box, the ends of such angles included."""
+    T, worlds, alone = case.whole.plant.sample_time, case.worlds, of_hand(case, hand)
+
+    def at(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         Y, u = seen(alone, theta) + offered(alone, theta), 2 / T * np.tan(theta / 2)
-        inside = (-Y.imag <= worlds.high.mass * u - worlds.low.stiffness / u) & (
-            -Y.imag >= worlds.low.mass * u - worlds.high.stiffness / u
+        least, most = (
+            worlds.low.mass * u - worlds.high.stiffness / u,
+            worlds.high.mass * u - worlds.low.stiffness / u,
         )
-        return np.where(inside, -Y.real, -inf)
+        return (-Y.imag <= most) & (-Y.imag >= least), -Y.real
 
-    for _ in range(14):
-        theta = np.exp(np.clip(at[0] + width[0] * np.linspace(-1, 1, 401), np.log(1e-4), np.log(pi * (1 - 1e-9))))
-        shares = np.clip(at[1] + width[1] * np.linspace(-1, 1, 41), 0, 1)
-        found = np.array([missing(theta, share) for share in shares])
-        k, n = np.unravel_index(np.argmax(found), found.shape)
-        if found[k, n] > best:
-            best, at = float(found[k, n]), np.array([np.log(theta[n]), shares[k]])
-        width /= 3
+    theta = np.append(np.geomspace(1e-4, 0.1, 300), np.linspace(0.1, pi * (1 - 1e-9), 900)[1:])
+    inside, asked = at(theta)
+    best = float(np.where(inside, asked, -inf).max())
+    edges = np.flatnonzero(inside[1:] != inside[:-1])
+    kept, left = (
+        np.where(inside[edges], theta[edges], theta[edges + 1]),
+        np.where(inside[edges], theta[edges + 1], theta[edges]),
+    )
+    for _ in range(45 if len(edges) else 0):
+        middle = (kept + left) / 2
+        within, _ = at(middle)
+        kept, left = np.where(within, middle, kept), np.where(within, left, middle)
+    if len(edges):
+        best = max(best, float(at(kept)[1].max()))
+    peaks = np.flatnonzero((asked[1:-1] >= asked[:-2]) & (asked[1:-1] >= asked[2:]) & inside[1:-1]) + 1
+    for k in peaks:
+        a, b = theta[k - 1], theta[k + 1]
+        for _ in range(12):
+            grid = np.linspace(a, b, 9)
+            ok, value = at(grid)
+            value = np.where(ok, value, -inf)
+            n = int(np.argmax(value))
+            best, a, b = max(best, float(value[n])), grid[max(n - 1, 0)], grid[min(n + 1, 8)]
     return best
 
 

@@ -68,7 +68,6 @@ class LoopsInHands:
             R = np.asarray(found.lost / found.size)
         return np.broadcast_to(R, np.broadcast_shapes(R.shape, np.shape(gains.velocity)))  # of a servo no gain is in it
 
-
     def seen(self, gains: Gains) -> Seen:
         """Return Z_seen, of the same shape as `required`."""
         found = seen_in_hand(self.loop, gains)
@@ -241,29 +240,36 @@ def least_ratios_in_hands(
 
 
 WINDOW = np.exp(np.linspace(-0.3, 0.3, 121))
-"""Angles about the worst one, relative, among which those are looked for between which environments are not met."""
+"""Angles about a worst one, relative, at which the environments of a box are looked at. Half and twice as far, or as
+many, lead to the same designs."""
 
 
-ACROSS = (0.0, 1.0)
-
-
-def beside(
+def windows(
     problem: Problem, gains: Gains, coupling: AnyCoupling, worst: Sequence[RatioInHand | RatioInAnyHand]
 ) -> list[RatioInHand]:
-    """Return the ends of the windows of angles about the worst places in which a box of environments is not met."""
-    device, met, found = problem.device, problem.worlds_met, []
+    """Return the ends of the windows of angles in which a box of environments is not met, about the worst places.
+
+    Between them one margin has to do where another ceases to: a demand in the middle alone moves the window along.
+
+    Parameters
+    ----------
+    problem : of one device, with hands to be met
+    gains, coupling : plain floats, in the problem's units
+    worst : places of `least_ratios`
+    """
+    device, met, found = problem.device, problem.worlds_met, list[RatioInHand]()
+    if met is None:
+        return found
     for at in worst:
-        if not isinstance(at, RatioInHand) or met is None or at.ratio >= met.factor or at.omega <= 0:
+        if not isinstance(at, RatioInHand) or at.omega == 0 or at.ratio >= met.factor:
             continue
         theta = np.minimum(at.omega * device.sample_time * WINDOW, pi)
         loop = loop_in_hand(plant_in_hand(device, at.hand, delays_of(device), FLOATS), theta, FLOATS)
-        ratio = 1 / np.maximum(_needs(loop, device, gains, coupling, theta, met), 1e-200)
-        fails = ratio < met.factor
-        middle = WINDOW.size // 2
-        first = middle - int(np.argmin(fails[middle::-1])) if not fails[: middle + 1].all() else 0
-        last = middle + int(np.argmin(fails[middle:])) if not fails[middle:].all() else WINDOW.size - 1
-        for k in sorted({round(first + (last - first) * share) for share in ACROSS}):
-            found.append(RatioInHand(float(min(ratio[k], at.ratio + 1e-9)), float(theta[k] / device.sample_time), at.hand))
+        fails, middle = _needs(loop, device, gains, coupling, theta, met) > 1 / met.factor, WINDOW.size // 2
+        below, above = np.logical_and.accumulate(fails[middle::-1]), np.logical_and.accumulate(fails[middle:])
+        first, last = middle - np.count_nonzero(below), middle + np.count_nonzero(above)
+        for k in (max(first, 0), min(last, WINDOW.size - 1)):
+            found.append(RatioInHand(at.ratio, float(theta[k] / device.sample_time), at.hand))
     return found
 
 

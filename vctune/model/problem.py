@@ -161,7 +161,7 @@ class Problem:
     @property
     def worlds_met(self) -> WorldsMet | None:
         """The environments that are to be met in these hands; None for every one that is passive as it runs."""
-        return self.worlds and WorldsMet(self.worlds, self.stability.safety_factor)
+        return None if self.worlds is None else WorldsMet(self.worlds, self.stability.safety_factor)
 
     @property
     def nyquist(self) -> float:

@@ -88,7 +88,7 @@ EVERY_WORLD = Worlds(World(0.0, 0.0, 0.0), World(inf, inf, inf))
 
 def _range(low: Number, high: Number, unit: str) -> str:
     if high < inf:
-        return f"{low:g} to {high:g} {unit}" if low < high else f"{low:g} {unit}"
+        return f"up to {high:g} {unit}" if low == 0 < high else f"{low:g} to {high:g} {unit}"
     return f"at least {low:g} {unit}" if low > 0 else ""
 
 
@@ -103,4 +103,4 @@ class WorldsMet:
     """
 
     worlds: Worlds
-    factor: float
+    factor: Number

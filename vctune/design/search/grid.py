@@ -48,6 +48,8 @@ PER_DECADE = 3.5
 """Least number of corners, and of time constants, in a decade: what `COUNTS` are on usual bounds, kept on wide ones."""
 LEAPS = 2
 """How many intervals of forbidden scales are left one after the other. Half and twice: starts as good."""
+MOST = 1e100
+"""What stands for infinity where numbers are multiplied."""
 LOOPS_AT_ONCE = 160
 """Loops whose arrays, a hundred frequencies each, stay in the processor's cache; of no consequence but speed."""
 
@@ -289,9 +291,7 @@ def _required(samples: Samples, gains: Gains, bands: list[LoopResponse]) -> tupl
     return np.concatenate(omega), np.concatenate(required, axis=-1)
 
 
-def _least_damping(
-    problem: Problem, samples: Samples, gains: Gains, bands: list[LoopResponse], at: Axes
-) -> Floats:
+def _least_damping(problem: Problem, samples: Samples, gains: Gains, bands: list[LoopResponse], at: Axes) -> Floats:
     """Return the least scale, b_c or 1/k_c, that meets the demand."""
     if problem.worlds_met is not None:
         return _least_scale_in_worlds(problem.worlds_met, samples, gains, at)
@@ -323,7 +323,7 @@ def _least_scale_in_worlds(met: WorldsMet, samples: Samples, gains: Gains, at: A
     """
     rows = [_forbidding(met, samples.device.sample_time, there, gains) for there in _places(samples)]
     theta, missing, stiff, soft = (np.concatenate(parts, axis=-1) for parts in zip(*rows, strict=True))
-    asked = (missing > 0).any(axis=(0, 1) if missing.ndim == 3 else tuple(range(missing.ndim - 1)))
+    asked = (missing > 0).any(axis=tuple(range(missing.ndim - 1)))
     theta, missing, stiff, soft = theta[asked], missing[..., asked], stiff[..., asked], soft[..., asked]
     scale = np.empty((*missing.shape[:-1], at.time_constant.shape[-1], at.drag.shape[-1]))
     for i in range(at.time_constant.shape[-1]):
@@ -336,7 +336,7 @@ def _least_scale_in_worlds(met: WorldsMet, samples: Samples, gains: Gains, at: A
             left = np.zeros(missing.shape[:-1])
             for _ in range(LEAPS):
                 left = np.fmax(left, np.where(first <= left[..., None], enough, 0.0).max(axis=-1, initial=0.0))
-            scale[..., i, k] = np.minimum(left, 1e100)
+            scale[..., i, k] = np.minimum(left, MOST)
     return scale
 
 
@@ -364,8 +364,9 @@ def _forbidding(
     stiff = swing - _times(worlds.high.mass, inertia) + worlds.low.stiffness * compliance
     soft = factor * (swing - worlds.low.mass * inertia + _times(worlds.high.stiffness, compliance))
     missing = factor * (R - worlds.low.damping)
-    every = (np.nan_to_num(each, nan=nan, posinf=1e100, neginf=-1e100) for each, nan in ((missing, 0.0), (stiff, -1e100), (soft, 1e100)))
-    found = (each.reshape(*each.shape[:-2], -1) for each in every)
+    each = ((missing, 0.0), (stiff, -MOST), (soft, MOST))
+    known = (np.nan_to_num(number, nan=unknown, posinf=MOST, neginf=-MOST) for number, unknown in each)
+    found = (number.reshape(*number.shape[:-2], -1) for number in known)
     return np.tile(held.theta, held.hands.mass.size), *found
 
 

@@ -21,7 +21,7 @@ from vctune.analysis.demands import (
     weighted_square,
 )
 from vctune.analysis.extrema import Floats, Minima, local_minima
-from vctune.analysis.in_hands import beside, least_ratios, ratio_at
+from vctune.analysis.in_hands import least_ratios, ratio_at, windows
 from vctune.design.prepared import Posed
 from vctune.design.search.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, constraint_points
 from vctune.design.search.worst import loudest, worst_inside
@@ -125,7 +125,7 @@ def _in_hands(problem: Problem, gains: Gains, coupling: AnyCoupling, tightening:
     """Find where the ratio fails in the hands of a problem."""
     worst = least_ratios(problem, gains, coupling)
     if problem.worlds_met is not None:
-        worst = [*worst, *beside(problem, gains, coupling, worst)]
+        worst = [*worst, *windows(problem, gains, coupling, worst)]
     points = [ConstraintPoint(each.omega, problem.device, each.hand) for each in worst]
     return _short(points, [each.ratio for each in worst], problem.stability.safety_factor, tightening)
 

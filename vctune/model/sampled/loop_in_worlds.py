@@ -25,7 +25,6 @@ from vctune.model.gains import Coupling
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.worlds import Worlds
 
-
 NOTHING = 1e-30
 """What is added to sizes that may all be 0. Any number far below them and above the square root of the least."""
 

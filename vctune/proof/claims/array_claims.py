@@ -22,8 +22,8 @@ from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand, room
 from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.let_go import Plant, has_sharp_form, plant_let_go, return_difference
-from vctune.model.sampled.plant_in_hand import AnyPlantInHand, Delays, PlantInHand, delays_of, plant_in_hand
 from vctune.model.sampled.loop_in_worlds import posed, sum_of
+from vctune.model.sampled.plant_in_hand import AnyPlantInHand, Delays, PlantInHand, delays_of, plant_in_hand
 from vctune.model.sampled.velocity_loop import sampled_plant, split_delay
 from vctune.model.worlds import Worlds, WorldsMet
 from vctune.proof.claims.margins_of_claims import (
@@ -92,7 +92,7 @@ class Demands:
     @property
     def worlds_met(self) -> WorldsMet | None:
         """The environments and the factor; None for every passive environment."""
-        return self.worlds and WorldsMet(self.worlds, self.factor)
+        return None if self.worlds is None else WorldsMet(self.worlds, self.factor)
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,9 +210,7 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
     )
 
 
-def hands_margins(
-    demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS
-) -> Margins:
+def hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS) -> Margins:
     """Return the margins of which one must be positive in every hand, of theta and of values with those of `HAND`.
 
     Parameters

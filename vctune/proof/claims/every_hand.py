@@ -17,14 +17,28 @@ from flint import arb
 from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.hands import HAND, Hand, Hands
-from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.keys import keys_of
 from vctune.model.sampled.loop_in_worlds import posed, sum_of
 from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
 from vctune.model.sampled.velocity_loop import SNAP
 from vctune.model.worlds import WorldsMet
-from vctune.proof.claims.array_claims import AT_REST, SHARE, Demands, any_hand_margins, hands_margins, limp_hands_margins
-from vctune.proof.claims.margins_of_claims import HALF_TURN, Design, LoopDelay, any_hand_margin, hand_curve, hand_margin, margins_in_worlds
+from vctune.proof.claims.array_claims import (
+    AT_REST,
+    SHARE,
+    Demands,
+    any_hand_margins,
+    hands_margins,
+    limp_hands_margins,
+)
+from vctune.proof.claims.margins_of_claims import (
+    HALF_TURN,
+    Design,
+    LoopDelay,
+    any_hand_margin,
+    hand_curve,
+    hand_margin,
+    margins_in_worlds,
+)
 from vctune.proof.claims.resonant_hands import AROUND, RATIO, ROWS, Resonance, resonance
 from vctune.proof.claims.sampled_poles import in_rad_per_s
 from vctune.proof.claims.whole_samples import NEXT_TO

@@ -18,7 +18,7 @@ from vctune.proof.claims.envelope import envelope
 from vctune.proof.claims.margins_of_claims import HALF_TURN, outwards, resistance_apart
 from vctune.proof.enclosures.array_intervals import Flags, Floats
 from vctune.proof.engine.bands import CELL_HALVINGS, MAX_BOXES, STEP, cells_over_band
-from vctune.proof.engine.box_tests import Margin, lower_bound_over, positive
+from vctune.proof.engine.box_tests import Margin, alone, lower_bound_over, positive
 from vctune.proof.engine.boxes import Cells, Integers, band_of, over_each, over_hands
 from vctune.proof.engine.branching import prove as prove_boxes
 
@@ -137,19 +137,13 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
     hopeful = np.flatnonzero((cells.low[1] > 0) | regular)
     points = cells.subset(hopeful).centres()
     left = hopeful[turns_in_hand(demands, points) == 0]
-    of_hands = positive(alone(claims.in_hand), {})
-    if demands.worlds is not None:
-        polynomials = hands_margins(demands, (), delays_of(demands.device), TAYLOR)
-        low, high = (np.array([*astuple(end)])[:, None] for end in (hands.low, hands.high))
-        spans = np.vstack((high - low, np.ptp((cells.low, cells.high), axis=(0, 2))[:, None]))
-        of_hands = any_positive(polynomials, claims.in_hand, {}, spans)
-    elif _have_the_same_gains(cells):
+    if _have_the_same_gains(cells):
         proved[left] = _above_envelope(demands, hands, claims, cells.subset(left))
         return proved
     for some in np.split(left, range(TOGETHER_IN_HANDS, len(left), TOGETHER_IN_HANDS)):
         part = cells.subset(some)
         found = prove_boxes(
-            of_hands,
+            positive(alone(claims.in_hand), {}),
             over_hands(part, hands, band_of(0.0, HALF_TURN, STEP)),
             len(part),
             halved=[True] * (1 + len(HAND) + len(cells.keys)),
@@ -229,7 +223,7 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
         if places.theta is not None:
             lost |= negative_at(claims.any_hand[0], part, places.theta[0, at])
         if places.in_hands is not None:
-            lost |= all_negative_at(claims.in_hand, part, places.in_hands[:, 0, at])
+            lost |= negative_at(alone(claims.in_hand), part, places.in_hands[:, 0, at])
         left = np.flatnonzero(~lost)
         number = encirclements(demands, part.subset(left)).number
         lost[left] = (np.isfinite(number) & (number != 0)).any(axis=0)

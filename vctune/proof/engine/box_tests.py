@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -340,7 +341,7 @@ def _nearest(found: Sequence[Decided]) -> Decided:
     room = np.array([each.room for each in found])
     which, at = np.argmax(room, axis=0), np.arange(room.shape[1])
 
-    def taken(name: str) -> Floats:
+    def taken(name: str) -> Any:
         return np.asarray(np.stack([getattr(each, name) for each in found])[which, ..., at].T)
 
     return Decided(

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from vctune.analysis.demands import ratio_minima, unmodelled_maxima
 from vctune.analysis.feel import FREE_HZ, NO_LOOP, SPEED, WALL_HZ, feel
-from vctune.document.records.certificate_json import CertificateRecord, InnerLoopRecord
+from vctune.document.records.certificate_json import CertificateRecord, InnerLoopRecord, WorldRecord
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.part import text
 from vctune.document.schema.number_units import unit_of
@@ -17,6 +17,7 @@ from vctune.model.display import ADMITTANCE
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
 from vctune.model.numbers.frequency import hertz
+from vctune.model.numbers.units import Units
 from vctune.model.problem import Band, Problem
 from vctune.proof.certificate import IN_HANDS, Claim
 from vctune.report.figures.style import time_text
@@ -165,7 +166,8 @@ def _found(
     factor, hands = f"≥ {problem.stability.safety_factor:g}", proof.hands
     if claim in IN_HANDS and hands is not None:
         hand = hands.worst_hand.in_words(problem.units)
-        return f"least {text(hands.min_ratio)}, {_hz(hands.worst_hz)}, in the hand of {hand}", factor
+        world = f", with {_world(hands.worst_world, problem.units)}" if hands.worst_world else ""
+        return f"least {text(hands.min_ratio)}, {_hz(hands.worst_hz)}, in the hand of {hand}{world}", factor
     if claim in (Claim.CONDITIONS, Claim.ANY_HAND):
         return _least_in_any_hand(proof, problem, design), factor
     if claim == Claim.SENSITIVITY and loop is not None:
@@ -181,6 +183,12 @@ def _found(
     if claim == Claim.UNMODELLED:
         return f"peak {text(float(-unmodelled_maxima(problem, design[0]).value[0]))}", "< 1"
     return "", ""
+
+
+def _world(world: WorldRecord, units: Units) -> str:
+    """Return which environment binds."""
+    row = world.row(None, units)
+    return f"{row.value} {row.unit}"
 
 
 def _least_in_any_hand(proof: CertificateRecord, problem: Problem, design: tuple[Gains, AnyCoupling]) -> str:
@@ -236,6 +244,13 @@ def assumptions(problem: Problem) -> list[str]:
             "Hands of the box: a mass, a damper and a spring, linear, unchanging while they hold; in the exact sampled "
             "loop, at every frequency, aliasing included. Of a hand outside the box nothing is proved."
         )
+    if problem.worlds is not None:
+        lines.append(
+            f"The environment is one of {problem.worlds.in_words(problem.units)}: a mass, a damper and a spring, "
+            "stepped by the trapezoidal rule, linear and unchanging. A wall that comes and goes is not, and of an "
+            "environment outside the box nothing is proved."
+        )
+        return [problem.units.translated(line) for line in lines]
     lines.append(
         "The environment is passive as it runs in the firmware, sample by sample, and may be a one-sided wall. A mass "
         "that is stepped explicitly is not."
