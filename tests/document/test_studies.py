@@ -112,7 +112,7 @@ def test_keys_are_those_of_the_schema():
     assert keys["stability.band_hz[1]"] == ("stability", "band_hz", 1)
     assert keys["gains.velocity.max"] == ("gains", "velocity", "max")
     assert "device.hold" not in keys and "name" not in keys and "transparency.norm" not in keys
-    assert len(keys) == len(set(keys.values())) == 62
+    assert len(keys) == len(set(keys.values())) == 67
 
 
 def test_a_point_is_the_problem_with_its_numbers_written_in(tmp_path):

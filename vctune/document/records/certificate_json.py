@@ -142,7 +142,13 @@ class WorldRecord(Part):
     stiffness: float
 
     def row(self, hz: Number, units: Units) -> Row:
-        """Return what is shown of it, at a frequency."""
+        """Return what is shown of it.
+
+        Parameters
+        ----------
+        hz : where it binds; None to leave that out
+        units : of its numbers
+        """
         place = "" if hz is None else f" at {text(hz)} Hz"
         small = units.mass == "kg" and self.mass < GRAMS
         mass, unit = (1e3 * self.mass, "g") if small else (self.mass, units.mass)
