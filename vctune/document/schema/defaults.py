@@ -159,7 +159,8 @@ def _worlds(table: WorldsTable | None) -> Worlds | None:
     if table is None:
         return None
     low = World(table.mass.min, table.damping.min, table.stiffness.min)
-    found = Worlds(low, World(table.mass.max, inf, table.stiffness.max))
+    most = [inf if each.max is None else each.max for each in (table.mass, table.stiffness)]
+    found = Worlds(low, World(most[0], inf, most[1]))
     return None if found == EVERY_WORLD else found
 
 

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from math import inf
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
@@ -173,17 +172,24 @@ class OperatorTable(Table):
     stiffness: Variable = Field(0.0, description="K, N/m. Default { min = 0, max = 3000 }.")
 
 
-class WorldRange(Table):
-    """A range of the environments that are rendered."""
+class WorldMassTable(Table):
+    """Their mass, kg."""
 
-    min: NotNegative = 0.0
-    max: NotNegativeOrInf = Field(inf, description="inf for no limit.")
+    min: NotNegative = Field(0.0, description="The least.")
+    max: NotNegativeOrInf | None = Field(None, description="The greatest. Default inf, no limit.")
 
 
-class LeastTable(Table):
-    """A range without upper limit."""
+class WorldDampingTable(Table):
+    """Their damping, N s/m, which has no upper limit."""
 
-    min: NotNegative = 0.0
+    min: NotNegative = Field(0.0, description="The least.")
+
+
+class WorldStiffnessTable(Table):
+    """Their stiffness, N/m."""
+
+    min: NotNegative = Field(0.0, description="The least.")
+    max: NotNegativeOrInf | None = Field(None, description="The greatest. Default inf, no limit.")
 
 
 class WorldsTable(Table):
@@ -193,9 +199,9 @@ class WorldsTable(Table):
     as it runs, tools of a gram and walls of any stiffness among them.
     """
 
-    mass: WorldRange = Field(default_factory=WorldRange, description="kg. Default { min = 0, max = inf }.")
-    damping: LeastTable = Field(default_factory=LeastTable, description="N s/m. Default { min = 0 }.")
-    stiffness: WorldRange = Field(default_factory=WorldRange, description="N/m. Default { min = 0, max = inf }.")
+    mass: WorldMassTable = Field(default_factory=WorldMassTable)
+    damping: WorldDampingTable = Field(default_factory=WorldDampingTable)
+    stiffness: WorldStiffnessTable = Field(default_factory=WorldStiffnessTable)
 
 
 class GainsTable(Table):
