@@ -27,6 +27,7 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.hand_loop import loop_in_hand
 from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
 from vctune.model.sampled.plant_in_hand import AnyPlantInHand, delays_of, plant_in_hand
+from vctune.model.worlds import Worlds
 
 LEAST = 1e-7
 """Least angle omega T at which a spring is looked for: at 0 none is soft enough. Half and twice it find the same
@@ -58,6 +59,7 @@ class GrowingEnvironment:
     damping : beside it, N s/m, >= 0
     growth : of the motion's logarithm in that mode, 1/s, > 0
     omega : at which it oscillates, rad/s
+    stiffness : of a spring beside a mass, N/m, >= 0
     """
 
     kind: Literal["spring", "mass"]
@@ -65,6 +67,7 @@ class GrowingEnvironment:
     damping: float
     growth: float
     omega: float
+    stiffness: float = 0.0
 
     @property
     def quantity(self) -> Literal["stiffness", "mass"]:
@@ -96,6 +99,65 @@ def destabilising(
         return _seen(plant, gains, theta) + _coupling(coupling, _warped(theta, T))
 
     return growing_with(alone, omega * T, T, admittance=isinstance(coupling, SpringDamper))
+
+
+def growing_in_worlds(
+    device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, omega: float, worlds: Worlds
+) -> GrowingEnvironment | None:
+    """Return the environment of a box that a loop in a hand grows with, for a frequency where one holds a pole.
+
+    Parameters
+    ----------
+    device, gains, coupling : a design, plain numbers
+    hand : in which the demand is not met
+    omega : where it is not, rad/s, from 0 to pi/T
+    worlds : the box
+
+    Returns
+    -------
+    GrowingEnvironment or None
+        With the least damping of the box if that grows; None where no member is found to.
+    """
+    T, low = device.sample_time, worlds.low
+    theta = min(max(omega * T, LEAST), pi - NYQUIST)
+    plant, at = plant_in_hand(device, hand, delays_of(device), FLOATS), _warped(theta, T).real
+    met = -reaction(device, gains, coupling, hand, theta).imag
+    heavier = met * at >= low.mass * at * at - low.stiffness
+    mass = (met + low.stiffness / at) / at if heavier else low.mass
+    stiffness = low.stiffness if heavier else (low.mass * at - met) * at
+    if mass > worlds.high.mass or stiffness > worlds.high.stiffness:
+        return None
+
+    def unbalance(theta: complex, *, damping: float) -> complex:
+        omega = _warped(theta, T)
+        alone = _seen(plant, gains, theta) + _coupling(coupling, omega) + low.damping
+        return alone + damping + 1j * (mass * omega - stiffness / omega)
+
+    found = _outwards(unbalance, theta)
+    if found is None:
+        return None
+    damping, growth, turn = low.damping + found[0], found[1] / T, found[2] / T
+    if mass > 0:
+        return GrowingEnvironment("mass", mass, damping, growth, turn, stiffness)
+    return GrowingEnvironment("spring", stiffness, damping, growth, turn)
+
+
+def reaction(
+    device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, theta: float, factor: float = 1.0
+) -> complex:
+    """Return Z_c/factor + Z_seen, or of an impedance display 1/Z_c/factor + G_y/(1 + K_v F G_y).
+
+    Parameters
+    ----------
+    device, gains, coupling : a design, plain numbers
+    hand : in which it is
+    theta : omega T, rad, in (0, pi)
+    factor : what the coupling is divided by
+    """
+    plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
+    if isinstance(coupling, SpringDamper):
+        return _met(plant, gains, theta) + _given(coupling, device, theta) / factor
+    return _seen(plant, gains, theta) + _coupling(coupling, _warped(theta, device.sample_time)) / factor
 
 
 def growing_with(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from functools import lru_cache, partial
 from itertools import product
@@ -13,13 +14,15 @@ import numpy as np
 from vctune.analysis.extrema import Floats, local_minima
 from vctune.analysis.resonance import with_resonance
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.gains import AnyCoupling, Coupling, Gains, series_coupling
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 from vctune.model.sampled.any_hand import AnyHand, any_hand
-from vctune.model.sampled.hand_loop import AnyLoopInHand, loop_in_hand, offered, required_in_hand
+from vctune.model.sampled.hand_loop import AnyLoopInHand, loop_in_hand, offered, required_in_hand, seen_in_hand
+from vctune.model.sampled.loop_in_worlds import Seen, disjuncts, offered_at, posed, room_of
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.worlds import WorldsMet
 from vctune.running import check_time
 
 SHARES = (0.0, 0.01, 0.1, 0.4, 1.0)
@@ -64,6 +67,12 @@ class LoopsInHands:
         with np.errstate(divide="ignore", invalid="ignore"):
             R = np.asarray(found.lost / found.size)
         return np.broadcast_to(R, np.broadcast_shapes(R.shape, np.shape(gains.velocity)))  # of a servo no gain is in it
+
+    def seen(self, gains: Gains) -> Seen:
+        """Return Z_seen, of the same shape as `required`."""
+        found = seen_in_hand(self.loop, gains)
+        shape = np.broadcast_shapes(np.shape(found.lost), np.shape(gains.velocity))
+        return Seen(*(np.broadcast_to(part, shape) for part in found))
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,13 +202,15 @@ def least_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[
     """
     found: list[RatioInHand | RatioInAnyHand] = []
     if problem.hands_met is not None:
-        found += least_ratios_in_hands(problem.device, problem.hands_met, gains, coupling)
+        found += least_ratios_in_hands(problem.device, problem.hands_met, gains, coupling, problem.worlds_met)
     if problem.any_hand:
         found += least_ratios_in_any_hand(problem.device, gains, coupling)
     return found
 
 
-def least_ratios_in_hands(device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling) -> list[RatioInHand]:
+def least_ratios_in_hands(
+    device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, met: WorldsMet | None = None
+) -> list[RatioInHand]:
     """Return the local minima of Re Z_c / R over the angle in the worst hand at each, lowest first.
 
     Parameters
@@ -207,6 +218,7 @@ def least_ratios_in_hands(device: Device, hands: Hands, gains: Gains, coupling: 
     device : plain numbers
     hands : the box
     gains, coupling : a design, plain numbers
+    met : the environments, of which `needs_in_worlds` says what the ratio is; None for every passive one
 
     Returns
     -------
@@ -214,8 +226,7 @@ def least_ratios_in_hands(device: Device, hands: Hands, gains: Gains, coupling: 
         At least one.
     """
     where = loops_in_hands(device, hands)
-    Z_c = offered(coupling, device, where.theta, FLOATS)
-    need = _need(where.required(gains), Z_c)
+    need = _needs(where.loop, device, gains, coupling, where.theta, met)
     hand = np.argmax(need, axis=0)
     worst = need[hand, np.arange(where.theta.size)]
     padded = np.concatenate(([-inf], worst, [-inf]))
@@ -225,10 +236,46 @@ def least_ratios_in_hands(device: Device, hands: Hands, gains: Gains, coupling: 
     theta, starts = np.append(where.theta[peaks], 0.0), np.column_stack((starts, _at_rest(device, hands, gains)))
     sharp = _resonant(device, hands, gains)
     theta, starts = np.append(theta, sharp[0]), np.column_stack((starts, sharp[1:]))
-    return sorted(_closest(device, hands, gains, coupling, theta, starts), key=lambda each: each.ratio)
+    return sorted(_closest(device, hands, gains, coupling, theta, starts, met), key=lambda each: each.ratio)
 
 
-def ratio_at(device: Device, gains: Gains, coupling: AnyCoupling, omega: float, hand: Hand) -> float:
+WINDOW = np.exp(np.linspace(-0.3, 0.3, 121))
+"""Angles about a worst one, relative, at which the environments of a box are looked at. Half and twice as far, or as
+many, lead to the same designs."""
+
+
+def windows(
+    problem: Problem, gains: Gains, coupling: AnyCoupling, worst: Sequence[RatioInHand | RatioInAnyHand]
+) -> list[RatioInHand]:
+    """Return the ends of the windows of angles in which a box of environments is not met, about the worst places.
+
+    Between them one margin has to do where another ceases to: a demand in the middle alone moves the window along.
+
+    Parameters
+    ----------
+    problem : of one device, with hands to be met
+    gains, coupling : plain floats, in the problem's units
+    worst : places of `least_ratios`
+    """
+    device, met, found = problem.device, problem.worlds_met, list[RatioInHand]()
+    if met is None:
+        return found
+    for at in worst:
+        if not isinstance(at, RatioInHand) or at.omega == 0 or at.ratio >= met.factor:
+            continue
+        theta = np.minimum(at.omega * device.sample_time * WINDOW, pi)
+        loop = loop_in_hand(plant_in_hand(device, at.hand, delays_of(device), FLOATS), theta, FLOATS)
+        fails, middle = _needs(loop, device, gains, coupling, theta, met) > 1 / met.factor, WINDOW.size // 2
+        below, above = np.logical_and.accumulate(fails[middle::-1]), np.logical_and.accumulate(fails[middle:])
+        first, last = middle - np.count_nonzero(below), middle + np.count_nonzero(above)
+        for k in (max(first, 0), min(last, WINDOW.size - 1)):
+            found.append(RatioInHand(at.ratio, float(theta[k] / device.sample_time), at.hand))
+    return found
+
+
+def ratio_at(
+    device: Device, gains: Gains, coupling: AnyCoupling, omega: float, hand: Hand, met: WorldsMet | None = None
+) -> float:
     """Return Re Z_c / R in one hand at one frequency; inf where nothing is required.
 
     Parameters
@@ -237,14 +284,21 @@ def ratio_at(device: Device, gains: Gains, coupling: AnyCoupling, omega: float, 
     gains, coupling : a design, plain numbers
     omega : rad/s
     hand : held with
+    met : the environments; None for every passive one
     """
     theta = np.array([omega * device.sample_time])
-    found = required_in_hand(loop_in_hand(plant_in_hand(device, hand, delays_of(device), FLOATS), theta, FLOATS), gains)
-    return _inverse(float(_need(found.lost / found.size, offered(coupling, device, theta, FLOATS))[0]))
+    loop = loop_in_hand(plant_in_hand(device, hand, delays_of(device), FLOATS), theta, FLOATS)
+    return _inverse(float(_needs(loop, device, gains, coupling, theta, met)[0]))
 
 
 def least_ratio_near(
-    device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, omega: float, hand: Hand
+    device: Device,
+    hands: Hands,
+    gains: Gains,
+    coupling: AnyCoupling,
+    omega: float,
+    hand: Hand,
+    met: WorldsMet | None = None,
 ) -> RatioInHand:
     """Return the local minimum of Re Z_c / R that is found from one frequency and hand.
 
@@ -255,9 +309,10 @@ def least_ratio_near(
     gains, coupling : a design, plain numbers
     omega : rad/s
     hand : of the box
+    met : the environments; None for every passive one
     """
     theta, start = np.array([omega * device.sample_time]), np.array(astuple(hand))[:, None]
-    return _closest(device, hands, gains, coupling, theta, start)[0]
+    return _closest(device, hands, gains, coupling, theta, start, met)[0]
 
 
 def least_ratios_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling) -> list[RatioInAnyHand]:
@@ -294,6 +349,44 @@ def ratio_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling, theta
 
 
 @np.errstate(all="ignore")
+def needs_in_worlds(
+    loop: AnyLoopInHand, device: Device, gains: Gains, coupling: Coupling, theta: Floats, met: WorldsMet
+) -> dict[str, Floats]:
+    """Return 1/ratio by each of the margins of which one must be positive (`vctune.model.sampled.loop_in_worlds`).
+
+    By the real part the ratio is (Re Z_c + g b_1)/R, by a reactance g times the exponential of its room, so that g is
+    enough in either case and a share is missing or to spare.
+
+    Parameters
+    ----------
+    loop : in hands
+    device : plain numbers
+    gains, coupling : a design, plain numbers or arrays that broadcast against the loop
+    theta : omega T, rad
+    met : the environments, and g
+    """
+    factor, worlds, T = met.factor, met.worlds, device.sample_time
+    seen, at = seen_in_hand(loop, gains), offered_at(coupling, T, theta, FLOATS)
+    found = disjuncts(at, worlds, T, seen, factor, theta, FLOATS)
+    needs = {"resistive": _need(seen.lost / seen.size, at.resistance + factor * worlds.low.damping)}
+    for name in posed(worlds, factor)[1:]:
+        needs[name] = np.exp(-room_of(getattr(found, name), np.abs)) / factor
+    return needs
+
+
+def _needs(
+    loop: AnyLoopInHand, device: Device, gains: Gains, coupling: AnyCoupling, theta: Floats, met: WorldsMet | None
+) -> Floats:
+    """Return 1/ratio in hands."""
+    if met is not None:
+        needs = needs_in_worlds(loop, device, gains, series_coupling(coupling), theta, met)
+        return np.minimum.reduce(np.broadcast_arrays(*needs.values()))
+    found = required_in_hand(loop, gains)
+    with np.errstate(all="ignore"):
+        return _need(np.asarray(found.lost / found.size), offered(coupling, device, theta, FLOATS))
+
+
+@np.errstate(all="ignore")
 def _need(required: Floats, there: Floats) -> Floats:
     """Return 1/ratio, continuous where R changes its sign; of a coupling that drives, 0 or more than any other."""
     drives = np.where(required < there, 0.0, DRIVEN * (2 + (required - there) / (np.abs(required) - there)))
@@ -324,7 +417,13 @@ def _at_rest(device: Device, hands: Hands, gains: Gains) -> tuple[float, ...]:
 
 @np.errstate(all="ignore")
 def hardest_near(
-    device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, theta: Floats, starts: Floats
+    device: Device,
+    hands: Hands,
+    gains: Gains,
+    coupling: AnyCoupling,
+    theta: Floats,
+    starts: Floats,
+    met: WorldsMet | None = None,
 ) -> tuple[Floats, Floats, Floats]:
     """Go from places to the greatest 1/ratio near them, all together: in log theta and in the root of each share.
 
@@ -334,6 +433,7 @@ def hardest_near(
     hands : the box
     gains, coupling : a design, or one for each place, arrays of shape (n, 1, 1)
     theta, starts : omega T in rad, shape (n,), and hands of the box, shape (3, n)
+    met : the environments; None for every passive one
 
     Returns
     -------
@@ -353,9 +453,8 @@ def hardest_near(
         angle = np.minimum(theta[:, None] * np.exp(turns * step_angle[:, None]), np.pi)
         hand = Hand(*((low[:, None, None] + width[:, None, None] * near**2)[..., None]))
         plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
-        found = required_in_hand(loop_in_hand(plant, angle[:, None, :], FLOATS), gains)
-        Z_c = offered(coupling, device, angle[:, None, :], FLOATS)
-        need = _need(found.lost / found.size, Z_c).reshape(theta.size, -1)
+        loop = loop_in_hand(plant, angle[:, None, :], FLOATS)
+        need = _needs(loop, device, gains, coupling, angle[:, None, :], met).reshape(theta.size, -1)
         need = np.nan_to_num(need, nan=-inf, posinf=inf)  # 0/0 at rest without an integrator asks for nothing
         at = np.argmax(need, axis=1)
         rows, (which, turn) = np.arange(theta.size), np.unravel_index(at, (offsets.shape[1], 3))
@@ -371,9 +470,15 @@ def hardest_near(
 
 
 def _closest(
-    device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, theta: Floats, starts: Floats
+    device: Device,
+    hands: Hands,
+    gains: Gains,
+    coupling: AnyCoupling,
+    theta: Floats,
+    starts: Floats,
+    met: WorldsMet | None,
 ) -> list[RatioInHand]:
-    found = hardest_near(device, hands, gains, coupling, theta, starts)
+    found = hardest_near(device, hands, gains, coupling, theta, starts, met)
     return [
         RatioInHand(_inverse(float(need)), float(at / device.sample_time), Hand(*map(float, hand)))
         for need, at, hand in zip(*found[:2], found[2].T, strict=True)

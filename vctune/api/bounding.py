@@ -11,7 +11,7 @@ from typing import Any
 
 from vctune.api.design_files import json_text, write_record
 from vctune.api.folders import DESIGN_FILE
-from vctune.api.solving import require_gap, solve
+from vctune.api.solving import require_bounded, require_gap, solve
 from vctune.design.bound.resume import ResumeState, read_resume, resume_bytes
 from vctune.design.bound.search import Optimality
 from vctune.design.bound.search import bound as search
@@ -128,7 +128,7 @@ def bound(
         If the problem is none or fixes every number, or the design is not of it or not proved.
     """
     require_gap(gap)
-    file = require_free(problem_of(problem))
+    file = require_bounded(require_free(problem_of(problem)))
     with limited(time_limit):
         known = _known(file, design, progress)
         if known.record.status == Status.INFEASIBLE.value:

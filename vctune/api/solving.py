@@ -13,6 +13,7 @@ from vctune.design.verdict.prices import with_prices
 from vctune.design.verdict.repair import with_repairs
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
+from vctune.document.reading import ProblemFile
 from vctune.document.text.errors import InputError
 from vctune.running import time_limit as limited
 
@@ -47,9 +48,10 @@ def solve(
     InputError
         If the problem is none, or the gap out of range.
     """
+    file = problem_of(problem)
     if gap is not None:
         require_gap(gap)
-    file = problem_of(problem)
+        require_bounded(file)
     with limited(time_limit):
         solved = with_repairs(file, find(file.problem, progress, gap=gap), progress)
         progress("comparing criteria")
@@ -69,3 +71,24 @@ def require_gap(gap: float) -> None:
     low, high = GAPS
     if not low <= gap <= high:
         raise InputError.of("gap", "bad-option", f"{gap:g} is out of range: must be from {low:g} to {high:g}")
+
+
+def require_bounded(file: ProblemFile) -> ProblemFile:
+    """Return a problem of whose designs a lower bound is known.
+
+    Parameters
+    ----------
+    file : the problem
+
+    Raises
+    ------
+    InputError
+        If its environments are those of a box.
+    """
+    if file.problem.worlds is not None:
+        message = (
+            "environment: no lower bound on the error is known where a reactance may stand in for resistance; "
+            "leave the table out, for a bound with every passive environment"
+        )
+        raise InputError.of(file.source, "no-bound", message)
+    return file

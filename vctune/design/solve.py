@@ -94,6 +94,7 @@ def _found(problem: Problem, progress: Progress, gap: float | None, *, exhaustiv
     scanned = scan(prepared.scaled)
     seconds = {"scan": perf_counter() - began}
     admissible = any(start.admissible for start in scanned.starts)
+    exhaustive &= problem.worlds is None  # no lower bound of the coupling is known then
     early = _early(prepared) if exhaustive and not admissible else None
     if early is not None and early.proved:
         seconds["bound"] = perf_counter() - began - seconds["scan"]

@@ -53,3 +53,21 @@ def sampled_resistance(coupling: Coupling, sample_time: Number, theta: Number, o
     b_c, reactance, cos = coupling.damping, coupling.mass * (2 * ops.sin(theta / 2)) / sample_time, ops.cos(theta / 2)
     squared, slack = reactance * reactance, b_c * cos
     return coupling.drag + b_c * (squared / (slack * slack + squared))
+
+
+def sampled_reactance(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> Number:
+    """Return cos(theta/2) Im Z_c of the coupling as the firmware runs it, N s/m: regular at theta = pi.
+
+    Parameters
+    ----------
+    coupling : b_c, m_c and b_0, in numbers of the arithmetic; b_c and m_c > 0
+    sample_time : T, s
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of all of these
+    """
+    reactance = coupling.mass * (2 * ops.sin(theta / 2)) / sample_time
+    if coupling.rigid:
+        return reactance
+    slack = coupling.damping * ops.cos(theta / 2)
+    squared = slack * slack
+    return reactance * squared / (squared + reactance * reactance)

@@ -13,6 +13,7 @@ from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.frequency import hertz
 from vctune.model.numbers.units import UNITS, Units
 from vctune.model.transparency import Terms
+from vctune.model.worlds import Worlds, WorldsMet
 
 Norm = Literal["rms", "peak"]
 Criterion = Literal["passive", "hands", "both"]
@@ -105,6 +106,7 @@ class Demands:
     passive : whether any passive hand is to be met on the band
     any_hand : whether any passive hand is to be met on an impedance display, at every frequency
     hands : the hands that are to be met at every frequency of the sampled loop; None for none
+    worlds : the environments that are to be met in them; None for every one that is passive as it runs
     """
 
     device: Device
@@ -114,6 +116,12 @@ class Demands:
     passive: bool = True
     any_hand: bool = False
     hands: Hands | None = None
+    worlds: Worlds | None = None
+
+    @property
+    def worlds_met(self) -> WorldsMet | None:
+        """The environments and the factor; None for every passive environment."""
+        return None if self.worlds is None else WorldsMet(self.worlds, self.factor)
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +151,8 @@ class Problem:
 
     See design/README.md, section 1; document/README.md, section 1.
 
-    The demands hold for the device alone, or with `uncertainty` for every device of a box around it.
+    The demands hold for the device alone, or with `uncertainty` for every device of a box around it; with every
+    environment that is passive as it runs, or with every one of `worlds`.
     """
 
     name: str
@@ -155,6 +164,7 @@ class Problem:
     uncertainty: Uncertainty | None = None
     experiments: tuple[Experiment, ...] = ()
     hands: Hands = HUMAN_HANDS
+    worlds: Worlds | None = None
 
     @property
     def units(self) -> Units:
@@ -180,8 +190,13 @@ class Problem:
         return None if self.stability.criterion == "passive" or self.any_hand else self.hands
 
     @property
+    def worlds_met(self) -> WorldsMet | None:
+        """The environments that are to be met in these hands; None for every one that is passive as it runs."""
+        return None if self.worlds is None else WorldsMet(self.worlds, self.stability.safety_factor)
+
+    @property
     def demands(self) -> Demands:
-        """The demands on a design, in the form that the proof takes."""
+        """What is to be proved of a design."""
         stability = self.stability
         return Demands(
             device=self.device.modelled,
@@ -191,6 +206,7 @@ class Problem:
             passive=self.passive,
             any_hand=self.any_hand,
             hands=self.hands_met,
+            worlds=self.worlds,
         )
 
     @property
@@ -240,4 +256,5 @@ class Problem:
             uncertainty=self.uncertainty and self.uncertainty.in_time(time),
             experiments=(),
             hands=self.hands.in_units(impedance, time),
+            worlds=self.worlds and self.worlds.in_units(impedance, time),
         )

@@ -123,6 +123,7 @@ PROVERS: dict[ClaimId, Prover] = {
     "unmodelled": _unmodelled,
     "any_hand": _any_hand,
     "hands": _hands,
+    "worlds": _hands,
 }
 """What proves each claim."""
 

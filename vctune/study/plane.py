@@ -101,6 +101,9 @@ def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
         found.append(
             Mistake("no-plane", "uncertainty", "a region is proved for one device; leave the table out of this problem")
         )
+    if problem.worlds is not None:
+        said = "a region is proved with every passive environment alone; leave the table out of this problem"
+        found.append(Mistake("no-plane", "environment", said))
     if x == y:
         found.append(Mistake("no-plane", x, "is both axes of the plane; choose another for x or y"))
     found += [

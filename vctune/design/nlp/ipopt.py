@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import exp, inf, log, pi
 from typing import Any
 
@@ -35,10 +35,13 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Problem
 from vctune.model.sampled.any_hand import any_hand
-from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand
+from vctune.model.sampled.hand_loop import AnyLoopInHand, LoopInHand, loop_in_hand, required_in_hand, seen_in_hand
 from vctune.model.sampled.impedance_display import Required, firmware_filter
+from vctune.model.sampled.loop_in_worlds import Disjuncts
+from vctune.model.sampled.loop_in_worlds import posed as posed_in
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.transparency import TERMS, log_quadrature
+from vctune.model.worlds import WorldsMet
 
 NEAR_SIDE = 1e-2
 """Distance at which a point counts as on a side of a box: where the error is flat IPOPT stays off by its
@@ -189,8 +192,11 @@ def _parameters(
         found = _pulse_transfer(working_set.unmodelled, position=position)
         numbers["unmodelled"] = found | {"log_radius": np.log(radius)}
     if working_set.in_hand:
-        factor = posed.problem.stability.safety_factor * exp(max(tightening, TIGHTENING_IN_HANDS))
-        numbers["in_hand"] = _in_hands(working_set.in_hand) | {"factor": np.full(len(working_set.in_hand), factor)}
+        spare, points = max(tightening, TIGHTENING_IN_HANDS), working_set.in_hand
+        factor = posed.problem.stability.safety_factor * exp(spare)
+        numbers["in_hand"] = _in_hands(points) | {"factor": np.full(len(points), factor)}
+        if (met := posed.problem.worlds_met) is not None:
+            numbers["in_hand"] |= _in_worlds(len(points), met, spare)
     if working_set.tracked_peaks:
         plants = [plant_numbers(plant_of(point.device)) for point in working_set.tracked_peaks]
         numbers["tracked_peaks"] = {name: np.array([plant[name] for plant in plants]).T for name in plants[0]}
@@ -255,9 +261,9 @@ def _in_hands(points: Sequence[ConstraintPoint]) -> dict[str, Any]:
 
 
 def _loop_in_hand(at: ConstraintPoint) -> dict[str, Any]:
-    assert at.hand is not None
     theta = min(at.omega, pi)
-    loop = loop_in_hand(plant_in_hand(at.device, at.hand, delays_of(at.device), FLOATS), theta, FLOATS)
+    loop = _loop_at(at, theta)
+    assert isinstance(loop, LoopInHand)
     parts = zip(loop._fields, loop, strict=True)
     sides = {f"{name}_{side}": float(getattr(part, side)) for name, part in parts for side in ("even", "odd")}
     return {"theta": theta, **sides}
@@ -275,7 +281,22 @@ def _force_in_hand(at: ConstraintPoint) -> dict[str, Any]:
 def _command_in_hand(at: ConstraintPoint) -> dict[str, Any]:
     theta = min(at.omega, pi)
     found = _required(at, Gains(0.0, 0.0), theta)
-    return {"theta": theta, "required": found.lost / found.size}
+    seen = seen_in_hand(_loop_at(at, theta), Gains(0.0, 0.0))
+    return {"theta": theta, "required": found.lost / found.size, "swing": seen.swing / seen.size}
+
+
+def _in_worlds(count: int, met: WorldsMet, spare: float) -> dict[str, Any]:
+    """Return the environments of some points by the names of `WORLDS_IN_HAND`; a limit that is infinite is 0."""
+    ends, names = {"low": met.worlds.low, "high": met.worlds.high}, posed_in(met.worlds, met.factor)
+    numbers = {f"environment_{end}_{name}": x for end, world in ends.items() for name, x in asdict(world).items()}
+    numbers = {name: x if x < inf else 0.0 for name, x in numbers.items()} | {"reserve": met.factor, "spare": spare}
+    numbers |= {f"by_{name}": 1.0 * (name in names) for name in Disjuncts._fields}
+    return {name: np.full(count, x) for name, x in numbers.items()}
+
+
+def _loop_at(at: ConstraintPoint, theta: Any) -> AnyLoopInHand:
+    assert at.hand is not None
+    return loop_in_hand(plant_in_hand(at.device, at.hand, delays_of(at.device), FLOATS), theta, FLOATS)
 
 
 _HELD: dict[DisplayName, Callable[[ConstraintPoint], dict[str, Any]]] = {

@@ -11,7 +11,7 @@ from contextlib import redirect_stdout
 from dataclasses import dataclass
 from functools import lru_cache
 from io import StringIO
-from math import inf, pi
+from math import inf, log, pi
 from typing import Any
 
 import casadi as ca
@@ -38,10 +38,12 @@ from vctune.model.loop.llewellyn import modulus_excess
 from vctune.model.loop.loop import loop_response
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import EvenOdd, Pair
-from vctune.model.sampled.hand_loop import LoopInHand, required_in_hand
+from vctune.model.sampled.hand_loop import LoopInHand, required_in_hand, seen_in_hand
 from vctune.model.sampled.impedance_display import offered_by_spring, spring_damper_admittance
+from vctune.model.sampled.loop_in_worlds import Seen, disjuncts, offered_at, room_of
 from vctune.model.sampled.velocity_loop import return_difference, sensitivity_abs2
 from vctune.model.transparency import PANEL_NODES, TERMS, loop_terms, squared_terms
+from vctune.model.worlds import World, Worlds
 
 OPTIONS: dict[str, Any] = {
     "print_time": False,
@@ -197,7 +199,7 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
             "stability": cut["open"] + gains.velocity * cut["velocity"] + gains.position * cut["position"],
             "peak": epigraph - ca.log(error2) / 2,
             "unmodelled": _room(perturbed_L) - perturbed["log_radius"],
-            "in_hand": _margin_in_hand(held, gains, coupling),
+            "in_hand": (_margin_in_worlds if structure.worlds else _margin_in_hand)(held, gains, coupling),
             "tracked_peaks": ca.vertcat(-log_peak, ca.gradient(log_peak, y)),
         },
     )
@@ -243,11 +245,44 @@ def _margin_in_hand(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling)
     return ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)
 
 
-def _required_of_loop(held: dict[str, ca.SX], gains: Gains) -> Number:
-    """Return R of a velocity loop in a hand."""
+UNPOSED = 1e3
+"""What is taken from a margin that can never be positive."""
+BLUNT = 1e-2
+"""What the greatest of several margins is rounded off with where two are alike, so that IPOPT moves from one to the
+other. At a frequency at which an optimum needs two of them the coupling is 0.7 of it greater than it must be. With a
+tenth of it exchanges do not converge, with three tenths they take twice as many rounds."""
+
+
+def _margin_in_worlds(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
+    """Return the greatest of the margins of which one must be positive, rounded off from below."""
+    low, high = (
+        World(*(held[f"environment_{end}_{name}"] for name in ("mass", "damping", "stiffness")))
+        for end in ("low", "high")
+    )
+    theta, factor = held["theta"], held["reserve"]
+    seen = Seen(held["required"], held["swing"], 1.0) if "required" in held else seen_in_hand(_loop(held), gains)
+    at = offered_at(series_coupling(coupling), 1.0, theta, SYMBOLS)
+    found = disjuncts(at, Worlds(low, high), 1.0, seen, factor, theta, SYMBOLS)
+    offered, wanted = at.resistance + factor * low.damping, held["factor"] * (seen.lost / seen.size)
+    margins = {"resistive": ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)}
+    for name in found._fields[1:]:
+        margins[name] = room_of(getattr(found, name), ca.fabs) - held["spare"]
+    posed = [margins[name] - UNPOSED * (1 - held[f"by_{name}"]) for name in margins]
+    greatest = ca.fmax(ca.fmax(posed[0], posed[1]), ca.fmax(posed[2], posed[3]))
+    others = sum(ca.exp((margin - greatest) / BLUNT) for margin in posed)
+    return greatest + BLUNT * (ca.log(others) - log(2))
+
+
+def _loop(held: dict[str, ca.SX]) -> LoopInHand:
+    """Return a velocity loop in a hand."""
     sine = ca.sin(held["theta"] / 2)
     parts = (EvenOdd(held[f"{part}_even"], held[f"{part}_odd"], sine * sine) for part in LoopInHand._fields)
-    required = required_in_hand(LoopInHand(*parts), gains)
+    return LoopInHand(*parts)
+
+
+def _required_of_loop(held: dict[str, ca.SX], gains: Gains) -> Number:
+    """Return R of a velocity loop in a hand."""
+    required = required_in_hand(_loop(held), gains)
     return required.lost / required.size
 
 

@@ -19,6 +19,7 @@ from vctune.model.loop.device_response import DeviceResponse, DriveResponse, Spr
 from vctune.model.loop.filters import FilterResponse
 from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.hand_loop import LoopInHand
+from vctune.model.sampled.loop_in_worlds import Disjuncts
 from vctune.model.sampled.velocity_loop import SampledPlant
 from vctune.model.transparency import PANEL_NODES, TERMS
 
@@ -39,15 +40,27 @@ FIRMWARE_FILTER: Layout = {"low_pass_re": 1, "low_pass_im": 1}
 """F, the firmware's low-passes, which the coupling of an impedance display meets."""
 FORCE_IN_HAND: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER, "lost": 2, "size": 3}
 """Of an impedance display, in one hand or in any: R/s^2 = (l_0 + l_1 K_v)/(q_0 + q_1 K_v + q_2 K_v^2)."""
-COMMAND_IN_HAND: Layout = {"theta": 1, "factor": 1, "required": 1}
-"""R of a servo in a hand, which no gain is in."""
+COMMAND_IN_HAND: Layout = {"theta": 1, "factor": 1, "required": 1, "swing": 1}
+"""R and -s Im Z_seen of a servo in a hand, which no gain is in."""
 IN_HAND: dict[DisplayName, Layout] = {
     "admittance": LOOP_IN_HAND,
     "impedance": FORCE_IN_HAND,
     "servo": COMMAND_IN_HAND,
 }
+WORLDS_IN_HAND: Layout = {
+    **{f"environment_{end}_{name}": 1 for end in ("low", "high") for name in ("mass", "damping", "stiffness")},
+    **{f"by_{name}": 1 for name in Disjuncts._fields},
+    "reserve": 1,
+    "spare": 1,
+}
+"""Beside the loop in a hand, the environments, the margins that may be positive, g and the tightening of a room."""
 STABILITY_CUT: Layout = {"open": 1, "velocity": 1, "position": 1}
 """The fields of `Cut`."""
+
+
+def in_hand_layout(structure: NlpStructure) -> Layout:
+    """Return the rows of a loop in a hand."""
+    return IN_HAND[structure.kind.name] | (WORLDS_IN_HAND if structure.worlds else {})
 
 
 def common_layout(structure: NlpStructure) -> Layout:
@@ -160,7 +173,7 @@ class Table:
 def tables(structure: NlpStructure) -> dict[str, Table]:
     """Return the parts of an NLP's parameters by name, in their order."""
     frequency = frequency_layout(structure)
-    kinds = (frequency, PULSE_TRANSFER, STABILITY_CUT, frequency, PERTURBED_LOOP, IN_HAND[structure.kind.name])
+    kinds = (frequency, PULSE_TRANSFER, STABILITY_CUT, frequency, PERTURBED_LOOP, in_hand_layout(structure))
     demands = {
         name: Table(layout, count) for name, layout, count in zip(DEMANDS, kinds, structure.capacities, strict=True)
     }

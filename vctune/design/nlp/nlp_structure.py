@@ -21,6 +21,9 @@ CAPACITY_STEPS = (12, 12, 4, 12, 12, 12)
 """Room for each kind of constraint comes in multiples of this, and open bounds switch off what is not used, so that a
 growing working set rarely needs another solver. Compiling one takes tens of milliseconds, an unused constraint some
 microseconds: half as many means more compiling, twice as many slower iterations; the answers are the same."""
+IN_WORLDS = 36
+"""The same of the loops in hands with a box of environments, which join by windows of frequencies. Half of it compiles
+twice, twice makes every iteration slower."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +34,7 @@ class NlpStructure:
     ----------
     kind : of the device
     rigid : whether b_c is infinite
+    worlds : whether the environments are those of a box
     free : (index among a design's numbers, whether it may be 0) for each variable
     integrator : whether the law has its K_p/s term
     terms : terms of the error with a positive weight
@@ -48,6 +52,7 @@ class NlpStructure:
 
     kind: Display
     rigid: bool
+    worlds: bool
     free: tuple[tuple[int, bool], ...]
     integrator: bool
     terms: tuple[TermName, ...]
@@ -94,14 +99,16 @@ def nlp_structure(
     """
     problem, weights = posed.problem, posed.problem.transparency.weights
     actuator, estimate = problem.device.actuator, problem.device.velocity or VelocityEstimate()
+    steps = CAPACITY_STEPS if problem.worlds is None else (*CAPACITY_STEPS[:-1], IN_WORLDS)
     ratio, sensitivity, stability, *others = (
-        -(-used // step) * step for used, step in zip(working_set.sizes(), CAPACITY_STEPS, strict=True)
+        -(-used // step) * step for used, step in zip(working_set.sizes(), steps, strict=True)
     )
     if sensitivity > 0:  # where |S| can bind the stability boundary is near
         stability = max(stability, CAPACITY_STEPS[DEMANDS.index("stability")])
     return NlpStructure(
         kind=problem.device.kind,
         rigid=problem.bounds.damping.min == inf,
+        worlds=problem.worlds is not None,
         free=tuple((coordinate.index, coordinate.scale > 0) for coordinate in free),
         integrator=integrator,
         terms=tuple(term for term in TERMS if getattr(weights, term) > 0),

@@ -25,7 +25,7 @@ from vctune.design.verdict.judge import Judgement, Status, judge_posed
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem, Range
 from vctune.model.transparency import Terms
-from vctune.proof.claims.registry import CLAIMS
+from vctune.proof.claims.registry import CLAIMS, IN_HANDS
 from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.running import OutOfTimeError, check_time, out_of_time, seconds_left, time_limit
 
@@ -298,16 +298,18 @@ def _start_at(polished: Polished) -> Start:
 
 def _new_hand(prepared: Prepared, judgement: Judgement, witnesses: WorkingSet, tightening: float) -> bool:
     """Add the worst hand near the one that a proof refused, if it asks for more than what was sharpened."""
-    problem, outcome = prepared.problem, judgement.certificate.outcomes.get("hands")
-    if outcome is None or problem.hands_met is None or outcome.hand is None or not outcome.witness:
-        return False
-    device = outcome.device or problem.device
-    law = judgement.gains, judgement.coupling
-    worst = least_ratio_near(device, problem.hands_met, *law, outcome.witness, outcome.hand)
-    missed = worst.ratio < problem.stability.safety_factor * (1 - tightening)
-    if missed:
-        _collect(witnesses.in_hand, replace(outcome, witness=worst.omega, hand=worst.hand), prepared)
-    return missed
+    problem, outcomes = prepared.problem, judgement.certificate.outcomes
+    found = False
+    for outcome in (outcomes[claim] for claim in IN_HANDS if claim in outcomes):
+        if problem.hands_met is None or outcome.hand is None or not outcome.witness:
+            continue
+        device = outcome.device or problem.device
+        law = judgement.gains, judgement.coupling
+        worst = least_ratio_near(device, problem.hands_met, *law, outcome.witness, outcome.hand, problem.worlds_met)
+        if worst.ratio < problem.stability.safety_factor * (1 - tightening):
+            _collect(witnesses.in_hand, replace(outcome, witness=worst.omega, hand=worst.hand), prepared)
+            found = True
+    return found
 
 
 def _undecided(judgement: Judgement) -> bool:

@@ -115,6 +115,8 @@ def samples_of(posed: Posed, *, integrator: bool) -> Samples:
         if problem.hands_met is not None and new:
             box = problem.hands_met
             hands = loops_in_hands(device, box, FEW, FEW_ANGLES), loops_at_rest(device, box, FEW_SPRINGS)
+            if problem.worlds is not None:
+                hands = (loops_in_hands(device, box, FEW[::2], FEW_ANGLES),)
         if problem.any_hand and new:
             hands = (*hands, loops_in_any_hand(device, FEW_ANGLES))
         known.add(device.modelled)

@@ -18,6 +18,7 @@ from vctune.model.gains import AnyCoupling, Coupling, SpringDamper
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 from vctune.model.sampled.impedance_display import firmware_filter, offered_by_spring, spring_damper_admittance
+from vctune.model.sampled.loop_in_worlds import offered_at
 
 SLACK = 1e-2
 """Share of T below which the time constant b_c/k_c hardly matters: the sampled spring by itself is as good as a damper
@@ -40,6 +41,21 @@ def unit_response(device: Device, omega: Floats, time_constant: Floats) -> tuple
         return np.asarray(unit.re), np.asarray(unit.im)
     x2 = (omega * time_constant) ** 2
     return x2 / (1 + x2), np.where(time_constant > 0, np.sqrt(x2) / (1 + x2), omega)
+
+
+def unit_at(device: Device, theta: Floats, time_constant: Floats) -> tuple[Floats, Floats]:
+    """Return Re Z_c and sin(theta/2) cos(theta/2) Im Z_c of the scale 1 as the firmware runs it, without drag.
+
+    Parameters
+    ----------
+    device : an admittance display or a servo
+    theta : omega T, rad
+    time_constant : s, of one shape or an array that broadcasts against the angles
+    """
+    rigid = bool(np.all(time_constant == 0))
+    unit = Coupling(inf, 1.0, 0.0) if rigid else Coupling(1.0, time_constant, 0.0)
+    at = offered_at(unit, device.sample_time, theta, FLOATS)
+    return np.asarray(at.resistance), np.asarray(np.sin(theta / 2) * at.reactance)
 
 
 def scale_per_resistance(device: Device, place: Floats, time_constant: Floats) -> Floats:

@@ -69,6 +69,8 @@ def _in_limp_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
     if hands.high.stiffness == 0 == bounds.position.max and bounds.velocity.max > 0:
         cause = f"{OPENINGS[False]}: with K_p = 0, in hands without stiffness, nothing returns the handle: a pole at 1"
         return Infeasibility(cause, "allow some gains.position, or raise operator.stiffness.max", proved=False)
+    if problem.worlds is not None:  # where it has a greatest mass it is below every resonance at omega = 0
+        return None
     if bounds.drag.max > 0 or bounds.velocity.max == 0 or hands.low.damping > 0 or hands.low.stiffness > 0:
         return None
     limp = hands.low.mass == 0 and hands.high.stiffness > 0

@@ -21,7 +21,7 @@ from vctune.analysis.demands import (
     weighted_square,
 )
 from vctune.analysis.extrema import Floats, Minima, local_minima
-from vctune.analysis.in_hands import least_ratios, ratio_at
+from vctune.analysis.in_hands import least_ratios, ratio_at, windows
 from vctune.design.prepared import Posed
 from vctune.design.search.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, constraint_points
 from vctune.design.search.worst import loudest, worst_inside
@@ -84,7 +84,7 @@ def violations(
     if posed.hand_cases:
         met = {case.device.modelled: case for case in (*loops, *posed.hand_cases)}
         parts += [_in_hands(case, gains, coupling, tightening) for case in met.values()]
-        parts.append(_at_points(refuted, posed.problem.stability.safety_factor, gains, coupling, tightening))
+        parts.append(_at_points(refuted, posed.problem, gains, coupling, tightening))
     parts += [_peaks(case, there, tightening) for case, there in zip(loops, peaks, strict=True)]
     if posed.problem.uncertainty is not None and posed.problem.uncertainty.unmodelled:
         known = posed.problem.uncertainty
@@ -124,17 +124,20 @@ def _ratios(problem: Problem, gains: Gains, coupling: AnyCoupling, tightening: f
 def _in_hands(problem: Problem, gains: Gains, coupling: AnyCoupling, tightening: float) -> Violations:
     """Find where the ratio fails in the hands of a problem."""
     worst = least_ratios(problem, gains, coupling)
+    if problem.worlds_met is not None:
+        worst = [*worst, *windows(problem, gains, coupling, worst)]
     points = [ConstraintPoint(each.omega, problem.device, each.hand) for each in worst]
     return _short(points, [each.ratio for each in worst], problem.stability.safety_factor, tightening)
 
 
 def _at_points(
-    points: Sequence[ConstraintPoint], factor: float, gains: Gains, coupling: AnyCoupling, tightening: float
+    points: Sequence[ConstraintPoint], problem: Problem, gains: Gains, coupling: AnyCoupling, tightening: float
 ) -> Violations:
     """Find at which points, those in a hand, the ratio fails."""
     held = [point for point in points if point.hand is not None]
-    ratios = [ratio_at(point.device, gains, coupling, point.omega, point.hand) for point in held if point.hand]
-    return _short(held, ratios, factor, tightening)
+    met = problem.worlds_met
+    ratios = [ratio_at(point.device, gains, coupling, point.omega, point.hand, met) for point in held if point.hand]
+    return _short(held, ratios, problem.stability.safety_factor, tightening)
 
 
 def _short(points: Sequence[ConstraintPoint], ratios: Sequence[float], factor: float, tightening: float) -> Violations:

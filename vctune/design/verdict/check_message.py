@@ -69,7 +69,9 @@ def _proved(judgement: Judgement) -> str:
     low, high = (edge / (2 * pi) for edge in demands.band)
     where = [f"from {low:.6g} to {high:.6g} Hz"] if demands.passive else []
     where += ["in any passive hand up to Nyquist"] if demands.any_hand else []
-    where += [f"in every hand of {demands.hands.in_words(units)} up to Nyquist"] if demands.hands is not None else []
+    if demands.hands is not None:
+        worlds = f" with every environment of {demands.worlds.in_words(units)}" if demands.worlds else ""
+        where += [f"in every hand of {demands.hands.in_words(units)}{worlds} up to Nyquist"]
     limits = [f"safety factor {demands.factor:g}"]
     limits += [f"|S| at most {demands.max_sensitivity:g}"] if judgement.kind.own_loop else []
     return f"proved, {judgement.ratio_name} {judgement.min_ratio:.6g} {' and '.join(where)}, {', '.join(limits)}"

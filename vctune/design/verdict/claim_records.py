@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
-from vctune.analysis.destabilising import GrowingEnvironment, destabilising
+from vctune.analysis.destabilising import GrowingEnvironment, destabilising, growing_in_worlds
 from vctune.analysis.lossless_hand import growing_in_any_hand
 from vctune.design.verdict.judge import Judgement
 from vctune.design.verdict.uncertainty_record import device_record
@@ -59,7 +59,12 @@ def _environment(problem: Problem, judgement: Judgement, outcome: Outcome) -> di
         places.append((outcome.hand, outcome.witness))
     if outcome.device is None and held is not None:
         places.append((held.hand, held.omega))
-    tried = ((hand, destabilising(device, judgement.gains, judgement.coupling, hand, at)) for hand, at in places)
+    law = judgement.gains, judgement.coupling
+    if problem.worlds is not None:
+        worlds = problem.worlds
+        tried = [(hand, growing_in_worlds(device, *law, hand, at, worlds)) for hand, at in places]
+    else:
+        tried = [(hand, destabilising(device, *law, hand, at)) for hand, at in places]
     growing = [(hand, found) for hand, found in tried if found is not None]
     if not growing:
         return {}
@@ -84,6 +89,7 @@ def _environment_of_any_hand(problem: Problem, judgement: Judgement, outcome: Ou
 
 GROWING: dict[ClaimId, Callable[[Problem, Judgement, Outcome], dict[str, EnvironmentRecord]]] = {
     "hands": _environment,
+    "worlds": _environment,
     "any_hand": _environment_of_any_hand,
 }
 """Finds what a design grows with where the claim is refuted."""
@@ -98,5 +104,6 @@ def _environment_record(device: Device, hand: HandRecord, found: GrowingEnvironm
         damping=found.damping,
         hz=hertz(found.omega),
         growth_per_s=found.growth,
+        **({"stiffness": found.stiffness} if found.stiffness else {}),
     )
     return {"environment": record}

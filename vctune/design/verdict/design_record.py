@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vctune.analysis.binding import binding_world
 from vctune.analysis.demands import rollett_factor_at
 from vctune.analysis.margins import loop_margins, unstable_poles
 from vctune.design.result import Alternative, Repair, Solved
@@ -35,6 +36,7 @@ from vctune.document.records.certificate_json import (
     NyquistRecord,
     WholeSampleRecord,
     WithoutOperatorRecord,
+    WorldRecord,
 )
 from vctune.document.records.contact_json import ContactRecord
 from vctune.document.records.design_json import (
@@ -59,7 +61,7 @@ from vctune.model.display import ADMITTANCE
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.frequency import finite_hertz
 from vctune.model.problem import Problem
-from vctune.proof.claims.registry import claims_about
+from vctune.proof.claims.registry import IN_HANDS, claims_about
 from vctune.proof.claims.sampled_poles import spectral_radius
 from vctune.proof.claims.whole_samples import delay_in_samples
 from vctune.proof.engine.interval import Verdict, worst_verdict
@@ -291,8 +293,17 @@ def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
     held, hands = judgement.in_hand, problem.hands_met
     if held is None or hands is None:
         return {}
-    outcome = judgement.certificate.outcomes["hands"]
-    low, high = asdict(hands.low), asdict(hands.high)
+    outcomes = judgement.certificate.outcomes
+    outcome = next(outcomes[claim] for claim in IN_HANDS if claim in outcomes)
+    low, high, also = asdict(hands.low), asdict(hands.high), dict[str, Any]()
+    if problem.worlds is not None:
+        ends = asdict(problem.worlds.low), asdict(problem.worlds.high)
+        also["worlds"] = {name: [ends[0][name], ends[1][name]] for name in ends[0]}
+    device = judgement.tightest if held.ratio == judgement.min_ratio else problem.device
+    law, factor = (judgement.gains, judgement.coupling), problem.stability.safety_factor
+    world = binding_world(device, *law, held.hand, held.omega, factor, problem.worlds)
+    if world is not None:
+        also["worst_world"] = WorldRecord(mass=world.mass, stiffness=world.stiffness)
     return {
         "hands": HandsRecord(
             verdict=outcome.verdict.value,
@@ -301,6 +312,7 @@ def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
             worst_hz=finite_hertz(held.omega),
             worst_hand=HandRecord(**asdict(held.hand)),
             boxes=outcome.boxes,
+            **also,
             **_display(problem),
         )
     }

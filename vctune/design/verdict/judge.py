@@ -253,8 +253,8 @@ class _InHands(NamedTuple):
 
 
 def _in_hands(demands: Demands, device: Device, gains: Gains, coupling: AnyCoupling) -> _InHands:
-    hands = demands.hands
-    held = least_ratios_in_hands(device, hands, gains, coupling)[0] if hands is not None else None
+    hands, met = demands.hands, demands.worlds_met
+    held = least_ratios_in_hands(device, hands, gains, coupling, met)[0] if hands is not None else None
     return _InHands(device, held, least_ratios_in_any_hand(device, gains, coupling)[0] if demands.any_hand else None)
 
 

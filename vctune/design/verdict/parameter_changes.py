@@ -72,7 +72,7 @@ class ParameterChange:
     @property
     def eases(self) -> bool:
         """Whether more of it asks for less or leaves more to choose: fewer hands, a narrower band, wider bounds."""
-        if self.path[0] == "operator":
+        if self.path[0] in ("operator", "environment"):
             return self.path[-1] != "max" or self.limit < self.old
         return self.path[0] == "stability" or self.path[-1] in ("min", "max") or self.key in ONLY_UPWARDS
 
@@ -186,7 +186,7 @@ def changes_of_demands(document: dict[str, Any], problem: Problem) -> list[Param
     problem : that it states
     """
     band = _of_band(document, problem) if problem.passive else ()
-    return [*band, *_of_demands(problem), *_of_gains(document, problem)]
+    return [*band, *_of_worlds(problem), *_of_demands(problem), *_of_gains(document, problem)]
 
 
 def _of_device(problem: Problem) -> Iterator[ParameterChange]:
@@ -242,6 +242,27 @@ def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
         if least < most:
             lowest = max(least, SOFTEST * most)
             yield ParameterChange(("operator", name, "max"), lighter, most, lowest, 1.0, least)
+
+
+def _of_worlds(problem: Problem) -> Iterator[ParameterChange]:
+    """Yield fewer environments: heavier and lighter ones, softer and stiffer ones, more damped ones."""
+    worlds = problem.worlds
+    if worlds is None:
+        return
+    low, high, loop = worlds.low, worlds.high, problem.device.mass / problem.device.loop_lag
+    path: KeyPath = ("environment", "damping", "min")
+    more = "more damping in every environment"
+    yield ParameterChange(path, more, low.damping, max(100 * low.damping, loop), loop)
+    tau = problem.device.loop_lag
+    for name, least, most, scale, words in (
+        ("mass", low.mass, high.mass, loop * tau, ("lighter", "heavier")),
+        ("stiffness", low.stiffness, high.stiffness, loop / tau, ("softer", "stiffer")),
+    ):
+        if least < most:
+            lowest, highest = max(least, SOFTEST * (most if most < inf else scale)), min(most, FURTHEST * scale)
+            yield ParameterChange(("environment", name, "max"), f"{words[0]} environments", most, lowest, scale, least)
+            path = ("environment", name, "min")
+            yield ParameterChange(path, f"{words[1]} environments", least, highest, scale, most)
 
 
 def _of_band(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import radians
+from math import inf, radians
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import ConfigDict, Field, model_validator
@@ -12,9 +12,13 @@ from vctune.document.records.part import DisplayPart, Number, Pair, Part, Row, S
 from vctune.model.device import Unmodelled
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.units import Units
+from vctune.model.worlds import World, Worlds
 from vctune.proof.claims.registry import ClaimId
 
 ENVIRONMENTS = "with every environment that is passive as the firmware runs it"
+
+GRAMS = 0.1
+"""Mass below which a tool is weighed in grams, kg."""
 
 Proof = Literal["proved", "refuted", "undecided"]
 
@@ -80,11 +84,14 @@ class EnvironmentRecord(Part):
     damping: float
     hz: float
     growth_per_s: float
+    stiffness: float = 0.0
 
     def in_words(self, units: Units) -> str:
         """Return what it is and how the design grows with it."""
         kind = units.translated(f"a {self.kind}") if self.damping else f"a lossless {units.translated(self.kind)}"
         rendered = f"{kind} of {text(self.value)} {self.unit}" if self.value else "nothing rendered"
+        if self.stiffness:
+            rendered += f" on a spring of {text(self.stiffness)} {units.stiffness}"
         if self.damping:
             rendered += f" and a damper of {text(self.damping)} {units.damping}"
         return f"{text(self.hz, 6)} Hz with {rendered}, e-fold in {text(1 / self.growth_per_s, 3)} s"
@@ -163,6 +170,32 @@ class WithoutOperatorRecord(Part):
     worst_hz: Number
 
 
+class WorldRecord(Part):
+    """The virtual environment that a design has least to spare with."""
+
+    mass: float
+    stiffness: float
+
+    def row(self, hz: Number, units: Units) -> Row:
+        """Return what is shown of it.
+
+        Parameters
+        ----------
+        hz : where it binds; None to leave that out
+        units : of its numbers
+        """
+        place = "" if hz is None else f" at {text(hz)} Hz"
+        small = units.mass == "kg" and self.mass < GRAMS
+        mass, unit = (1e3 * self.mass, "g") if small else (self.mass, units.mass)
+        if self.mass and self.stiffness:
+            return Row("binding world", text(mass, 4), f"{unit} on {text(self.stiffness, 4)} {units.stiffness}{place}")
+        if self.mass:
+            return Row("binding world", text(mass, 4), f"{unit} tool{place}")
+        if self.stiffness:
+            return Row("binding world", text(self.stiffness, 4), f"{units.stiffness} spring{place}")
+        return Row("binding world", "none", f"nothing rendered{place}")
+
+
 class HandsRecord(DisplayPart):
     """What is proved of every hand of a box, in the sampled loop at every frequency."""
 
@@ -172,6 +205,22 @@ class HandsRecord(DisplayPart):
     worst_hz: Number
     worst_hand: HandRecord
     boxes: int
+    worlds: dict[str, Pair] | None = None
+    worst_world: WorldRecord | None = None
+
+    def rows(self, units: Units) -> Iterator[Row]:
+        """Yield what is shown of it, and which environment binds."""
+        yield from super().rows(units)
+        if self.worst_world is not None:
+            yield self.worst_world.row(self.worst_hz, units)
+
+    def environments(self, units: Units) -> str:
+        """Return which environments are met, in words."""
+        if self.worlds is None:
+            return ENVIRONMENTS
+        ends = {name: [inf if end is None else end for end in pair] for name, pair in self.worlds.items()}
+        box = Worlds(*(World(**{name: pair[k] for name, pair in ends.items()}) for k in (0, 1)))
+        return f"with every environment of {box.in_words(units)}"
 
     @property
     def within(self) -> Hands:
@@ -180,7 +229,7 @@ class HandsRecord(DisplayPart):
 
     def promise(self, units: Units) -> str:
         """Return what is proved if it is, in words."""
-        return f"in every hand of {self.within.in_words(units)}, {ENVIRONMENTS}, at every frequency"
+        return f"in every hand of {self.within.in_words(units)}, {self.environments(units)}, at every frequency"
 
 
 class AnyHandRecord(DisplayPart):

@@ -16,6 +16,7 @@ from vctune.document.text.raw import number_at
 from vctune.model.device import PARTS
 from vctune.model.hands import HAND
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS
+from vctune.model.worlds import WORLD
 
 MAX_DECADES = 12
 
@@ -27,6 +28,7 @@ def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
         *_impossible_bands(raw),
         *_impossible_numbers(raw),
         *_impossible_criterion(raw),
+        *_unproved_worlds(raw),
         *impossible_display(raw),
         *impossible_experiments(raw),
         *missing_of_rotary(raw),
@@ -44,7 +46,7 @@ def _several_axes(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _empty_ranges(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    for key in (*KEYS, *SPRING_KEYS[3:], *HAND):
+    for key in (*KEYS, *SPRING_KEYS[3:], *HAND, *WORLD):
         path = tuple(key.split("."))
         low, high = number_at(raw, *path, "min"), number_at(raw, *path, "max")
         if low is not None and high is not None and low > high:
@@ -82,6 +84,22 @@ def _impossible_criterion(raw: dict[str, Any]) -> Iterator[Contradiction]:
             ("uncertainty", "unmodelled"),
             'is not proved in hands; leave it out, or ask for stability.criterion = "both" or "passive"',
         )
+
+
+def _unproved_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    """Return what is not proved together with a box of environments."""
+    if not isinstance(raw.get("environment"), dict):
+        return
+    stability, uncertainty = raw.get("stability"), raw.get("uncertainty")
+    criterion = stability.get("criterion") if isinstance(stability, dict) else None
+    if criterion in ("passive", "both"):
+        yield (
+            ("stability", "criterion"),
+            f'"{criterion}" allows any passive hand with every passive environment, while [environment] states which '
+            'there are; write "hands", or leave out the criterion or [environment]',
+        )
+    if isinstance(uncertainty, dict) and uncertainty.get("unmodelled"):
+        yield ("uncertainty", "unmodelled"), "is not proved with [environment]; leave one of them out"
 
 
 def _is_infinite(raw: dict[str, Any], table: str, edge: int) -> bool:

@@ -24,6 +24,7 @@ from vctune.document.schema.problem_schema import (
     StabilityTable,
     TransparencyTable,
     UncertaintyTable,
+    WorldsTable,
 )
 from vctune.model.device import Actuator, Device, ForceSensor, Servo, Structure, VelocityEstimate
 from vctune.model.display import DISPLAYS
@@ -45,6 +46,7 @@ from vctune.model.problem import (
     Uncertainty,
 )
 from vctune.model.transparency import Terms
+from vctune.model.worlds import EVERY_WORLD, World, Worlds
 
 
 def resolve(document: ProblemDocument, default_name: str, yardstick: Transparency | None = None) -> Problem:
@@ -63,7 +65,8 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Transparenc
     if device.servo is not None:
         radii = tuple(document.uncertainty.unmodelled)
         device = replace(device, servo=replace(device.servo, radii=radii))
-    criterion = document.stability.criterion if device.kind.own_loop else "hands"
+    chosen = device.kind.own_loop and document.environment is None
+    criterion = document.stability.criterion if chosen else "hands"
     device = replace(device, operator=operator if criterion != "hands" else None)
     late = lags(device, FLOATS)
     lag = float(late.drive + late.estimate)
@@ -84,6 +87,7 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Transparenc
         uncertainty=_uncertainty(document.uncertainty, device),
         experiments=tuple(_experiment(table, device) for table in document.experiment),
         hands=hands,
+        worlds=_worlds(document.environment),
     )
 
 
@@ -151,6 +155,16 @@ def _hands(table: OperatorTable, system: UnitSystem) -> Hands:
         for value, high in zip(each, most, strict=True)
     ]
     return Hands(Hand(*(range_.min for range_ in ranges)), Hand(*(range_.max for range_ in ranges)))
+
+
+def _worlds(table: WorldsTable | None) -> Worlds | None:
+    """Return the environments of a table; None where it excludes none that is passive."""
+    if table is None:
+        return None
+    low = World(table.mass.min, table.damping.min, table.stiffness.min)
+    most = [inf if each.max is None else each.max for each in (table.mass, table.stiffness)]
+    found = Worlds(low, World(most[0], inf, most[1]))
+    return None if found == EVERY_WORLD else found
 
 
 def _asked(hands: Hands, latency: float) -> float:

@@ -15,6 +15,7 @@ OF_ADMITTANCE: dict[tuple[str, ...], str] = {
     ("coupling", "mass"): "its coupling is coupling.damping beside coupling.stiffness",
     ("coupling", "drag"): "its coupling is coupling.damping beside coupling.stiffness",
     ("stability", "band_hz"): "its demands are proved at every frequency up to the Nyquist frequency",
+    ("environment",): "its demands are proved of every passive environment alone, not of a box of them",
     ("uncertainty", "unmodelled"): "its demands are not proved of a response that is not known",
 }
 """What an impedance display has not got."""

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from vctune.document.text.codes import Note
 from vctune.document.text.output_files import RESERVED, folder_name
+from vctune.model.experiment import Environment
 from vctune.model.problem import Problem
 
 SLOWEST = 0.1
@@ -34,9 +35,32 @@ def doubts(problem: Problem) -> Iterator[Note]:
         unit = problem.units.stiffness
         said = f"operator.stiffness.max is {stiffness:g} {unit}; is it in {unit}? A firm grip has {FIRM:g} N/m"
         yield Note("warn-stiffness", said)
+    for experiment in problem.experiments:
+        if outside := _outside(experiment.environment, problem):
+            said = f"experiment {experiment.name!r} renders {outside}, which is not in [environment]: of what it shows"
+            yield Note("warn-environment", f"{said} nothing is proved")
     if RESERVED.match(name.strip().lstrip(".")):
         said = f"name {name!r} is that of a device on Windows; the folder is {folder_name(name)}: better choose another"
         yield Note("warn-name", said)
+
+
+def _outside(environment: Environment, problem: Problem) -> str:
+    """Return what of an environment is not in the box of a problem, in words; "" if all of it is.
+
+    A spring by backward Euler is one by the trapezoidal rule with a damper beside it, a mass is not.
+    """
+    worlds, units = problem.worlds, problem.units
+    if worlds is None:
+        return ""
+    if environment.wall:
+        return "a wall that comes and goes"
+    if environment.mass > 0 and environment.rule == "backward":
+        return "a mass by backward Euler"
+    for name, unit in (("mass", units.mass), ("damping", units.damping), ("stiffness", units.stiffness)):
+        value = getattr(environment, name)
+        if not getattr(worlds.low, name) <= value <= getattr(worlds.high, name):
+            return f"a {name} of {value:g} {unit}"
+    return ""
 
 
 def in_finer_unit(value: float, most: float) -> tuple[str, float]:

@@ -188,6 +188,38 @@ class OperatorTable(Table):
     stiffness: Variable = Field(0.0, description="K, N/m. Default { min = 0, max = 3000 }.")
 
 
+class WorldMassTable(Table):
+    """Their mass, kg."""
+
+    min: NotNegative = Field(0.0, description="The least.")
+    max: NotNegativeOrInf | None = Field(None, description="The greatest. Default inf, no limit.")
+
+
+class WorldDampingTable(Table):
+    """Their damping, N s/m, which has no upper limit."""
+
+    min: NotNegative = Field(0.0, description="The least.")
+
+
+class WorldStiffnessTable(Table):
+    """Their stiffness, N/m."""
+
+    min: NotNegative = Field(0.0, description="The least.")
+    max: NotNegativeOrInf | None = Field(None, description="The greatest. Default inf, no limit.")
+
+
+class WorldsTable(Table):
+    """The environments that are rendered, mass s + damping + stiffness/s by the trapezoidal rule.
+
+    Every one of the box is met in every hand of [operator]. Without this table it is every environment that is passive
+    as it runs, tools of a gram and walls of any stiffness among them.
+    """
+
+    mass: WorldMassTable = Field(default_factory=WorldMassTable)
+    damping: WorldDampingTable = Field(default_factory=WorldDampingTable)
+    stiffness: WorldStiffnessTable = Field(default_factory=WorldStiffnessTable)
+
+
 class GainsTable(Table):
     """The velocity loop's law K_v + K_p/s. A number fixes a gain, { min, max } frees it."""
 
@@ -264,7 +296,8 @@ class StabilityTable(Table):
     criterion: Literal["passive", "hands", "both"] = Field(
         "both",
         description='"passive": any passive hand, on band_hz. "hands": every hand of [operator] with every passive '
-        "environment, in the sampled loop at every frequency.",
+        'environment, or every one of [environment], in the sampled loop at every frequency. Default "hands" of a '
+        "servo and with [environment].",
     )
 
 
@@ -331,6 +364,9 @@ class ProblemDocument(Table):
     description: Text = Field("", description="Free text for the reader.")
     device: AnyDeviceTable
     operator: OperatorTable | None = Field(None, description="Default: a human hand, from none to a firm grip.")
+    environment: WorldsTable | None = Field(
+        None, description="Default: every environment that is passive as the firmware runs it."
+    )
     gains: GainsTable = Field(default_factory=GainsTable)
     coupling: CouplingTable = Field(default_factory=CouplingTable)
     transparency: TransparencyTable = Field(default_factory=TransparencyTable)

@@ -12,6 +12,7 @@ from vctune.model.display import ADMITTANCE
 from vctune.model.experiment import Experiment
 from vctune.model.numbers.frequency import hertz
 from vctune.model.problem import Band, Bounds, Problem, Range
+from vctune.model.worlds import Worlds
 
 SERVO_KEYS = ("units", "sample_time", "servo", "force_sensor")
 """Keys of the table of a device that is a servo."""
@@ -34,6 +35,7 @@ def statement(problem: Problem) -> dict[str, Any]:
         "description": problem.description,
         "device": device,
         **({"operator": operator} if operator else {}),
+        **({"environment": _worlds(problem.worlds)} if problem.worlds else {}),
         **_bounds(problem.bounds, problem.device.kind.stated),
         "transparency": {
             "band_hz": _hz(transparency.band),
@@ -86,6 +88,15 @@ def table_of(value: Any) -> dict[str, Any]:
     elif isinstance(value, ForceSensor) and "bandwidth_hz" not in table:
         del table["order"]
     return table
+
+
+def _worlds(worlds: Worlds) -> dict[str, Any]:
+    low, high = worlds.low, worlds.high
+    return {
+        "mass": {"min": low.mass, "max": high.mass},
+        "damping": {"min": low.damping},
+        "stiffness": {"min": low.stiffness, "max": high.stiffness},
+    }
 
 
 def _bounds(bounds: Bounds, keys: Sequence[str]) -> dict[str, Any]:

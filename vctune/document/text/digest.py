@@ -27,6 +27,8 @@ def problem_digest(problem: Problem) -> str:
         del stated["device"]["display"], stated["bounds"]["stiffness"]
     if problem.device.units == "linear":
         del stated["device"]["units"]
+    if problem.worlds is None:
+        del stated["worlds"]
     if problem.hands_met is None:
         del stated["hands"], stated["stability"]["criterion"]
     return digest(stated)

@@ -21,9 +21,10 @@ from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import Vector, nothing
-from vctune.model.numbers.pair import EvenOdd, Pair, re_conj_product
+from vctune.model.numbers.pair import EvenOdd, Pair, im_conj_product, re_conj_product
 from vctune.model.sampled.circle import Circle, OfParts, circle
 from vctune.model.sampled.impedance_display import ForceInHand, Offered, Required, firmware_filter, offered_by_spring
+from vctune.model.sampled.loop_in_worlds import Seen
 from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand, ServoInHand, equations, numerators
 from vctune.model.sampled.servo_in_hand import blur_of, seen_of_servo
 
@@ -121,10 +122,10 @@ def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLo
     )
 
 
-def required_in_limp_hand(
-    plant: PlantInHand, velocity: Number, theta: Number, share: Number, ops: Arithmetic
-) -> Required:
-    """Return both numbers of `required_in_hand` divided by rho^2, for K_p = 0 and a hand with little stiffness.
+def seen_in_limp_hand(plant: PlantInHand, velocity: Number, theta: Number, share: Number, ops: Arithmetic) -> Seen:
+    """Return what `seen_in_hand` does over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
+
+    Its swing is over s besides.
 
     Next to theta = 0 and K = 0, F and the sensed force both vanish with rho, defined by 2 s = (1 - share) rho and
     K T^2/m = share rho. The function puts rho x_1 in the place of the position x_1. This divides the position's column
@@ -159,7 +160,7 @@ def required_in_limp_hand(
     moved = Pair(turned * at.sin, turned * at.cos)  # d/rho
     open_loop, speed, _, felt = _answers(plant, at, number, states, moved, 0 if nothing(plant.felt[0]) else share)
     F = open_loop + speed.scaled(velocity * plant.sample_time / plant.mass)
-    return Required(-(velocity * re_conj_product(felt, F)), F.abs2())
+    return Seen(-(velocity * re_conj_product(felt, F)), -(velocity * im_conj_product(felt, F)), F.abs2())
 
 
 def _answers(
@@ -246,6 +247,21 @@ def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
         return Required(loop.blur - 0.5 * loop.seen.odd, loop.size)
     F, P = loop.closed(gains), loop.numerator(gains)
     return Required(-0.5 * (P.odd * F.even - P.even * F.odd), F.abs2())
+
+
+def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> Seen:
+    """Return Z_seen in a hand.
+
+    Parameters
+    ----------
+    loop : of an admittance display or a servo, at one or several angles
+    gains : in its numbers
+    """
+    required = required_in_hand(loop, gains)
+    if isinstance(loop, CommandInHand):
+        return Seen(required.lost, 0.5 * loop.seen.even, loop.size)
+    F, P = loop.closed(gains), loop.numerator(gains)
+    return Seen(required.lost, 0.5 * (P.even * F.even + F.square * (P.odd * F.odd)), required.size)
 
 
 def offered(coupling: AnyCoupling, device: Device, theta: Number, ops: Arithmetic) -> Number:

@@ -24,6 +24,7 @@ from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand, room
 from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.let_go import Plant, has_sharp_form, plant_let_go, return_difference
+from vctune.model.sampled.loop_in_worlds import posed, sum_of
 from vctune.model.sampled.plant_in_hand import (
     AnyPlantInHand,
     Delays,
@@ -33,6 +34,7 @@ from vctune.model.sampled.plant_in_hand import (
     plant_in_hand,
 )
 from vctune.model.sampled.velocity_loop import sampled_plant, split_delay
+from vctune.model.worlds import WorldsMet
 from vctune.proof.claims.margins_of_claims import (
     Design,
     LoopDelay,
@@ -45,8 +47,10 @@ from vctune.proof.claims.margins_of_claims import (
     hand_margin,
     high_margin,
     limp_hand_margin,
+    limp_margins_in_worlds,
     loop_gain_margin,
     low_margin,
+    margins_in_worlds,
     model_curve,
     resistance_margin,
     sensitivity_margin,
@@ -56,7 +60,7 @@ from vctune.proof.claims.margins_of_claims import (
 from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, device_ball, enclosure_of
 from vctune.proof.enclosures.array_intervals import Enclosure, decimal
 from vctune.proof.enclosures.jets import ENCLOSURES as OPS
-from vctune.proof.engine.box_tests import Curve, Margin
+from vctune.proof.engine.box_tests import Curve, Margin, Margins
 from vctune.proof.engine.boxes import WHOLE_SAMPLES, Values, coupling_of, gains_of
 from vctune.proof.engine.sharing import shared
 
@@ -82,7 +86,7 @@ class Claims:
     conditions_near_infinity : `conditions` at omega = 1/v, of v; hold "lag" without delay
     clamped : must be positive too, both of them, where the response is within a disc and `conditions` at its edge
     resistance : the loop's, which must be positive too, whatever the coupling, N s/m
-    in_hand : must be positive in every hand, of theta
+    in_hand : one of these must be positive in every hand, of theta
     above_bound : proves as much, of theta, `OFFSET` and `SLOPE`, for the gains that these are of
     any_hand : both must be positive for any passive hand on an impedance display, of theta
     required_in_hands : the least admissible Re Z_c in a hand, of theta, N s/m; nothing is known of it where F may be 0
@@ -103,7 +107,7 @@ class Claims:
     sensitivity: Margin
     unmodelled: Margin
     resistance: Margin
-    in_hand: Margin
+    in_hand: Margins
     above_bound: Margin
     any_hand: tuple[Margin, Margin]
     required_in_hands: Margin
@@ -175,7 +179,7 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
         ),
         resistance=lambda omega, v: resistance_margin(design(v), omega, OPS),
         above_bound=_above_bound(demands),
-        in_hand=hands_margin(demands, uncertain, delays_of(demands.device)),
+        in_hand=hands_margins(demands, uncertain, delays_of(demands.device)),
         any_hand=any_hand_margins(demands, uncertain, delays_of(demands.device)),
         required_in_hands=required_in_hands,
         poles_in_hand=lambda theta, v: hand_curve(in_hand(v), gains_of(v), theta, OPS),
@@ -192,14 +196,14 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
     )
 
 
-def hands_margin(demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS) -> Margin:
-    """Return the margin that must be positive in every hand, |F|^2 (Re Z_c - factor R).
+def hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS) -> Margins:
+    """Return the margins of which one must be positive in every hand, of theta and of values with those of `HAND`.
 
     Parameters
     ----------
-    demands : device and factor
-    uncertain : keys of the device's numbers that the margin takes from its values
-    delays : whole samples of the delays, the same for all devices
+    demands : what is to be met
+    uncertain : numbers of the device that the margins take from among their values
+    delays : whole samples, the same for all of them
     ops : arithmetic of theta and the values
 
     Returns
@@ -209,7 +213,20 @@ def hands_margin(demands: Demands, uncertain: tuple[str, ...], delays: Delays, o
     """
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
-    return lambda theta, v: hand_margin(in_hand(v), Design(device(v), gains_of(v), coupling_of(v)), theta, factor, ops)
+
+    def design(v: Values) -> Design:
+        return Design(device(v), gains_of(v), coupling_of(v))
+
+    if demands.worlds is None:
+        return lambda theta, v: (hand_margin(in_hand(v), design(v), theta, factor, ops),)
+    met = WorldsMet(demands.worlds.converted(decimal), factor)
+    names = posed(demands.worlds, demands.factor)
+
+    def margins(theta: Number, v: Values) -> tuple[Number, ...]:
+        found = margins_in_worlds(in_hand(v), design(v), theta, met, ops)
+        return tuple(sum_of(getattr(found, name)) for name in names)
+
+    return margins
 
 
 def bounded_in_hands(device: Device, ops: ArrayArithmetic = OPS) -> Margin:
@@ -262,29 +279,35 @@ def _above_bound(demands: Demands) -> Margin:
     return margin
 
 
-def limp_hands_margin(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> Margin:
-    """Return `hands_margin` over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
+def limp_hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> tuple[Margin, ...]:
+    """Return what the margins of `hands_margins` are for K_p = 0 next to theta = 0 and a hand without stiffness.
+
+    They are of theta and of values with those of `HAND` and with `SHARE`, each between 0 and 1. What decides nothing
+    there is left out.
 
     Parameters
     ----------
-    demands : device and factor
-    uncertain : keys of the device's numbers that the margin takes from its values
-    delays : whole samples of the delays, the same for all devices
-
-    Returns
-    -------
-    Margin
-        Function of theta, rad, and of values by name, among them `HAND` and `SHARE`, which lies between 0 and 1.
+    demands : what is to be met
+    uncertain : numbers of the device that the margins take from among their values
+    delays : whole samples, the same for all of them
     """
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
 
-    def margin(theta: Number, v: Values) -> Number:
+    def at(v: Values) -> tuple[PlantInHand, Design]:
         plant, design = in_hand(v), Design(device(v), gains_of(v), coupling_of(v))
         assert isinstance(plant, PlantInHand)  # only a velocity loop has K_p
-        return limp_hand_margin(plant, design, theta, v[SHARE], factor, OPS)
+        return plant, design
 
-    return margin
+    if demands.worlds is None:
+        return (lambda theta, v: limp_hand_margin(*at(v), theta, v[SHARE], factor, OPS),)
+    met = WorldsMet(demands.worlds.converted(decimal), factor)
+
+    def margin(name: str, theta: Number, v: Values) -> Number:
+        return sum_of(getattr(limp_margins_in_worlds(*at(v), theta, v[SHARE], met, OPS), name))
+
+    names = posed(demands.worlds, demands.factor)
+    return tuple(partial(margin, name) for name in names if name in ("resistive", "above"))
 
 
 def any_hand_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> tuple[Margin, Margin]:

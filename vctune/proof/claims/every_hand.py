@@ -17,14 +17,23 @@ from flint import arb
 from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.hands import HAND, Hand, Hands
-from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.keys import keys_of
 from vctune.model.problem import Demands
+from vctune.model.sampled.loop_in_worlds import posed, sum_of
 from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
 from vctune.model.sampled.servo_in_hand import vertices
 from vctune.model.sampled.velocity_loop import SNAP
-from vctune.proof.claims.array_claims import AT_REST, SHARE, any_hand_margins, hands_margin, limp_hands_margin
-from vctune.proof.claims.margins_of_claims import HALF_TURN, Design, LoopDelay, any_hand_margin, hand_curve, hand_margin
+from vctune.model.worlds import WorldsMet
+from vctune.proof.claims.array_claims import AT_REST, SHARE, any_hand_margins, hands_margins, limp_hands_margins
+from vctune.proof.claims.margins_of_claims import (
+    HALF_TURN,
+    Design,
+    LoopDelay,
+    any_hand_margin,
+    hand_curve,
+    hand_margin,
+    margins_in_worlds,
+)
 from vctune.proof.claims.resonant_hands import AROUND, RATIO, ROWS, Resonance, resonance
 from vctune.proof.claims.sampled_poles import in_rad_per_s
 from vctune.proof.claims.whole_samples import NEXT_TO
@@ -33,7 +42,7 @@ from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball, device_b
 from vctune.proof.enclosures.array_intervals import Floats, decimal_or_inf
 from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.proof.enclosures.taylor_functions import TAYLOR
-from vctune.proof.engine.box_tests import FEW, next_to_zero, positive, positive_by_polynomials
+from vctune.proof.engine.box_tests import FEW, alone, any_positive, next_to_zero, positive, positive_by_polynomials
 from vctune.proof.engine.boxes import Boxes, Values, band_of, over_band
 from vctune.proof.engine.branching import Decided, Test, prove
 from vctune.proof.engine.interval import Outcome, Verdict
@@ -55,7 +64,7 @@ MAX_HALVINGS = 120
 
 
 def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
-    """Prove Re Z_c > factor R, and the loop stable, in every hand of a box (model/README.md, section 14).
+    """Prove Re Z_c > factor R, or that every environment of a box leaves the loop stable, in every hand.
 
     Parameters
     ----------
@@ -86,16 +95,13 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     rows = (*HAND, SHARE) if limp else HAND
 
     servo = design.device.servo
-    corners = vertices(demands.hands) if servo is not None else None
+    # what a servo asks is convex in the hand; which environments it meets is not
+    corners = vertices(demands.hands) if servo is not None and demands.worlds is None else None
 
     def tests(part: _Part, fixed: Values, near: Resonance | None = None) -> list[Test]:
-        slopes = positive(hands_margin(demands, uncertain, part.delays, ENCLOSURES), fixed)
-        test = slopes
-        if not (servo and servo.radii):  # a modulus has slopes, and no polynomial
-            polynomials = hands_margin(demands, uncertain, part.delays, TAYLOR)
-            test = positive_by_polynomials(polynomials, fixed, part.spans, slopes)
+        test = _of_margins(demands, uncertain, part, fixed)
         if limp:
-            test = next_to_zero(AT_REST, limp_hands_margin(demands, uncertain, part.delays), fixed, test)
+            test = next_to_zero(AT_REST, limp_hands_margins(demands, uncertain, part.delays), fixed, test)
         return [near.left_to_it(test, (*rows, *map(row_of, uncertain))) if near else test]
 
     ends = partial(_ends, demands.hands, box, uncertain, corners)
@@ -112,6 +118,22 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     return _and_without_reserve(found, prove_hands, design, demands, box)
 
 
+def _of_margins(
+    demands: Demands, uncertain: tuple[str, ...], part: _Part, fixed: Values, near: Resonance | None = None
+) -> Test:
+    """Return the test of the margins of which one must be positive, in hands next to resonance or in all."""
+    both = [hands_margins(demands, uncertain, part.delays, ops) for ops in (ENCLOSURES, TAYLOR)]
+    slopes, polynomials = (near.margins(each) for each in both) if near else both
+    spans, servo = part.spans, demands.device.servo
+    if demands.worlds is not None:
+        return any_positive(polynomials, slopes, fixed, spans)
+    sloping, curved = (alone(each) for each in (slopes, polynomials))
+    by_slopes = positive(sloping, fixed)
+    if servo is not None and servo.radii:  # a modulus has slopes, and no polynomial
+        return by_slopes
+    return positive_by_polynomials(curved, fixed, spans, by_slopes)
+
+
 def _proved_next_to(
     near: Resonance, design: Design, demands: Demands, uncertain: tuple[str, ...], ends: tuple[Floats, Floats]
 ) -> Outcome:
@@ -121,10 +143,7 @@ def _proved_next_to(
         end[ratio] = value
 
     def tests(part: _Part, fixed: Values) -> list[Test]:
-        slopes, polynomials = (
-            near.margin(hands_margin(demands, uncertain, part.delays, ops)) for ops in (ENCLOSURES, TAYLOR)
-        )
-        test = positive_by_polynomials(polynomials, fixed, part.spans, positive(slopes, fixed))
+        test = _of_margins(demands, uncertain, part, fixed, near)
         return [near.in_range(test, (*ROWS, *map(row_of, uncertain)))]
 
     return _proved_over(design, demands, uncertain, ROWS, ends, tests, MAX_BOXES, near)
@@ -146,7 +165,8 @@ def _moved_as_one(design: Design, demands: Demands, hands: Hands, box: DeviceBox
     hand, device = replace(found.hand, **own), (found.device or one.device).with_numbers(beyond)
     theta = None if found.witness is None else min(found.witness * device.sample_time, pi)
     fails = theta is not None and any(
-        _margin_at(replace(design, device=device), hand, theta, factor) < 0 for factor in {demands.factor, 1.0}
+        _fails_at(replace(design, device=device), replace(demands, factor=factor), hand, theta)
+        for factor in {demands.factor, 1.0}
     )
     refuted = found.verdict is Verdict.REFUTED and fails
     return replace(found, verdict=Verdict.REFUTED if refuted else Verdict.UNDECIDED, hand=hand, device=device)
@@ -264,7 +284,7 @@ def _in_doubt(
         hand = near.hand(theta, dict(zip(names, within, strict=True)))
 
     def fails(theta: float) -> bool:
-        return bool(_margin_at(replace(design, device=device), hand, theta, demands.factor) < 0)
+        return _fails_at(replace(design, device=device), demands, hand, theta)
 
     refuted = fails(theta)
     if refuted and theta in (0.0, pi):  # no spring and no mass makes a loop grow at an end, but next to it
@@ -387,14 +407,17 @@ def prove_poles_in(device: Device, hand: Hand, gains: Gains) -> Outcome:
     return Outcome(Verdict.PROVED if abs(angle) < pi / 2 else Verdict.REFUTED, outcome.boxes)
 
 
-def _margin_at(design: Design, hand: Hand | None, theta: float, factor: float) -> Number:
-    """Return the margin in a hand, or in any, at one angle, in balls."""
-    exact, delays = design_ball(design), delays_of(design.device)
+def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float) -> bool:
+    """Return whether every margin in a hand, or in any, is negative at one angle, in balls."""
+    exact, delays, at, factor = design_ball(design), delays_of(design.device), arb(theta), ball(demands.factor)
     if hand is None:
         delay = LoopDelay(delays.loop, delays.loop_fractional)
-        return any_hand_margin(exact, delay, arb(theta), ball(factor), BALLS)[0]
+        return bool(any_hand_margin(exact, delay, at, factor, BALLS)[0] < 0)
     plant = plant_in_hand(exact.device, Hand(*map(ball, astuple(hand))), delays, BALLS)
-    return hand_margin(plant, exact, arb(theta), ball(factor), BALLS)
+    if demands.worlds is None:
+        return bool(hand_margin(plant, exact, at, factor, BALLS) < 0)
+    found = margins_in_worlds(plant, exact, at, WorldsMet(demands.worlds.converted(ball), factor), BALLS)
+    return all(bool(sum_of(getattr(found, name)) < 0) for name in posed(demands.worlds, demands.factor))
 
 
 def _ends(

@@ -20,7 +20,7 @@ from vctune.proof.claims.margins_of_claims import HALF_TURN, outwards, resistanc
 from vctune.proof.claims.registry import ClaimId, claims_asked
 from vctune.proof.enclosures.array_intervals import Flags, Floats
 from vctune.proof.engine.bands import CELL_HALVINGS, MAX_BOXES, STEP, cells_over_band
-from vctune.proof.engine.box_tests import Margin, lower_bound_over, positive
+from vctune.proof.engine.box_tests import Margin, alone, lower_bound_over, positive
 from vctune.proof.engine.boxes import Cells, Integers, band_of, over_each, over_hands
 from vctune.proof.engine.branching import prove as prove_boxes
 
@@ -149,7 +149,7 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
     for some in np.split(left, range(TOGETHER_IN_HANDS, len(left), TOGETHER_IN_HANDS)):
         part = cells.subset(some)
         found = prove_boxes(
-            positive(claims.in_hand, {}),
+            positive(alone(claims.in_hand), {}),
             over_hands(part, hands, band_of(0.0, HALF_TURN, STEP)),
             len(part),
             halved=[True] * (1 + len(HAND) + len(cells.keys)),
@@ -235,7 +235,7 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
         if places.theta is not None:
             lost |= negative_at(claims.any_hand[0], part, places.theta[0, at])
         if places.in_hands is not None:
-            lost |= negative_at(claims.in_hand, part, places.in_hands[:, 0, at])
+            lost |= negative_at(alone(claims.in_hand), part, places.in_hands[:, 0, at])
         left = np.flatnonzero(~lost)
         number = encirclements(demands, part.subset(left)).number
         lost[left] = (np.isfinite(number) & (number != 0)).any(axis=0)

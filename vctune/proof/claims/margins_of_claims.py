@@ -15,10 +15,13 @@ from vctune.model.loop.loop import loop_response
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
 from vctune.model.sampled.any_hand import any_hand
-from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand, required_in_limp_hand, room
+from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand, room, seen_in_hand, seen_in_limp_hand
+from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.let_go import Plant, return_difference
+from vctune.model.sampled.loop_in_worlds import Disjuncts, disjuncts, limp_disjuncts, offered_at
 from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand
 from vctune.model.sampled.velocity_loop import difference_slope
+from vctune.model.worlds import WorldsMet
 
 HALF_TURN = nextafter(pi, inf)
 """theta = omega T at the Nyquist frequency, rounded upwards; the sampled loop's curve is symmetric there."""
@@ -272,8 +275,39 @@ def limp_hand_margin(
     Number
         N s/m, of the shape of theta.
     """
-    required = required_in_limp_hand(plant, design.gains.velocity, theta, share, ops)
-    return room(design.coupling, design.device, required, factor, theta, ops)
+    seen = seen_in_limp_hand(plant, design.gains.velocity, theta, share, ops)
+    return room(design.coupling, design.device, Required(seen.lost, seen.size), factor, theta, ops)
+
+
+def margins_in_worlds(
+    plant: AnyPlantInHand, design: Design, theta: Number, met: WorldsMet, ops: Arithmetic
+) -> Disjuncts:
+    """Return margins in a hand of which one must be positive with every environment of a box, each as its terms.
+
+    Parameters
+    ----------
+    plant : the device in the hand
+    design : in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    met : the environments and the factor, in numbers of the arithmetic
+    ops : arithmetic of all of these
+    """
+    seen, T = seen_in_hand(loop_in_hand(plant, theta, ops), design.gains), design.device.sample_time
+    return disjuncts(offered_at(design.series, T, theta, ops), met.worlds, T, seen, met.factor, theta, ops)
+
+
+def limp_margins_in_worlds(
+    plant: PlantInHand, design: Design, theta: Number, share: Number, met: WorldsMet, ops: Arithmetic
+) -> Disjuncts:
+    """Return `margins_in_worlds` over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
+
+    Parameters
+    ----------
+    plant, design, theta, share, ops : as of `limp_hand_margin`
+    met : the environments and the factor, in numbers of the arithmetic
+    """
+    seen, T = seen_in_limp_hand(plant, design.gains.velocity, theta, share, ops), design.device.sample_time
+    return limp_disjuncts(offered_at(design.series, T, theta, ops), met.worlds, T, seen, met.factor, theta, ops)
 
 
 def any_hand_margin(

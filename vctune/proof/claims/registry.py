@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from vctune.model.problem import Demands
     from vctune.proof.device_box import DeviceBox
 
-ClaimId = Literal["passive", "sensitivity", "stable_model", "stable", "unmodelled", "any_hand", "hands"]
+ClaimId = Literal["passive", "sensitivity", "stable_model", "stable", "unmodelled", "any_hand", "hands", "worlds"]
 Quantity = Literal["ratio", "in_hand", "sensitivity", "unmodelled", "poles"]
 
 
@@ -149,11 +149,30 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "with every environment that is passive as it runs, in the exact sampled loop, aliasing included. "
                 "Nothing is proved of a hand outside these ranges."
             ),
-            asked=lambda demands, _: demands.hands is not None,
+            asked=lambda demands, _: demands.hands is not None and demands.worlds is None,
+        ),
+        Claim(
+            id="worlds",
+            sentence="stable in every hand with every environment of the box, also with Z_c / safety_factor",
+            quantity="in_hand",
+            margin="proof.claims.margins_of_claims.margins_in_worlds",
+            witness="a frequency up to Nyquist and a hand of `[operator]`",
+            label="every hand with every environment of the box",
+            explain=(
+                "The device is stable in each hand of `[operator]` with each environment of `[environment]`, a mass, a "
+                "damper and a spring within their ranges, in the exact sampled loop, aliasing included, and with the "
+                "coupling divided by any number from 1 to the safety factor. Nothing is proved of other hands and "
+                "environments."
+            ),
+            asked=lambda demands, _: demands.hands is not None and demands.worlds is not None,
         ),
     )
 }
 """In the order in which a certificate makes them."""
+
+
+IN_HANDS: tuple[ClaimId, ...] = ("hands", "worlds")
+"""Claims about the hands of a box, of which a certificate makes one."""
 
 
 def claims_about(*quantities: Quantity) -> tuple[ClaimId, ...]:

@@ -17,7 +17,7 @@ from vctune.model.hands import HAND, Hand, Hands
 from vctune.model.numbers.arithmetic import Number
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.array_intervals import Floats, decimal
-from vctune.proof.engine.box_tests import Margin
+from vctune.proof.engine.box_tests import Margins
 from vctune.proof.engine.boxes import Boxes, Values
 from vctune.proof.engine.branching import Decided, Test
 
@@ -54,13 +54,13 @@ class Resonance:
     greatest: float
     first: float
 
-    def margin(self, margin: Margin) -> Margin:
-        """Return a margin over the numbers of `HAND` as a margin over the numbers of `ROWS`."""
+    def margins(self, margins: Margins) -> Margins:
+        """Return margins of the numbers of `HAND` as some of those of `ROWS`."""
 
-        def of_ratio(theta: Number, v: Values) -> Number:
+        def of_ratio(theta: Number, v: Values) -> tuple[Number, ...]:
             per_sample = theta / decimal(self.sample_time)
             mass = v[HAND[0]] + v.get(DEVICE_MASS, decimal(self.mass))
-            return margin(theta, {**v, HAND[2]: v[RATIO] * (mass * (per_sample * per_sample))})
+            return margins(theta, {**v, HAND[2]: v[RATIO] * (mass * (per_sample * per_sample))})
 
         return of_ratio
 

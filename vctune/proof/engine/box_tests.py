@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -44,8 +45,13 @@ WIDER = 0.1
 takes as many boxes, without an integrator up to five times as many; two and a half times a fifth more; 0 leaves some of
 the latter open."""
 
+LOST = -1.0
+"""How near a margin counts as to being proved that all that it varies by would not make positive."""
+
 Margin = Callable[[Number, Values], Number]
 """What must be positive, of a frequency and of numbers by name, over enclosures and jets."""
+Margins = Callable[[Number, Values], tuple[Number, ...]]
+"""Of which one must be positive."""
 Curve = Callable[[Number, Values], Pair]
 """What must not be 0."""
 Rows = Sequence[Number]
@@ -135,12 +141,9 @@ def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slo
             sloping = by_slopes(boxes.subset(left))
             proved[left], fails[left], side[:, left] = sloping.proved, sloping.fails, sloping.side
             point[:, left] = np.where(sloping.fails, sloping.point, point[:, left])
-        sizes = np.abs(boxes.low) + np.abs(boxes.high)
-        sizes[1:] += NEAR_ZERO * spans
-        relative = width / sizes
-        relative[0] = np.where(boxes.low[0] == 0, FROM_ZERO, relative[0])
+        relative = _relative(boxes, spans)
         cost = np.where((width > 0) & (side == 0), np.where(known, cost * relative**WIDER, relative), 0.0)
-        return Decided(proved=proved, fails=fails, point=point, cost=cost, known=known, side=side)
+        return Decided(proved, fails, point, cost, known, side, np.where(proved, np.inf, least.estimate))
 
     return test
 
@@ -183,14 +186,7 @@ def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -
             return value.re * re + value.im * im
 
         decided = _without_failures(_by_slopes(component, boxes, rows).decided)
-        return Decided(
-            proved=decided.proved | missed,
-            fails=decided.fails,
-            point=decided.point,
-            cost=decided.cost,
-            known=decided.known,
-            side=decided.side,
-        )
+        return replace(decided, proved=decided.proved | missed)
 
     return partial(_kind_by_kind, test)
 
@@ -244,35 +240,152 @@ def lower_bound_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
         return np.asarray(in_chunks(least, boxes))
 
 
-def next_to_zero(rows: Sequence[int], sufficient: Margin, fixed: Values, test: Test) -> Test:
-    """Return a test that uses another margin for boxes in which the given rows all begin at 0.
+def next_to_zero(rows: Sequence[int], sufficient: Sequence[Margin], fixed: Values, test: Test) -> Test:
+    """Return a test that has other margins where some rows begin at 0 together.
 
     Parameters
     ----------
-    rows : indices of these rows
-    sufficient : a margin that proves as much there, and more easily the narrower these rows are; where it is not
-        positive it says nothing about the claim
-    fixed : values that are no rows of the boxes
-    test : for all other boxes
-
-    Returns
-    -------
-    Test
-        Of boxes of frequency and values.
+    rows : which ones
+    sufficient : margins any of which proves as much there, the more so the narrower these rows are; where they are
+        negative, or least, says nothing of the claim's
+    fixed : the values that are not among a box's rows
+    test : of the other boxes
     """
     both = list(rows)
 
-    def there(boxes: Boxes) -> Decided:
-        found = _by_slopes(lambda x: sufficient(x[0], boxes.named(x, fixed)), boxes, boxes.rows())
+    def there(margin: Margin, boxes: Boxes) -> Decided:
+        found = _by_slopes(lambda x: margin(x[0], boxes.named(x, fixed)), boxes, boxes.rows())
         decided = _without_failures(found.decided)
         decided.cost[both] = np.where(decided.known, found.reach[both], decided.cost[both])
         return replace(decided, side=np.zeros_like(decided.side))
 
+    tests = [partial(there, margin) for margin in sufficient]
+
     def by_place(boxes: Boxes) -> Decided:
         at = (boxes.low[both] == 0).all(axis=0)
-        return _by_kind([(at, there), (~at, test)], boxes)
+        return _by_kind([(at, any_of(tests)), (~at, test)], boxes)
 
     return by_place
+
+
+def any_positive(margins: Margins, slopes: Margins, fixed: Values, spans: Floats) -> Test:
+    """Return the test that at each point one of several margins is positive.
+
+    A box is proved if one of them is throughout, and fails where all of them are negative at one point. Any other is
+    halved as the margin asks that is nearest to being proved. The margins are least at the same end of a row only if
+    all are that may be positive at all.
+
+    Parameters
+    ----------
+    margins : of a frequency and of values, over `vctune.proof.enclosures.taylor`
+    slopes : the same over jets
+    fixed : the values that are not among a box's rows
+    spans : of the whole range of each row but the frequency, shape (rows - 1, 1)
+    """
+
+    def of(boxes: Boxes) -> tuple[Number, ...]:
+        rows = polynomials(boxes.rows(), boxes.varied())
+        return margins(rows[0], boxes.named(rows, fixed))
+
+    def test(boxes: Boxes) -> Decided:
+        check_time()
+        best = _nearest([_by_polynomials(number, boxes, spans) for number in of(boxes)])
+        left = np.flatnonzero(~best.proved)
+        if left.size:
+            there = replace(boxes.subset(left), low=best.point[:, left], high=best.point[:, left])
+            best.fails[left] = np.all([number.enclosed().negative() for number in of(there)], axis=0)
+        left = np.flatnonzero(~best.proved & ~best.fails)
+        if left.size > FEW:
+            part = boxes.subset(left)
+            rows = variables(part.rows(), part.varied())
+            best.side[:, left] = _common_sides(slopes(rows[0], part.named(rows, fixed)), part)
+            best.cost[:, left] = np.where(best.side[:, left] == 0, best.cost[:, left], 0.0)
+        return best
+
+    return test
+
+
+def alone(margins: Margins) -> Margin:
+    """Return the margin that is the only one."""
+    return lambda frequency, values: margins(frequency, values)[0]
+
+
+def any_of(tests: Sequence[Test]) -> Test:
+    """Return the test that at each point one of several sufficient margins is positive.
+
+    Parameters
+    ----------
+    tests : of one margin each
+    """
+    return lambda boxes: _nearest([test(boxes) for test in tests])
+
+
+def _by_polynomials(number: Number, boxes: Boxes, spans: Floats) -> Decided:
+    """Decide by one of several margins; what it costs where it is negative somewhere is what it varies by."""
+    least, varied, n = least_over_boxes(number), boxes.varied(), len(boxes)
+    width = boxes.high - boxes.low
+    at, lost, varies = np.zeros_like(width), np.zeros_like(width), np.zeros_like(width)
+    at[varied], lost[varied], varies[varied] = least.at, least.cost, np.abs(number.poly[1 : 1 + number.rows])
+    varies += lost
+    known, positive = np.isfinite(least.bound), least.estimate > 0
+    cost = np.where(known, np.where(positive, lost, varies) * _relative(boxes, spans) ** WIDER, _relative(boxes, spans))
+    room = _room(least.estimate, least.estimate - least.bound, varies.sum(axis=0))
+    room[number.enclosed().negative()] = -np.inf
+    return Decided(
+        proved=least.bound > 0,
+        fails=np.zeros(n, bool),
+        point=np.clip(0.5 * (boxes.low + boxes.high + width * at), boxes.low, boxes.high),
+        cost=np.where(width > 0, cost, 0.0),
+        known=known,
+        side=np.zeros_like(width),
+        room=room,
+    )
+
+
+def _relative(boxes: Boxes, spans: Floats) -> Floats:
+    """Return the width of each row relative to its numbers, which count as `NEAR_ZERO` of their range at least."""
+    sizes = np.abs(boxes.low) + np.abs(boxes.high)
+    sizes[1:] += NEAR_ZERO * spans
+    relative = (boxes.high - boxes.low) / sizes
+    relative[0] = np.where(boxes.low[0] == 0, FROM_ZERO, relative[0])
+    return np.asarray(relative)
+
+
+def _nearest(found: Sequence[Decided]) -> Decided:
+    """Return what the test decides that is nearest to proving, and which boxes any of them proves."""
+    room = np.array([each.room for each in found])
+    which, at = np.argmax(room, axis=0), np.arange(room.shape[1])
+
+    def taken(name: str) -> Any:
+        return np.asarray(np.stack([getattr(each, name) for each in found])[which, ..., at].T)
+
+    return Decided(
+        proved=np.any([each.proved for each in found], axis=0),
+        fails=np.zeros(len(at), bool),
+        point=taken("point"),
+        cost=taken("cost"),
+        known=taken("known"),
+        side=np.zeros_like(found[0].side),
+        room=room[which, at],
+    )
+
+
+def _common_sides(numbers: Sequence[Number], boxes: Boxes) -> Floats:
+    """Return the end of each row at which all margins are least that are not negative throughout, 0 where they differ.
+
+    Where all of them are negative throughout any end will do.
+    """
+    least, most = np.ones_like(boxes.low), -np.ones_like(boxes.low)
+    for number in numbers:
+        side = np.zeros_like(boxes.low)
+        value: Enclosure = number.value if isinstance(number, Jet) else number
+        slopes = number.slopes if isinstance(number, Jet) else ()
+        for row, slope in zip(np.flatnonzero(boxes.varied()), slopes, strict=False):
+            if slope is not None:
+                side[row] = 1.0 * slope.negative() - slope.positive()
+        hopeful = ~np.broadcast_to(value.negative(), len(boxes))
+        least, most = np.where(hopeful, np.minimum(least, side), least), np.where(hopeful, np.maximum(most, side), most)
+    return np.where(least == most, least, 0.0)
 
 
 def _kind_by_kind(test: Test, boxes: Boxes) -> Decided:
@@ -295,6 +408,7 @@ def _by_kind(tests: Sequence[tuple[Flags, Test]], boxes: Boxes) -> Decided:
         cost=np.zeros_like(boxes.low),
         known=np.zeros(n, bool),
         side=np.zeros_like(boxes.low),
+        room=np.zeros(n),
     )
     for kind, test in present:
         decided = test(boxes.subset(kind))
@@ -316,19 +430,13 @@ def _to_halve_in_frequency(boxes: Boxes, proved: Flags) -> Decided:
     cost[0] = 1.0
     none = np.zeros(len(boxes), bool)
     point = 0.5 * (boxes.low + boxes.high)
-    return Decided(proved=proved, fails=none, point=point, cost=cost, known=none, side=np.zeros_like(cost))
+    room = np.where(proved, np.inf, 0.0)
+    return Decided(proved, none, point, cost, none, np.zeros_like(cost), room)
 
 
 def _without_failures(decided: Decided) -> Decided:
     """Return what a sufficient margin shows: where it is negative nothing is known of the claim."""
-    return Decided(
-        proved=decided.proved,
-        fails=np.zeros_like(decided.fails),
-        point=decided.point,
-        cost=decided.cost,
-        known=decided.known,
-        side=decided.side,
-    )
+    return replace(decided, fails=np.zeros_like(decided.fails))
 
 
 @dataclass(frozen=True, slots=True)
@@ -374,7 +482,17 @@ def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Boun
     cost = np.where(known, np.where(fails, reach, loose), width)
     cost = np.where(np.array(varied)[:, None], cost, 0.0)
     proved = np.asarray(bound > 0)
-    return _Bounded(bound, Decided(proved=proved, fails=fails, point=point, cost=cost, known=known, side=side), reach)
+    value = np.broadcast_to(least.mid, n)
+    room = _room(value, value - bound, reach.sum(axis=0))
+    return _Bounded(bound, Decided(proved, fails, point, cost, known, side, room), reach)
+
+
+def _room(value: Floats, uncertain: Floats, reach: Floats) -> Floats:
+    """Return how near a margin is to being proved, of its value where it is least, what that may be off by, and reach.
+
+    Where it is negative it is what share of the reach is missing; nan, where nothing is known, counts as that it is 0.
+    """
+    return np.nan_to_num(np.where(value > 0, value / uncertain, np.maximum(value / reach, LOST)), nan=0.0)
 
 
 def _lowest(mid: Floats, rad: Floats) -> Floats:

@@ -33,6 +33,7 @@ class Decided:
     cost : what each row contributes to the uncertainty of each box, of the same shape
     known : where that is more than the row's width: nothing is known of the slopes elsewhere
     side : end of each row at which the margin is least, -1 and 1, whatever the others; 0 where that is not known
+    room : how near the test is to proving the claim, greater than 1 where it does, of several tests of one kind
     """
 
     proved: Flags
@@ -41,6 +42,7 @@ class Decided:
     cost: Floats
     known: Flags
     side: Floats
+    room: Floats
 
 
 Test = Callable[[Boxes], Decided]

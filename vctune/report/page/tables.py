@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from vctune.analysis.demands import ratio_minima, unmodelled_maxima
 from vctune.analysis.feel import FREE_HZ, NO_LOOP, SPEED, WALL_HZ, Feel, feel
-from vctune.document.records.certificate_json import CertificateRecord, InnerLoopRecord
+from vctune.document.records.certificate_json import CertificateRecord, InnerLoopRecord, WorldRecord
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.part import text
 from vctune.document.schema.number_units import unit_of
@@ -200,11 +200,18 @@ def _nothing(_known: Found) -> tuple[str, str]:
 
 
 def _least_in_hands(known: Found) -> tuple[str, str]:
-    hands = known.proof.hands
+    hands, units = known.proof.hands, known.problem.units
     if hands is None:
         return "", ""
-    hand = hands.worst_hand.in_words(known.problem.units)
-    return f"least {text(hands.min_ratio)}, {_hz(hands.worst_hz)}, in the hand of {hand}", known.factor
+    hand = hands.worst_hand.in_words(units)
+    world = f", with {_world(hands.worst_world, units)}" if hands.worst_world else ""
+    return f"least {text(hands.min_ratio)}, {_hz(hands.worst_hz)}, in the hand of {hand}{world}", known.factor
+
+
+def _world(world: WorldRecord, units: Units) -> str:
+    """Return which environment binds."""
+    row = world.row(None, units)
+    return f"{row.value} {row.unit}"
 
 
 def _peak_sensitivity(known: Found) -> tuple[str, str]:
@@ -249,6 +256,7 @@ FOUND: dict[ClaimId, Callable[[Found], tuple[str, str]]] = {
     "unmodelled": _peak_unmodelled,
     "any_hand": _least_in_any_hand,
     "hands": _least_in_hands,
+    "worlds": _least_in_hands,
 }
 """Returns what was found of a claim and what was asked, where there is a number to show."""
 
@@ -298,6 +306,13 @@ def assumptions(problem: Problem) -> list[str]:
             "Hands of the box: a mass, a damper and a spring, linear, unchanging while they hold; in the exact sampled "
             "loop, at every frequency, aliasing included. Of a hand outside the box nothing is proved."
         )
+    if problem.worlds is not None:
+        lines.append(
+            f"The environment is one of {problem.worlds.in_words(problem.units)}: a mass, a damper and a spring, "
+            "stepped by the trapezoidal rule, linear and unchanging. A wall that comes and goes is not, and of an "
+            "environment outside the box nothing is proved."
+        )
+        return [problem.units.translated(line) for line in lines]
     lines.append(
         "The environment is passive as it runs in the firmware, sample by sample, and may be a one-sided wall. A mass "
         "that is stepped explicitly is not."

@@ -1,0 +1,212 @@
+"""Problems with a box of environments: what is found, what is said, what is refused (model/README.md, section 18)."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from math import inf, tan
+from pathlib import Path
+
+import pytest
+from command import run
+
+from vctune.analysis.binding import binding_world
+from vctune.analysis.destabilising import growing_in_worlds, reaction
+from vctune.api.solving import solve
+from vctune.design.verdict.judge import Status, judge
+from vctune.document.building import problem
+from vctune.document.reading import read_problem
+from vctune.document.schema.plausibility import doubts
+from vctune.document.schema.statement import statement
+from vctune.document.text.digest import problem_digest
+from vctune.document.text.errors import InputError
+from vctune.exit_codes import ExitCode
+from vctune.model.gains import Coupling, Gains
+from vctune.model.hands import Hand
+from vctune.model.problem import Problem, Range
+from vctune.model.worlds import World, Worlds
+from vctune.proof.certificate import Claim
+from vctune.proof.engine.interval import Verdict
+
+REFERENCE = Path(__file__).parents[1] / "reference" / "worlds"
+EXPECTED = json.loads((REFERENCE / "expected.json").read_text())
+WHEEL = {"device": {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3}}
+
+
+def reference(name: str) -> Problem:
+    """Return a reference problem."""
+    return read_problem(REFERENCE / f"{name}.toml").problem
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EXPECTED)
+def test_reference_problems_are_certified(name: str) -> None:
+    """With an error at most 1 % above what differential evolution finds on grids."""
+    found = solve(REFERENCE / f"{name}.toml")
+    assert found.status is Status.CERTIFIED
+    assert found.judgement is not None
+    assert found.judgement.error <= 1.01 * EXPECTED[name]["error"]
+    assert found.judgement.certificate.outcomes[Claim.WORLDS].verdict is Verdict.PROVED
+
+
+def test_a_coupling_for_given_gains_is_certified() -> None:
+    """With an error at most 1 % above that of the reference problem."""
+    name, bounds = "world-heavy-tools", reference("world-heavy-tools").bounds
+    fixed = replace(bounds, velocity=Range(167.34, 167.34), position=Range(1e5, 1e5))
+    found = solve(replace(reference(name), bounds=fixed))
+    assert found.status is Status.CERTIFIED
+    assert found.judgement is not None
+    assert found.judgement.error <= 1.01 * EXPECTED[name]["error"]
+
+
+def test_what_the_grids_have_missed() -> None:
+    """The expected designs miss their limit between the frequencies of the grids that they come from, by 1.3 %."""
+    for name, expected in EXPECTED.items():
+        K_v, K_p, *coupling = expected["x"]
+        law = Gains(K_v, min(K_p, 1e5)), Coupling(*coupling)
+        judgement = judge(reference(name), *law)
+        outcome = judgement.certificate.outcomes[Claim.WORLDS]
+        assert outcome.verdict is Verdict.REFUTED
+        assert outcome.hand is not None
+        assert 1 / 1.015 < judgement.in_hand.ratio / 1.05 < 1
+
+
+def test_a_problem_states_its_environments() -> None:
+    """The statement reads back as the same problem, and the digest knows the box."""
+    first = reference("world-tools")
+    again = problem(statement(first)).problem
+    assert again.worlds == first.worlds == Worlds(World(0.02, 0.0, 0.0), World(5.0, inf, 2000.0))
+    assert first.stability.criterion == "hands"
+    assert problem_digest(again) == problem_digest(first) != problem_digest(replace(first, worlds=None))
+    scaled = first.in_units(10.0, 1e-3).worlds
+    assert scaled is not None
+    assert scaled.low.mass == pytest.approx(0.02 / 1e-2)
+    assert scaled.high.stiffness == pytest.approx(2000 * 1e-3 / 10)
+
+
+def test_a_box_without_limits_is_no_box() -> None:
+    """Then every passive environment is met, as without the table, but for the criterion."""
+    stated = problem({**WHEEL, "environment": {}}).problem
+    assert stated.worlds is None
+    assert stated.stability.criterion == "hands"
+
+
+@pytest.mark.parametrize(
+    ("tables", "said"),
+    [
+        ({"stability": {"criterion": "both"}}, "allows any passive hand"),
+        ({"stability": {"criterion": "passive"}}, "allows any passive hand"),
+        ({"uncertainty": {"unmodelled": [[1.0, 0.1]]}}, "is not proved with [environment]"),
+        ({"device": {**WHEEL["device"], "display": "impedance"}}, "not of a box of them"),
+        ({"environment": {"mass": {"min": 2.0, "max": 1.0}}}, "swap them"),
+        ({"environment": {"walls": True}}, "unknown key"),
+    ],
+)
+def test_what_is_not_proved_is_refused(tables: dict[str, object], said: str) -> None:
+    """With the reason."""
+    stated = {**WHEEL, "environment": {"mass": {"min": 0.02, "max": 5.0}}, **tables}
+    with pytest.raises(InputError, match=said.replace("[", r"\[").replace("]", r"\]")):
+        problem(stated)
+
+
+def test_experiments_outside_the_box_are_doubted() -> None:
+    """A mass below it, a wall, a mass by backward Euler; a spring by backward Euler is inside."""
+
+    def doubted(**environment: object) -> bool:
+        tables = {
+            **WHEEL,
+            "environment": {"mass": {"min": 0.0, "max": 5.0}, "stiffness": {"max": 2000.0}},
+            "experiment": [{"name": "one", "environment": environment}],
+        }
+        return any(note.code == "warn-environment" for note in doubts(problem(tables).problem))
+
+    assert not doubted(stiffness=1000.0)
+    assert not doubted(mass=1.0, rule="trapezoid")
+    assert doubted(stiffness=3000.0)
+    assert doubted(mass=1.0)
+    assert doubted(mass=6.0, rule="trapezoid")
+    assert doubted(stiffness=1000.0, wall=True)
+
+
+def fixed(name: str, share: float, folder: Path) -> Path:
+    """Write a reference problem that fixes a share of the coupling of the expected design."""
+    K_v, K_p, b_c, m_c, b_0 = EXPECTED[name]["x"]
+    text = (REFERENCE / f"{name}.toml").read_text()
+    before, rest = text.split("[gains]")
+    after = rest[rest.index("[transparency]") :]
+    path = folder / "fixed.toml"
+    design = f"[gains]\nvelocity = {K_v}\nposition = {min(K_p, 1e5)}\n[coupling]\ndamping = {b_c * share}\n"
+    path.write_text(f"{before}{design}mass = {m_c * share}\ndrag = {b_0 * share}\n{after}")
+    return path
+
+
+def test_check_says_which_environments_and_which_one_binds(tmp_path: Path) -> None:
+    """The message has the box; the record has it, and the environment that binds."""
+    path = fixed("world-tools", 1.05, tmp_path)
+    passed = run("check", str(path), cwd=tmp_path)
+    assert passed.returncode == ExitCode.OK
+    assert "with every environment of 0.02 to 5 kg, up to 2000 N/m" in passed.stdout
+    shown = run("solve", str(path), "--no-report", "--out", str(tmp_path), cwd=tmp_path)
+    assert "binding world" in shown.stdout
+    assert "with every environment of 0.02 to 5 kg, up to 2000 N/m, at every frequency" in shown.stdout
+    record = json.loads(next(tmp_path.rglob("design.json")).read_text())["certificate"]["hands"]
+    assert record["worlds"] == {"mass": [0.02, 5.0], "damping": [0.0, None], "stiffness": [0.0, 2000.0]}
+    assert 0.02 <= record["worst_world"]["mass"] <= 5.0
+    assert 0.0 <= record["worst_world"]["stiffness"] <= 2000.0
+
+
+def test_a_refuted_design_grows_with_an_environment_of_the_box(tmp_path: Path) -> None:
+    """With the least damping of the box, or some more where much is missed."""
+    path = fixed("world-tools", 0.6, tmp_path)
+    posed = read_problem(path).problem
+    judgement = judge(posed, *posed.fixed_design)
+    outcome = judgement.certificate.outcomes[Claim.WORLDS]
+    assert outcome.hand is not None
+    assert outcome.witness is not None
+    assert posed.worlds is not None
+    held = judgement.in_hand
+    found = [
+        growing_in_worlds(posed.device, *posed.fixed_design, hand, omega, posed.worlds)
+        for hand, omega in ((outcome.hand, outcome.witness), (held.hand, held.omega))
+    ]
+    growing = next(each for each in found if each is not None)
+    mass, stiffness = (growing.value, growing.stiffness) if growing.kind == "mass" else (0.0, growing.value)
+    assert 0.02 <= mass <= 5.0
+    assert 0.0 <= stiffness <= 2000.0
+    assert growing.growth > 0
+
+
+@pytest.mark.slow
+def test_fewer_environments_are_among_the_repairs(tmp_path: Path) -> None:
+    """Of a design that the box refutes."""
+    failed = run("check", str(fixed("world-tools", 0.6, tmp_path)), cwd=tmp_path)
+    assert failed.returncode == ExitCode.FAILED
+    assert "environment." in failed.stdout
+
+
+def test_no_bound_and_no_region_is_claimed(tmp_path: Path) -> None:
+    """Their proofs know resistance alone."""
+    path = str(REFERENCE / "world-tools.toml")
+    for command, code in (("bound", "no-bound"), ("region", "no-plane")):
+        refused = run(command, path, "--out", str(tmp_path), cwd=tmp_path)
+        assert refused.returncode == ExitCode.BAD_INPUT
+        assert f"[{code}]" in refused.stderr
+    assert "[no-bound]" in run("solve", path, "--prove-gap", "0.1", cwd=tmp_path).stderr
+
+
+def test_the_binding_environment_cancels_the_reactance() -> None:
+    """Of every passive environment it is a mass or a spring; of a box a member of it."""
+    posed = reference("world-tools")
+    K_v, K_p, *of_coupling = EXPECTED["world-tools"]["x"]
+    law, hand, omega = (Gains(K_v, K_p), Coupling(*of_coupling)), Hand(0.0, 0.0, 3000.0), 334.0
+    theta = omega * posed.device.sample_time
+    u = 2 / posed.device.sample_time * tan(theta / 2)
+    met = -reaction(posed.device, *law, hand, theta, 1.05).imag
+    free = binding_world(posed.device, *law, hand, omega, 1.05)
+    assert free is not None
+    assert free.mass * u - free.stiffness / u == pytest.approx(met)
+    assert free.mass * free.stiffness == 0
+    inside = binding_world(posed.device, *law, hand, omega, 1.05, posed.worlds)
+    assert inside is not None
+    assert inside.mass == 0.02
+    assert inside.mass * u - inside.stiffness / u == pytest.approx(met)
