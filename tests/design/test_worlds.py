@@ -52,7 +52,7 @@ def test_reference_problems_are_certified(name: str) -> None:
 def test_a_coupling_for_given_gains_is_certified() -> None:
     """With an error at most 1 % above that of the reference problem."""
     name, bounds = "world-heavy-tools", reference("world-heavy-tools").bounds
-    fixed = replace(bounds, velocity=Range(167.34, 167.34), position=Range(1e5, 1e5))
+    fixed = replace(bounds, velocity=Range(170.0, 170.0), position=Range(1e5, 1e5))
     found = solve(replace(reference(name), bounds=fixed))
     assert found.status is Status.CERTIFIED
     assert found.judgement is not None
