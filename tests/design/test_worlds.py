@@ -25,7 +25,6 @@ from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand
 from vctune.model.problem import Problem, Range
 from vctune.model.worlds import World, Worlds
-from vctune.proof.certificate import Claim
 from vctune.proof.engine.interval import Verdict
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "worlds"
@@ -46,7 +45,7 @@ def test_reference_problems_are_certified(name: str) -> None:
     assert found.status is Status.CERTIFIED
     assert found.judgement is not None
     assert found.judgement.error <= 1.01 * EXPECTED[name]["error"]
-    assert found.judgement.certificate.outcomes[Claim.WORLDS].verdict is Verdict.PROVED
+    assert found.judgement.certificate.outcomes["worlds"].verdict is Verdict.PROVED
 
 
 def test_a_coupling_for_given_gains_is_certified() -> None:
@@ -65,7 +64,7 @@ def test_what_the_grids_have_missed() -> None:
         K_v, K_p, *coupling = expected["x"]
         law = Gains(K_v, min(K_p, 1e5)), Coupling(*coupling)
         judgement = judge(reference(name), *law)
-        outcome = judgement.certificate.outcomes[Claim.WORLDS]
+        outcome = judgement.certificate.outcomes["worlds"]
         assert outcome.verdict is Verdict.REFUTED
         assert outcome.hand is not None
         assert 1 / 1.015 < judgement.in_hand.ratio / 1.05 < 1
@@ -160,7 +159,7 @@ def test_a_refuted_design_grows_with_an_environment_of_the_box(tmp_path: Path) -
     path = fixed("world-tools", 0.6, tmp_path)
     posed = read_problem(path).problem
     judgement = judge(posed, *posed.fixed_design)
-    outcome = judgement.certificate.outcomes[Claim.WORLDS]
+    outcome = judgement.certificate.outcomes["worlds"]
     assert outcome.hand is not None
     assert outcome.witness is not None
     assert posed.worlds is not None

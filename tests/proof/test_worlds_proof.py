@@ -14,8 +14,8 @@ from world_loops import Plant, Whole, in_world, offered, seen, spectral_radius, 
 from vctune.model.device import Device, ForceSensor, Servo
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand, Hands
+from vctune.model.problem import Demands
 from vctune.model.worlds import World, Worlds
-from vctune.proof.claims.array_claims import Demands
 from vctune.proof.claims.every_hand import prove_hands
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.engine.interval import Outcome, Verdict
