@@ -75,6 +75,16 @@ def test_a_servo_has_no_numbers_of_a_mechanism_to_be_uncertain(key, why):
         parse_problem(text, "arm.toml", "arm")
 
 
+def test_a_servo_that_nothing_touches_is_refused():
+    """Any coupling is stable then, and the best of them has nothing left that could be proved positive at rest."""
+    nothing = "[operator]\n" + "".join(
+        f"{key} = {{ min = 0.0, max = 0.0 }}\n" for key in ("mass", "damping", "stiffness")
+    )
+    with pytest.raises(InputError, match=r"arm.toml:6: operator: no hand of it pushes"):
+        parse_problem(SERVO.format("", 20.0, nothing), "arm.toml", "arm")
+    parse_problem(SERVO.format("", 20.0, "stiffness = 50.0\n" + nothing), "arm.toml", "arm")
+
+
 def test_a_rotary_servo_is_not_sent_to_a_criterion_that_it_has_not():
     text = SERVO.format('units = "rotary"\n', 20.0, "")
     with pytest.raises(InputError, match=r"r metres from the axis \[contradiction\]$"):

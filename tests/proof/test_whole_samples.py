@@ -25,7 +25,9 @@ from vctune.model.gains import Coupling, Gains, SpringDamper
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
+from vctune.model.sampled.hand_loop import offered
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.sampled.servo_in_hand import demand_of
 from vctune.proof.claims.every_hand import prove_hands
 from vctune.proof.claims.margins_of_claims import Design, hand_margin
 from vctune.proof.claims.whole_samples import beside_whole_sample, sensed_force_jumps
@@ -275,3 +277,26 @@ def test_neither_side_is_the_safe_one():
         for each in (whole, shorter(whole, 1e-7))
     )
     assert below < 0.95 and at > 1.0
+
+
+def test_the_least_ratio_of_a_quick_servo_is_that_of_the_worst_of_its_uncertain_delays():
+    """Its sensed acceleration has a peak a part of its lag below a whole number of samples, between all corners."""
+    T, whole = 8e-4, 9
+    quick = problem_of({
+        "device": {"sample_time": T, "servo": {"delay": whole * T, "bandwidth_hz": 8000.0, "order": 2}},
+        "operator": {"mass": {"min": 0.05, "max": 0.06}, "damping": {"min": 0.0, "max": 0.1},
+                     "stiffness": {"min": 400.0, "max": 410.0}},
+        "coupling": {"damping": 32.0, "mass": 15.0, "drag": 3000.0},
+        "uncertainty": {"servo.delay": 0.01},
+    })  # fmt: skip
+    coupling, theta = quick.fixed_design[1], np.linspace(0.0, np.pi, 2001)[1:-1]
+    given = np.asarray(offered(coupling, quick.device, theta, FLOATS))
+
+    def least(device):
+        asked = demand_of(device, quick.hands_met).at(theta)
+        return np.min(given[asked > 0] / asked[asked > 0])
+
+    delays = (whole - np.linspace(0.0, 0.09, 91)) * T
+    ratios = [least(quick.device.with_numbers({"servo.delay": float(delay)})) for delay in delays]
+    assert np.argmin(ratios) not in (0, len(ratios) - 1)
+    assert min(least(case.device) for case in pose(quick).hand_cases) == pytest.approx(min(ratios), rel=0.02)

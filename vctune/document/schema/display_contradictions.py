@@ -8,6 +8,7 @@ from typing import Any
 from vctune.document.schema.number_units import units_stated
 from vctune.document.schema.validation import Contradiction
 from vctune.document.text.raw import number_at
+from vctune.model.hands import HAND
 
 OF_ADMITTANCE: dict[tuple[str, ...], str] = {
     ("device", "force_sensor"): "it senses no force",
@@ -47,6 +48,7 @@ def impossible_display(raw: dict[str, Any]) -> Iterator[Contradiction]:
     if "servo" in device:
         yield from _meaningless(raw, OF_OWN_LOOP, "[device.servo]")
         yield from _criterion_of_servo(raw)
+        yield from _hands_of_servo(raw)
     elif device.get("display", "admittance") != "impedance":
         if _stated(raw, ("coupling", "stiffness")):
             yield (
@@ -80,6 +82,15 @@ def _criterion_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
             f'"{criterion}" asks for any passive hand, and no servo is stable in a hand of unlimited stiffness, since '
             'it follows late; write "hands", or leave it out, and state the stiffest contact in [operator]',
         )
+
+
+def _hands_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    """Yield what is wrong with a box whose only hand is none: nothing pushes, so that nothing is fed back."""
+    numbers = (key.split(".") for key in HAND)
+    if all(number_at(raw, *path, "max") == 0 for path in numbers) and not number_at(
+        raw, "device", "servo", "stiffness"
+    ):
+        yield ("operator",), "no hand of it pushes, so that nothing is fed back; give one of its ranges a positive max"
 
 
 def _unproved_impedance(device: dict[str, Any]) -> Iterator[Contradiction]:

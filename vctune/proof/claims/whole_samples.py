@@ -14,7 +14,9 @@ from math import ceil, floor
 
 from vctune.model.device import Device
 from vctune.model.hands import Hands
+from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.velocity_loop import SNAP
+from vctune.model.servo import latency
 from vctune.proof.device_box import DELAYS, DeviceBox
 
 NEAR = 0.05
@@ -23,6 +25,9 @@ known better. Half and twice it make other promises, not other proofs."""
 NEXT_TO = 1e-7
 """How near to a whole sample, in samples, a delay is taken: decimals tell both sides apart. Half and twice it find the
 same designs."""
+PEAK = 0.75
+"""Of the lag of a servo and its sensor, after which the sensed acceleration is greatest. Half and 4/3 of it see three
+quarters of the greatest."""
 
 
 def sensed_force_jumps(device: Device, hands: Hands) -> bool:
@@ -118,7 +123,8 @@ def kept_at_whole_sample(device: Device, before: Device) -> Device:
 def next_to_whole_samples(box: DeviceBox) -> list[Device]:
     """Return devices of a box whose delay, or its sum with the force sensor's, is next to whole samples, on both sides.
 
-    There the force that is sensed jumps, or may bend, with the delay.
+    There the force that is sensed jumps, or may bend, with the delay. Before a quick low-pass the acceleration has its
+    peak a part of its lag below.
 
     Parameters
     ----------
@@ -126,17 +132,29 @@ def next_to_whole_samples(box: DeviceBox) -> list[Device]:
     """
     found: dict[Device, None] = {}
     T = box.nominal.sample_time
+    sides = (*_peaks(box.nominal), -NEXT_TO, NEXT_TO)
     for device, key in product(box.corners(), (key for key in DELAYS if key in box.uncertain)):
         low, high = box.low.number(key), box.high.number(key)
         others = {sum(device.number(name) or 0.0 for name in DELAYS if name != key)}
         others |= {0.0} if key == device.delay_key else set()
         for other in others:
-            for whole in range(ceil((low + other) / T), floor((high + other) / T) + 1):
-                for side in (-NEXT_TO, NEXT_TO):
+            for whole in range(ceil((low + other) / T), floor((high + other) / T - sides[0]) + 1):
+                for side in sides:
                     delay = (whole + side) * T - other
                     if low <= delay <= high:
                         found[device.with_numbers({key: delay})] = None
     return list(found)
+
+
+def _peaks(device: Device) -> tuple[float, ...]:
+    """Return where next to a whole sample the sensed acceleration of a quick servo has its peak, in samples."""
+    if device.servo is None:
+        return ()
+    late = latency(device, FLOATS)
+    sensor = device.force_sensor
+    lag = late.lag + late.sensor - (0.0 if sensor is None else sensor.delay)
+    below = PEAK * lag / device.sample_time
+    return (-below,) if below < 0.5 else ()
 
 
 def delay_in_samples(device: Device) -> float:
