@@ -17,11 +17,12 @@ from vctune.model.hands import HAND
 from vctune.model.numbers.keys import KEYS
 from vctune.model.problem import Demands
 from vctune.model.sampled.plant_in_hand import delays_of
-from vctune.proof.claims.array_claims import hands_margin
+from vctune.proof.claims.array_claims import hands_margins
 from vctune.proof.enclosures.array_intervals import Enclosure, between, decimal
 from vctune.proof.enclosures.box_minimum import least_over_boxes
 from vctune.proof.enclosures.taylor import Taylor, variables
 from vctune.proof.enclosures.taylor_functions import TAYLOR
+from vctune.proof.engine.box_tests import alone
 from vctune.proof.engine.boxes import Boxes
 
 ROWS = 3
@@ -175,7 +176,7 @@ def test_the_margin_in_a_hand_is_held(number):
     design, low, high = case.design, np.array(astuple(case.hands.low)), np.array(astuple(case.hands.high))
     demands = Demands(design.device, (1.0, 10.0), 1.05, 100.0, passive=False, hands=case.hands)
     delays = delays_of(design.device)
-    over, there = (hands_margin(demands, (), delays, *ops) for ops in ((TAYLOR,), ()))
+    over, there = (alone(hands_margins(demands, (), delays, *ops)) for ops in ((TAYLOR,), ()))
     fixed = dict(zip(KEYS, map(decimal, (*astuple(design.gains), *astuple(design.coupling))), strict=True))
     n = 40
     ends = rng.uniform(size=(2, 4, n)) * 10 ** rng.uniform(-3, 0, (4, n)) + rng.uniform(0, 0.2, (4, n))

@@ -265,7 +265,7 @@ def limp_hand_margin(
     plant : the device in the hand, over a sample
     design : with K_p = 0, in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
-    share : of the hand's stiffness in rho, in [0, 1] (`required_in_limp_hand`); `hand_margin` is positive if this
+    share : of the hand's stiffness in rho, in [0, 1] (`seen_in_limp_hand`); `hand_margin` is positive if this
         margin is positive for every share
     factor : least Re Z_c / R
     ops : arithmetic of the other arguments
