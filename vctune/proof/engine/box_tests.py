@@ -40,6 +40,11 @@ NEAR_ZERO = 1e-3
 """Share of its range below which a number that may be 0 counts as that, where nothing else is known of a box. A tenth
 takes a fifth more boxes, ten times as much as many; 0 would halve such a row again and again."""
 
+FREQUENCY_FIRST = 64.0
+"""How many times its width the frequency counts where nothing is known of a box and one of several margins is to be
+positive: what vanishes in a denominator does so at single frequencies. An eighth leaves servos with a stiff coupling
+open, eight times takes as many boxes."""
+
 WIDER = 0.1
 """Power of its relative width by which what a row loses counts: of two that lose it together the wider is halved. Half
 takes as many boxes, without an integrator up to five times as many; two and a half times a fifth more; 0 leaves some of
@@ -297,8 +302,8 @@ def any_positive(margins: Margins, slopes: Margins, fixed: Values, spans: Floats
         left = np.flatnonzero(~best.proved & ~best.fails)
         if left.size > FEW:
             part = boxes.subset(left)
-            rows = variables(part.rows(), part.varied())
-            best.side[:, left] = _common_sides(slopes(rows[0], part.named(rows, fixed)), part)
+            proved, side = _any_by_slopes(lambda rows: slopes(rows[0], part.named(rows, fixed)), part)
+            best.proved[left], best.side[:, left] = proved, side
             best.cost[:, left] = np.where(best.side[:, left] == 0, best.cost[:, left], 0.0)
         return best
 
@@ -328,7 +333,10 @@ def _by_polynomials(number: Number, boxes: Boxes, spans: Floats) -> Decided:
     at[varied], lost[varied], varies[varied] = least.at, least.cost, np.abs(number.poly[1 : 1 + number.rows])
     varies += lost
     known, positive = np.isfinite(least.bound), least.estimate > 0
-    cost = np.where(known, np.where(positive, lost, varies) * _relative(boxes, spans) ** WIDER, _relative(boxes, spans))
+    relative = _relative(boxes, spans)
+    cost = np.where(positive, lost, varies) * relative**WIDER
+    relative[0] *= FREQUENCY_FIRST
+    cost = np.where(known, cost, relative)
     room = _room(least.estimate, least.estimate - least.bound, varies.sum(axis=0))
     room[number.enclosed().negative()] = -np.inf
     return Decided(
@@ -368,6 +376,32 @@ def _nearest(found: Sequence[Decided]) -> Decided:
         side=np.zeros_like(found[0].side),
         room=room[which, at],
     )
+
+
+def _any_by_slopes(margins: Callable[[Rows], tuple[Number, ...]], boxes: Boxes) -> tuple[Flags, Floats]:
+    """Return which boxes one of several margins is positive throughout, and the end of each row where all are least.
+
+    Each is bounded from its value at the point at these ends, in the middle of the other rows, as by `_by_slopes`.
+    """
+    rows, varied, n = boxes.rows(), boxes.varied(), len(boxes)
+    numbers = margins(variables(rows, varied))
+    side = _common_sides(numbers, boxes)
+    rad, middle = np.stack([np.broadcast_to(row.rad, n) for row in rows]), np.stack([row.mid for row in rows])
+    point = middle + side * rad
+    at_point = [
+        Enclosure(p, 2 * UNIT * (np.abs(p) + r)) if varies else row
+        for p, r, row, varies in zip(point, rad, rows, varied, strict=True)
+    ]
+    proved = np.zeros(n, bool)
+    for number, value in zip(numbers, margins(at_point), strict=True):
+        reach, slopes = np.zeros_like(rad), number.slopes if isinstance(number, Jet) else ()
+        for row, slope in zip(np.flatnonzero(varied), slopes, strict=False):
+            if slope is not None:
+                reach[row] = np.where(side[row] == 0, (np.abs(slope.mid) + slope.rad) * rad[row], 0.0)
+        direct: Enclosure = number.value if isinstance(number, Jet) else number
+        proved |= _lowest(value.mid, raised(value.rad + reach.sum(axis=0), 1 + len(rows))) > 0
+        proved |= direct.positive()
+    return proved, side
 
 
 def _common_sides(numbers: Sequence[Number], boxes: Boxes) -> Floats:
