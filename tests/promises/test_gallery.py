@@ -33,7 +33,7 @@ QUICK = [ROOT / "problems" / f"{name}.toml" for name in ("delta-4khz", "fixed-ga
 STUDIES = sorted((ROOT / "problems" / "studies").glob("*.toml"))
 PAGES = (
     "cobot-wrist-real", "desktop-arm", "flexible-handle",
-    "friction-wheel", "friction-wheel-hands", "friction-wheel-paper",
+    "friction-wheel", "friction-wheel-hands",
 )  # fmt: skip
 """Designs whose page is kept, as .gitignore has it: all of them would be more than `MOST_BYTES`."""
 MOST_BYTES = 4_000_000

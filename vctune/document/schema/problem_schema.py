@@ -191,21 +191,21 @@ class OperatorTable(Table):
 class WorldMassTable(Table):
     """Their mass, kg."""
 
-    min: NotNegative = Field(0.0, description="The least.")
-    max: NotNegativeOrInf | None = Field(None, description="The greatest. Default inf, no limit.")
+    min: NotNegative = Field(0.0, description="The least, kg.")
+    max: NotNegativeOrInf | None = Field(None, description="The greatest, kg. Default inf, no limit.")
 
 
 class WorldDampingTable(Table):
     """Their damping, N s/m, which has no upper limit."""
 
-    min: NotNegative = Field(0.0, description="The least.")
+    min: NotNegative = Field(0.0, description="The least, N s/m.")
 
 
 class WorldStiffnessTable(Table):
     """Their stiffness, N/m."""
 
-    min: NotNegative = Field(0.0, description="The least.")
-    max: NotNegativeOrInf | None = Field(None, description="The greatest. Default inf, no limit.")
+    min: NotNegative = Field(0.0, description="The least, N/m.")
+    max: NotNegativeOrInf | None = Field(None, description="The greatest, N/m. Default inf, no limit.")
 
 
 class WorldsTable(Table):
