@@ -36,7 +36,8 @@ def at_once(monkeypatch):
 
 def nothing_known(boxes: Boxes) -> Decided:
     none, zero = np.zeros(len(boxes), bool), np.zeros_like(boxes.low)
-    return Decided(none, none.copy(), (boxes.low + boxes.high) / 2, zero, none.copy(), zero.copy())
+    middle, least = (boxes.low + boxes.high) / 2, np.full(len(boxes), -np.inf)
+    return Decided(none, none.copy(), middle, zero, none.copy(), zero.copy(), least)
 
 
 def one_box(names, low, high):
