@@ -266,7 +266,8 @@ def test_what_has_no_default_is_asked_for():
 
 def test_the_guide_s_own_example_is_one():
     guide = (ROOT / "vctune/document/README.md").read_text()
-    (text,) = (block for block in re.findall(r"```toml\n(.*?)```", guide, re.DOTALL) if "rotary" in block and "servo" not in block)
+    blocks = re.findall(r"```toml\n(.*?)```", guide, re.DOTALL)
+    (text,) = (block for block in blocks if "rotary" in block and "servo" not in block)
     problem = parse_problem(text, "device.toml", "device")
     assert problem.device.units == "rotary"
     r = 0.05
