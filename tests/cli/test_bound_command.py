@@ -58,20 +58,25 @@ def test_a_gap_is_proved_and_shown(folder):
 
 @pytest.mark.slow
 def test_what_is_left_is_kept_and_gone_on_with(folder, monkeypatch):
-    """The clock counts how often it is asked, so that a limit ends the search at the same place on every machine."""
+    """The clock counts how often it is asked, so that a limit ends the search at the same place on every machine.
+
+    Some 700 of the 1,000 times are asked while the design is proved, before the search.
+    """
     design = folder / "o/friction-wheel/design.json"
     command = ("bound", "problem.toml", str(design), "--time-limit")
+    assert run(*command, "0", cwd=folder).returncode == ExitCode.UNDECIDED
+    assert read_design(design).to_json()["optimality"] is None, "a search without time proves nothing"
     reached = []
-    for limit in ("0", "60", "60"):
+    for _ in range(2):
         monkeypatch.setattr(running, "perf_counter", map(float, count()).__next__)
-        assert run(*command, limit, "--gap", "0.0001", cwd=folder).returncode == ExitCode.UNDECIDED
+        assert run(*command, "1000", "--gap", "0.0001", cwd=folder).returncode == ExitCode.UNDECIDED
         found = optimality(design)
         reached.append((found["lower_bound"], found["boxes"]))
         assert found["verdict"] == "open" and found["open"]
-    assert reached == sorted(reached) and reached[0] == (0.0, 0) and reached[2][1] > reached[1][1] > 0
+    assert reached == sorted(reached) and reached[1][1] > reached[0][1] > 0
     monkeypatch.undo()
     assert run(*command, "60", "--gap", "0.01", cwd=folder).returncode == ExitCode.OK
-    assert optimality(design)["boxes"] >= reached[2][1]
+    assert optimality(design)["boxes"] >= reached[1][1]
 
 
 @pytest.mark.slow
