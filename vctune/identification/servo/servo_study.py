@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import compress
 from math import ceil, sqrt
 
 import numpy as np
@@ -41,13 +42,13 @@ class Yielding:
     ----------
     compliance, mobility : m/N and m/(N s), with their standard deviations
     share : of the motion, root mean square, that the clearer of the two makes
-    clear : whether it is there
+    clear : whether each of the two is there
     """
 
     compliance: tuple[float, float]
     mobility: tuple[float, float]
     share: float
-    clear: bool
+    clear: tuple[bool, bool]
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,7 +232,7 @@ def _yielding(recording: Recording, seen: ServoLog, fit: ServoFit) -> Yielding |
     sure = (np.abs(values[:2]) > CLEAR * sigma[:2]) & (share > YIELDS)
     which = int(np.argmax(share * sure))
     compliance, mobility = ((float(values[i] / size[i]), float(sigma[i] / size[i])) for i in (0, 1))
-    return Yielding(compliance, mobility, float(share[which]), bool(sure.any()))
+    return Yielding(compliance, mobility, float(share[which]), (bool(sure[0]), bool(sure[1])))
 
 
 def _slopes(seen: ServoLog, fit: ServoFit) -> list[Floats]:
@@ -269,12 +270,14 @@ def servo_notes(name: str, study: ServoStudy, units: Units) -> list[Note]:
     if abs(fit.gain - 1) > max(CLEAR * fit.gain_sigma, 2e-3):
         text = f"{name}: moves {fit.gain:.4g} times as far as it is told, which a servo does not: unmodelled holds it"
         said.append(Note("warn-gain", text))
-    if study.yielding is not None and study.yielding.clear:
+    if study.yielding is not None and any(study.yielding.clear):
         each = study.yielding
+        numbers = (f"{each.compliance[0]:.3g} {units.compliance}", f"{each.mobility[0]:.3g} {units.mobility}")
+        shown = " and ".join(compress(numbers, each.clear))
         text = (
-            f"{name}: the servo yields: {each.share:.1%} of its motion goes with the force, {each.compliance[0]:.3g} "
-            f"{units.compliance} and {each.mobility[0]:.3g} {units.mobility}. Such a device is outside the model, in "
-            "which the motion follows the command alone: nothing that is proved of the file holds for it"
+            f"{name}: the servo yields: {each.share:.1%} of its motion goes with the force, {shown}. Such a device is "
+            "outside the model, in which the motion follows the command alone: nothing that is proved of the file "
+            "holds for it"
         )
         said.append(Note("warn-yields", text))
     return said
