@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from command import run as vctune
 from command import strict
@@ -53,12 +55,23 @@ def test_equal_axes_are_solved_once_and_each_has_its_files(arm, monkeypatch):
     for axis in "xyz":
         record = strict((arm / f"results/arm/{axis}/design.json").read_text())
         assert record["problem"]["name"] == f"arm {axis}" and record["status"] == "certified"
-        assert f'href="{axis}/report.html"' in page
+    promises = [line for line in done.stdout.splitlines() if "stable in every hand" in line]
+    assert [promise.partition(": ")[0] for promise in promises] == ["x, y", "z"]
+    assert all(f"<p>{promise}</p>" in page for promise in promises)
     checked = vctune("check", "arm.toml", "results/arm", cwd=arm)
     assert checked.returncode == ExitCode.OK and checked.stdout.endswith("3 passed\n"), checked.stdout
     assert "results/arm/y/gains.toml: y: proved" in checked.stdout
     objects = strict(vctune("check", "arm.toml", "results/arm", "--json", cwd=arm).stdout)
     assert [each["problem"]["name"] for each in objects] == ["arm x", "arm y", "arm z"]
+
+
+@pytest.mark.parametrize("report", [False, True])
+def test_a_page_leads_to_the_reports_that_are_drawn(arm, report):
+    (arm / "arm.toml").write_text(f'{ARM}[[axis]]\nname = "x"\n')
+    assert vctune("solve", "arm.toml", cwd=arm, report=report).returncode == ExitCode.OK
+    links = re.findall('href="(.*?)"', (arm / "results/arm/index.html").read_text())
+    assert links == (["x/report.html"] if report else [])
+    assert all((arm / "results/arm" / link).is_file() for link in links)
 
 
 def test_the_worst_axis_decides(arm, monkeypatch):

@@ -27,7 +27,7 @@ from vctune.design.verdict.judge import Judgement, Status
 from vctune.document.reading import parse_problem, read_problem
 from vctune.document.text.errors import InputError
 from vctune.model.problem import Problem, Range
-from vctune.running import time_limit
+from vctune.running import OutOfTimeError, time_limit
 
 GAP = 0.03
 RANDOM = 2
@@ -355,15 +355,14 @@ def test_a_less_strict_search_is_not_resumed(wheel):
 
 
 @pytest.mark.slow
-def test_threads_and_the_time_limit_change_no_bound(problems):
+def test_threads_change_no_bound_and_without_time_there_is_none(problems):
     problem = read_problem(problems / "friction-wheel.toml").problem
     best = solve(problem).judgement
     assert best is not None
     one, two = (bound(pose(problem), best, hopeless, gap=0.02, jobs=jobs) for jobs in (1, 2))
     assert (one.bound, one.resume.boxes) == (two.bound, two.resume.boxes)
-    with time_limit(0.0):
-        none = bound(pose(problem), best, hopeless, gap=0.02)
-    assert not none.proved and none.bound == 0.0 and none.gap == inf
+    with time_limit(0.0), pytest.raises(OutOfTimeError):
+        bound(pose(problem), best, hopeless, gap=0.02)
     stopped = bound(pose(problem), best, hopeless, gap=0.02, stopped=lambda: True)
     assert stopped.resume.boxes == 0
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -36,6 +36,7 @@ from vctune.firmware.ros2 import RosAxis
 from vctune.report.page.axes_page import HEADINGS as HEADINGS
 from vctune.report.page.axes_page import axes_page
 from vctune.report.page.axes_page import axis_row as axis_row
+from vctune.report.page.axes_page import promises as promises
 from vctune.simulation.firmware.stepped import Precision
 
 INDEX = "index.html"
@@ -56,24 +57,32 @@ class AxisDesign:
     record: DesignRecord
 
 
-def of_each(axes: AxesFile, work: Callable[[AxisProblem], Found]) -> list[tuple[AxisProblem, Found]]:
+def of_each(
+    axes: AxesFile,
+    work: Callable[[AxisProblem], Found],
+    given: Callable[[AxisProblem], Hashable] = lambda axis: None,
+) -> list[tuple[AxisProblem, Found]]:
     """Return what a function makes of each axis; it is called once for those that state the same problem.
 
     Parameters
     ----------
     axes : the problem file
     work : is called with an axis
+    given : what else the work on an axis depends on
 
     Returns
     -------
     list
         Of each axis and what was made of its problem, in the file's order.
     """
-    done: dict[str, Found] = {}
+    done: dict[Hashable, Found] = {}
+    found = []
     for axis in axes.axes:
-        if axis.file.sha256 not in done:
-            done[axis.file.sha256] = work(axis)
-    return [(axis, done[axis.file.sha256]) for axis in axes.axes]
+        key = (axis.file.sha256, given(axis))
+        if key not in done:
+            done[key] = work(axis)
+        found.append((axis, done[key]))
+    return found
 
 
 def solve_axes(
@@ -131,7 +140,7 @@ def claim_axes(axes: AxesFile, out: Path) -> None:
         claim_folder(axis.file, axis_folder(axes, axis, out))
 
 
-def write_axes(axes: AxesFile, designs: list[AxisDesign], out: Path) -> dict[Path, Path]:
+def write_axes(axes: AxesFile, designs: list[AxisDesign], out: Path, *, reported: bool) -> dict[Path, Path]:
     """Write the design of each axis into its folder, and a page with a line for each beside them.
 
     Parameters
@@ -139,6 +148,7 @@ def write_axes(axes: AxesFile, designs: list[AxisDesign], out: Path) -> dict[Pat
     axes : the problem file
     designs : of its axes
     out : in which the folder of the problem is
+    reported : whether each folder has a report or will have one
 
     Returns
     -------
@@ -149,7 +159,7 @@ def write_axes(axes: AxesFile, designs: list[AxisDesign], out: Path) -> dict[Pat
     for design in designs:
         renamed |= write_record(axis_folder(axes, design.axis, out), design.axis.file, design.record)
     found = {design.axis.name: design.record for design in designs}
-    write_together({out / folder_name(axes.name) / INDEX: axes_page(axes.name, found)})
+    write_together({out / folder_name(axes.name) / INDEX: axes_page(axes.name, found, reported=reported)})
     return renamed
 
 
@@ -187,19 +197,16 @@ def check_axes(
     list of Checked
         One for each axis, in the file's order; equal ones are proved once.
     """
-    done: dict[tuple[object, ...], Checked] = {}
-    checks = []
-    for axis in axes.axes:
-        given = _gains_of(gains, axis)
-        key = (
-            axis.file.sha256,
-            *(() if given is None else (given.kind.name, given.gains, given.coupling, given.sha256)),
-        )
-        if key not in done:
-            progress(f"proving {axis.name}")
-            done[key] = _checked(axis, given)
-        checks.append(_of_axis(done[key], axis, given))
-    return checks
+
+    def work(axis: AxisProblem) -> Checked:
+        progress(f"proving {axis.name}")
+        return _checked(axis, _gains_of(gains, axis))
+
+    def told(axis: AxisProblem) -> Hashable:
+        file = _gains_of(gains, axis)
+        return None if file is None else (file.kind.name, file.gains, file.coupling, file.sha256)
+
+    return [_of_axis(found, axis, _gains_of(gains, axis)) for axis, found in of_each(axes, work, told)]
 
 
 def check_parameters(

@@ -127,7 +127,7 @@ def _solve_axes(
     warn_of_doubts(*(axis.file.problem for axis in axes.axes), quiet=quiet)
     with progress_on_stderr(f"vctune solve {axes.name}", shown=not quiet) as progress:
         designs = solve_axes(axes, gap=gap, prices=report, progress=progress)
-        say_renamed(write_axes(axes, designs, out))
+        say_renamed(write_axes(axes, designs, out, reported=report))
         for design in designs if report else ():
             progress(f"{design.axis.name}: drawing the report")
             write_report(design.record, axis_folder(axes, design.axis, out))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from rich.markup import escape
 from rich.table import Table
 
-from vctune.api.axes import HEADINGS, axis_row
+from vctune.api.axes import HEADINGS, axis_row, promises
 from vctune.api.messages import printable
 from vctune.cli.printing.design_table import COLOURS, WIDE, page
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def print_axes(name: str, designs: Mapping[str, DesignRecord], folder: Path) -> None:
-    """Print a line for each axis, what should be known of it, and where the files are.
+    """Print what is proved, a line for each axis, what should be known of it, and where the files are.
 
     Parameters
     ----------
@@ -28,6 +28,8 @@ def print_axes(name: str, designs: Mapping[str, DesignRecord], folder: Path) -> 
     """
     with page(WIDE, folder) as console:
         console.print(f"[bold]{escape(printable(name))}[/bold]")
+        for promise in promises(designs):
+            console.print(escape(promise), soft_wrap=True)
         table = Table(box=None, pad_edge=False)
         for heading in HEADINGS:
             table.add_column(heading, no_wrap=True, header_style="dim")

@@ -50,7 +50,7 @@ from vctune.proof.engine.winding import turned_angle
 
 STEP = 1.4
 """Ratio of the edges of the first intervals. Its square root and its square take as many boxes within a tenth."""
-MAX_BOXES = 200_000
+MAX_BOXES = 400_000
 """Boxes looked at before the claim is left open; an optimal design takes some thousand. Half and twice it: as long
 to give up."""
 EASY_BOXES = 20_000

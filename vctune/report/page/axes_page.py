@@ -39,24 +39,40 @@ def axis_row(name: str, record: DesignRecord) -> tuple[str, ...]:
     )
 
 
-def axes_page(name: str, designs: Mapping[str, DesignRecord]) -> str:
+def promises(designs: Mapping[str, DesignRecord]) -> list[str]:
+    """Return what is proved of the axes: each sentence once, after the names of the axes that it is proved of.
+
+    Parameters
+    ----------
+    designs : by the name of the axis
+    """
+    proved: dict[str, list[str]] = {}
+    for axis, record in designs.items():
+        if record.promise:
+            proved.setdefault(record.promise, []).append(axis)
+    return [f"{', '.join(axes)}: {promise}" for promise, axes in proved.items()]
+
+
+def axes_page(name: str, designs: Mapping[str, DesignRecord], *, reported: bool) -> str:
     """Return the HTML of the axes of a problem.
 
     Parameters
     ----------
     name : of the problem
     designs : by the name of the axis
+    reported : whether each axis has a report, which its name then leads to
     """
-    rows = "".join(_row(axis, axis_row(axis, record)) for axis, record in designs.items())
+    rows = "".join(_row(axis_row(axis, record), reported) for axis, record in designs.items())
+    proved = "".join(f"<p>{escape(promise)}</p>\n" for promise in promises(designs))
     headings = "".join(f"<th>{escape(heading)}</th>" for heading in HEADINGS)
     return (
         f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(name)}: axes</title>\n'
-        f"<style>{STYLE}</style>\n</head>\n<body>\n<h1>{escape(name)}</h1>\n<table>\n<tr>{headings}</tr>\n{rows}"
+        f"<style>{STYLE}</style>\n</head>\n<body>\n<h1>{escape(name)}</h1>\n{proved}<table>\n<tr>{headings}</tr>\n{rows}"
         "</table>\n</body>\n</html>\n"
     )
 
 
-def _row(axis: str, cells: Sequence[str]) -> str:
-    first, *others = cells
-    link = f'<a href="{escape(folder_name(axis))}/{REPORT}">{escape(first)}</a>'
-    return f"<tr><td>{link}</td>{''.join(f'<td>{escape(cell)}</td>' for cell in others)}</tr>\n"
+def _row(cells: Sequence[str], reported: bool) -> str:
+    axis, *others = cells
+    first = f'<a href="{escape(folder_name(axis))}/{REPORT}">{escape(axis)}</a>' if reported else escape(axis)
+    return f"<tr><td>{first}</td>{''.join(f'<td>{escape(cell)}</td>' for cell in others)}</tr>\n"
