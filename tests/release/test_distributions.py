@@ -22,7 +22,10 @@ from vctune.document.text.digest import problem_digest
 from vctune.version import __version__
 
 pytestmark = pytest.mark.slow
-ALONE = ["tests/model/test_matrices.py", "tests/proof/test_enclosures.py", "tests/proof/test_taylor.py"]
+ALONE = [
+    "tests/document/test_hints.py", "tests/document/test_kinds.py", "tests/model/test_display.py",
+    "tests/model/test_sampled.py", "tests/proof/test_registry.py",
+]  # fmt: skip
 """Fast tests that need nothing but pytest and hypothesis."""
 BUILT = ("__pycache__", ".egg-info")
 
