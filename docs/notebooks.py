@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import Any
 
 BLOCK = re.compile(r"^```(console|python)\n(.*?)^```\n", re.MULTILINE | re.DOTALL)
+ANSI = re.compile(r"\x1b\[[\d;]*m")
+"""Bold and coloured type, which a kernel asks commands for."""
 COMMAND = re.compile(r"^\$ (.*(?:\n> .*)*)\n?", re.MULTILINE)
 
 
@@ -74,14 +76,14 @@ def _run(notebook: dict[str, Any]) -> list[str]:
 
     with tempfile.TemporaryDirectory() as folder:
         search = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-        os.environ |= {"PATH": search, "COLUMNS": "100", "NO_COLOR": "1", "IPYTHONDIR": f"{folder}/.ipython"}
+        os.environ |= {"PATH": search, "COLUMNS": "100", "IPYTHONDIR": f"{folder}/.ipython"}
         notes = nbformat.reads(json.dumps(notebook), as_version=4)
         NotebookClient(notes, timeout=None, resources={"metadata": {"path": folder}}).execute()
     return [_printed(cell.outputs) for cell in notes.cells if cell.cell_type == "code"]
 
 
 def _printed(outputs: list[Any]) -> str:
-    text = "".join(each.text for each in outputs if each.output_type == "stream")
+    text = ANSI.sub("", "".join(each.text for each in outputs if each.output_type == "stream"))
     return "".join(f"{line.rstrip()}\n" for line in text.splitlines())
 
 

@@ -18,7 +18,9 @@ from readme import NUMBER
 TUTORIALS = sorted((ROOT / "docs/tutorials").glob("*.md"))
 LONGEST = 120.0
 """Processor time of a tutorial, s."""
-HURRIED = re.compile(r"; so would .*|^ *warning: .*\[warn-repairs-cut-short\]$\n", re.MULTILINE)
+HURRIED = re.compile(
+    r"; (?:so would|no change of one number passes).*|^ *warning: .*\[warn-repairs-cut-short\]$\n", re.MULTILINE
+)
 """What else would pass depends on how much of it is found in half a minute."""
 COMPILED = re.compile(r"^\$ make ", re.MULTILINE)
 
