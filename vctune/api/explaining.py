@@ -143,7 +143,7 @@ def _entries(guide: str, text: str) -> Iterator[Entry]:
         for key, meaning in rows:
             inner = [f"- `{other}`: {of}" for other, of in rows if other.rpartition(".")[0] == key]
             linear, rotary = (unit_of(tuple(key.split(".")), units) for units in (LINEAR, ROTARY))
-            turned = f" Of a rotary device: {rotary}." if linear != rotary else ""
+            turned = f" Unit for a rotary device: {rotary}." if linear != rotary else ""
             yield Entry("key", (key,), "\n".join([meaning + turned, *(["", *inner] if inner else [])]), guide)
     for glossary in GLOSSARY.findall(text):
         for heads, rows in TABLE.findall(glossary):
