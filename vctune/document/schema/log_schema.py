@@ -114,9 +114,9 @@ class KnownDeviceTable(Table):
 
     delay: NotNegative | None = Field(None, description="Delay from sampling to actuation beyond the hold, s.")
     delay_uncertainty: NotNegative = Field(0.0, description="Half-width of a known delay, s.")
-    velocity: KnownVelocityTable | None = Field(None, description="The firmware's velocity estimate.")
-    actuator: ActuatorTable | None = Field(None, description="The force loop, if its bandwidth is known.")
-    force_sensor: ForceSensorTable | None = Field(None, description="The force sensor, if it is known.")
+    velocity: KnownVelocityTable | None = Field(None, description="Default: see `from`.")
+    actuator: ActuatorTable | None = Field(None, description="Default: not known.")
+    force_sensor: ForceSensorTable | None = Field(None, description="Default: not known.")
 
 
 class ClassicalTable(Table):

@@ -28,15 +28,15 @@ from vctune.model.numbers.units import UnitSystem
 class PositiveRange(Table):
     """Bounds of a free variable that cannot be 0."""
 
-    min: Positive
-    max: Positive
+    min: Positive = Field(description="Least value.")
+    max: Positive = Field(description="Greatest value.")
 
 
 class NotNegativeRange(Table):
     """Bounds of a free variable that may be 0."""
 
-    min: NotNegative
-    max: NotNegative
+    min: NotNegative = Field(description="Least value.")
+    max: NotNegative = Field(description="Greatest value.")
 
 
 def _form(value: Any) -> str:
@@ -378,9 +378,7 @@ class ProblemDocument(Table):
     description: Text = Field("", description="Free text for the reader.")
     device: AnyDeviceTable
     operator: OperatorTable | None = Field(None, description="Default: human hands, from no hand to a firm grip.")
-    environment: WorldsTable | None = Field(
-        None, description="Default: every environment that is passive as the firmware runs it."
-    )
+    environment: WorldsTable | None = None
     gains: GainsTable = Field(default_factory=GainsTable)
     coupling: CouplingTable = Field(default_factory=CouplingTable)
     transparency: TransparencyTable = Field(default_factory=TransparencyTable)
