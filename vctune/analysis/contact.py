@@ -1,4 +1,4 @@
-"""What a servo's latency asks of a coupling, and which contacts that bears, in double precision (README.md, section 2).
+"""The drag that a servo's latency requires, and the stiffest contact, in double precision (README.md, section 2).
 
 Before a servo what a hand asks is linear in the hand, and convex where its response is in a disc.
 """

@@ -1,4 +1,4 @@
-"""The demands of a problem and its objective at given gains, in double precision.
+"""The constraints and the objective of a problem at given gains, in double precision.
 
 See model/README.md, section 8; design/README.md, section 1.
 """

@@ -1,4 +1,4 @@
-"""What a device feels like in the hand, in double precision: numbers of the frequency model (README.md, section 1)."""
+"""How a device feels in the hand, in double precision: numbers of the frequency model (README.md, section 1)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The lossless hand in which an impedance display that is refused in any hand grows (model/README.md, section 15).
+"""The lossless hand in which a refused impedance display grows (model/README.md, section 15).
 
 The disc of any hand is a sum of discs, one for each alias of the frequency, and its worst point has each of them at the
 edge: a reactance of the hand at each alias. By Foster's theorem a mass or a spring with resonators has it at as many as

@@ -1,4 +1,4 @@
-"""Which part of a device is how late: phases around the velocity loop and along the force path, in double precision.
+"""Phases of the parts of a device around the velocity loop and along the force path, in double precision.
 
 See model/README.md, sections 1, 7 and 12.
 """

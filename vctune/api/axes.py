@@ -1,4 +1,4 @@
-"""Problems with several axes that do not couple: each axis is a problem, and equal problems are worked on once."""
+"""Problems with several axes that do not couple: each axis is a problem, and equal problems are solved once."""
 
 from __future__ import annotations
 

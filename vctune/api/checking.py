@@ -1,4 +1,4 @@
-"""`vctune check`, as a function: it imports no optimiser for what needs none."""
+"""`vctune check`, as a function; it imports the optimiser only if it needs it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`vctune explain`, as a function: what the guides say of a code, a key or a word, and what a claim is."""
+"""`vctune explain`, as a function: the text of the guides on a code, a key, a term or a claim."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The folder of a design: whose it is, and what in it is of an earlier design."""
+"""The folder of a design: its owner, and the files of an earlier design in it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What commands say mistakes with, and of which version they are; imports nothing heavy before it is asked for."""
+"""Messages of commands and their version; imports heavy packages only on use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every benchmark is: a table of frozen rows, what they say, and a picture of them; and their files."""
+"""The parts of every benchmark: a table of frozen rows, its interpretation, a picture, and their files."""
 
 from __future__ import annotations
 

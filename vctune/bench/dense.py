@@ -1,4 +1,4 @@
-"""The design problem on a fixed grid, as its own NLP has it, for any solver, with exact derivatives. Imports casadi.
+"""The design problem on a fixed grid, as a problem for any solver, with exact derivatives. Imports casadi.
 
 Every peer gets vctune's own formulation: logarithmic variables and log-ratio constraints, derivatives by CasADi's
 algorithmic differentiation, bounds, and the starts of the scan.

@@ -1,4 +1,4 @@
-"""Random devices over ten decades of mass, damping, sample time, delay, bounds and bands; a seed makes each again."""
+"""Random devices over ten decades of mass, damping, sample time, delay, bounds and bands; a seed reproduces each."""
 
 from __future__ import annotations
 

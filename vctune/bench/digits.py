@@ -1,4 +1,4 @@
-"""Fifty digits: the theory by its definitions in mpmath, of a case of numbers at one omega > 0, rad/s, in SI units."""
+"""The theory by its definitions with fifty digits in mpmath, for one case at one omega > 0, rad/s, in SI units."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A second opinion in plain complex numbers: the theory written down once more, sharing nothing with the model.
+"""An independent implementation of the theory in plain complex numbers, which shares no code with the model.
 
 Dense grids instead of a proof, matrix exponentials and eigenvalues instead of a return difference. The tests judge with
 it too, many designs or many devices at a time: of one `Case` a function of k frequencies, rad/s and not 0, gives k

@@ -1,4 +1,4 @@
-"""vctune against what a user would pick instead: the same problems, the same starts, the same judges."""
+"""vctune against the usual alternatives: the same problems, the same starts, the same judges."""
 
 from __future__ import annotations
 

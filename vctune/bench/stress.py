@@ -1,4 +1,4 @@
-"""Thousands of devices over ten decades, and every verdict checked by arithmetic of another kind."""
+"""Thousands of devices over ten decades; independent arithmetic checks every verdict."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Time on a machine that others use too: processor time, the middle of repeats."""
+"""Timing on a shared machine: processor time, median of repeats."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A problem made ready, once, for the search: its devices, what is demanded of them, and the optimiser's own units."""
+"""A problem prepared for the search: its devices, its constraints, and the optimiser's own units."""
 
 from __future__ import annotations
 

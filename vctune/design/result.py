@@ -1,4 +1,4 @@
-"""What comes of a problem, stage by stage: plain data that a report can be made of."""
+"""The results of each stage of a design, as plain data for a report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The axes of a study: numbers of a problem by dotted key, and the values that they take."""
+"""The axes of a study: numbers of a problem by dotted key, and their values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Problems and designs from whatever a program has of them: a path, tables, or the objects themselves."""
+"""Problems and designs from a program's data: a path, tables, or the objects themselves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The gains file: [gains] and [coupling] to paste into a problem, [design] to say where they come from.
+"""The gains file: [gains] and [coupling] to paste into a problem, [design] for their origin.
 
 See document/README.md, section 2.
 """

@@ -1,4 +1,4 @@
-"""Logs, read: the columns of a table of numbers, each by what it is, and the map that says which is what."""
+"""Reading logs: the columns of a table of numbers by their roles, and the map that assigns them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The text of a log as a table: headers and numbers, or what is wrong with it, each fault with its line and column."""
+"""The text of a log as a table: headers and numbers, or its faults with line and column."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Several axes that do not couple: each is a problem, of the file's tables and its [[axis]], which overrides them."""
+"""Several axes that do not couple: each is a problem of the file, overridden by its [[axis]]."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Problem files and gains files, read."""
+"""Reading problem files and gains files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The parameter file of a ROS 2 admittance_controller, as far as it is about stability."""
+"""The parameter file of a ROS 2 admittance_controller, as far as it affects stability."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The study file, read: a problem, the numbers of it that vary, and how they make points."""
+"""Reading the study file: a problem, the numbers that vary, and how they make points."""
 
 from __future__ import annotations
 

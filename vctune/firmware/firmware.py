@@ -1,4 +1,4 @@
-"""What is exported: a design with what is proved of it, and the coefficients as the firmware will have them."""
+"""The content of an export: a design with its proved claims, and the rounded coefficients of the firmware."""
 
 from __future__ import annotations
 

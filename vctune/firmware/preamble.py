@@ -1,4 +1,4 @@
-"""What every exported file says first: what it is, of which design, what is proved and what that assumes."""
+"""The head of every exported file: its kind, the design, the proved claims and their assumptions."""
 
 from __future__ import annotations
 

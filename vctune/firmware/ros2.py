@@ -1,4 +1,4 @@
-"""A design as parameters of a ROS 2 admittance_controller: proved as that controller steps them."""
+"""A design as parameters of a ROS 2 admittance_controller, proved as that controller steps them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the simulated controller measured and commanded in every experiment, to be replayed."""
+"""Measurements and commands of the simulated controller in every experiment, for replay."""
 
 from __future__ import annotations
 

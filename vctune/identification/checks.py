@@ -1,4 +1,4 @@
-"""What must be right with a recording before anything is fitted: each fault with its row, its column and its remedy."""
+"""Checks of a recording before any fit: each fault with its row, its column and its remedy."""
 
 from __future__ import annotations
 

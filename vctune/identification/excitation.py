@@ -1,4 +1,4 @@
-"""A multisine for what is still uncertain: which lines, how long, how strong (README, section 5)."""
+"""A multisine for the numbers that are still uncertain: lines, duration, amplitude (README, section 5)."""
 
 from __future__ import annotations
 

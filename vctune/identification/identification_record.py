@@ -1,4 +1,4 @@
-"""What was identified, as the object of identification.json."""
+"""The object of identification.json."""
 
 from __future__ import annotations
 

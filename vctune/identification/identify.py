@@ -1,4 +1,4 @@
-"""From recordings to a device, its box, and what is known of each number: the way through this package."""
+"""From recordings to a device, its box, and the source of each number: the main path of this package."""
 
 from __future__ import annotations
 

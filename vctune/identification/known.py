@@ -1,4 +1,4 @@
-"""What the user knows of the device, from a log.toml: it is taken as it stands, and need not be found."""
+"""Numbers of the device that the user states in a log.toml; they are not identified."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A recording and what came of it; a force alone is looked at both as a command and as measured (README, section 1)."""
+"""A recording and its results; a force alone is fitted both as a command and as measured (README, section 1)."""
 
 from __future__ import annotations
 

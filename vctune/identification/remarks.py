@@ -1,4 +1,4 @@
-"""What the recordings do not tell, and what was done about it (README, section 8)."""
+"""What the recordings do not show, and how the file handles it (README, section 8)."""
 
 from __future__ import annotations
 

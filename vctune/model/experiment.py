@@ -1,4 +1,4 @@
-"""An experiment with every default filled in: who moves the handle, what is rendered, on which hardware. SI units."""
+"""An experiment with every default filled in: hand, environment and hardware. SI units."""
 
 from __future__ import annotations
 

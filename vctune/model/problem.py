@@ -1,4 +1,4 @@
-"""A design problem with every default filled in: what the rest of vctune works on. SI units."""
+"""A design problem with every default filled in: the input of the rest of vctune. SI units."""
 
 from __future__ import annotations
 

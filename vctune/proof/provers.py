@@ -1,4 +1,4 @@
-"""What proves each claim of a certificate: a function by the claim's identifier."""
+"""The prover of each claim of a certificate: a function by the claim's identifier."""
 
 from __future__ import annotations
 

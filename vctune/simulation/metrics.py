@@ -1,4 +1,4 @@
-"""What the traces of a run say: rendering, non-overlap, ripple, energies, effort."""
+"""The measures of a run's traces: rendering, non-overlap, ripple, energies, effort."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The two trade-offs that a designer asks about, as studies with a name."""
+"""The two trade-offs of a design as predefined studies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The admissible gains as a set: cells proved feasible throughout, proved infeasible throughout, or undecided."""
+"""The feasible gains as a set: cells proved feasible throughout, proved infeasible throughout, or undecided."""
 
 from __future__ import annotations
 

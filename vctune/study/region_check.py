@@ -1,4 +1,4 @@
-"""`vctune check --region`: what a baseline had proved, proved again with the problem of today."""
+"""`vctune check --region`: proves the content of a baseline again for today's problem."""
 
 from __future__ import annotations
 

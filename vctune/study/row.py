@@ -1,4 +1,4 @@
-"""What a row says of a solved point; every number is finite or null."""
+"""The row of a solved point; every number is finite or null."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a sweep found, in a few numbers: the best, the worst, and where there is no design."""
+"""The summary of a sweep: the best, the worst, and where there is no design."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rows of a study as columns, in the order of its points: what is written, drawn and summed up."""
+"""The rows of a study as columns, in the order of its points, for writing, drawing and summing up."""
 
 from __future__ import annotations
 

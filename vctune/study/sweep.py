@@ -1,4 +1,4 @@
-"""The loop of a sweep: points out to the workers, rows back into the file, a bounded number of them under way."""
+"""The loop of a sweep: it sends points to the workers and writes rows to the file, with a bounded number under way."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Data for stdout. A reader that has gone away is no failure of the command."""
+"""Output of data to stdout; a reader that goes away is not a failure of the command."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A command that is run again whenever a file is saved."""
+"""Running a command again each time a file is saved."""
 
 from __future__ import annotations
 

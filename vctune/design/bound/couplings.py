@@ -1,4 +1,4 @@
-"""What the bound knows of a display's coupling: what it offers, how large it may be, what is felt of it.
+"""The coupling of a display in the bound: its response, its greatest values, and what the hand feels of it.
 
 A coupling has two elements of which more is safer and more is felt, b_c and m_c, or of an impedance display 1/k_c and
 1/b_c. Demands and bounds leave a least value of both to each box (design/bound/README.md, section 1).

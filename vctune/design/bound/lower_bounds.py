@@ -1,4 +1,4 @@
-"""The least that the designs of a box cost, from a relaxation of their problem.
+"""Lower bounds on the error of the designs of a box, from a relaxation of their problem.
 
 See model/README.md, section 8; design/bound/README.md, section 1.
 """

@@ -1,4 +1,4 @@
-"""A design problem made easier, so that boxes of designs can be judged at once.
+"""A relaxed design problem, so that boxes of designs can be judged at once.
 
 See model/README.md, section 8; design/bound/README.md, section 1.
 

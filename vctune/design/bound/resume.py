@@ -1,4 +1,4 @@
-"""What a search for a bound needs to go on, and the file that keeps it."""
+"""The state that a search for a bound needs to continue, and its file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How much better any design could be: a lower bound on the error of all of them, by branch and bound.
+"""A lower bound on the error of all designs, by branch and bound.
 
 See design/bound/README.md.
 

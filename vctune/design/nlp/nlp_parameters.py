@@ -1,4 +1,4 @@
-"""The parameters of an NLP by name: the one layout of what CasADi's symbols are taken from and numbers are put into.
+"""The parameters of an NLP by name: one layout for CasADi's symbols and for the numbers.
 
 The parameters are tables, one after another, each column by column: `common` with one column, and one table for each
 kind of frequency with a column for each. A layout gives the rows of a table their names.

@@ -1,4 +1,4 @@
-"""What the NLP of a problem contains: plain data, known without CasADi."""
+"""The structure of the NLP of a problem: plain data that does not need CasADi."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""A ROS 2 parameter file: is each selected axis stable in every hand of the box, and what would help?"""
+"""The check of a ROS 2 parameter file: is each selected axis stable in every hand of the box, and if not, how to repair
+it?
+"""
 
 from __future__ import annotations
 

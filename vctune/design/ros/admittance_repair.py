@@ -1,4 +1,4 @@
-"""What would help a refuted axis of a ROS 2 parameter file: first its own numbers, then those of the problem.
+"""Repairs of a refuted axis of a ROS 2 parameter file: first of its own numbers, then of the problem's.
 
 The file has no coupling. Each change is one that its user can make, and is tried as the file would then state it.
 """

@@ -1,4 +1,5 @@
-"""IPOPT on a few frequencies; where its answer fails joins the few (an exchange method, design/README.md, section 6).
+"""The exchange method: IPOPT on a few frequencies, to which it adds those where the answer fails (design/README.md,
+section 6).
 
 Everything is local to a start: each NLP is confined to a box in log coordinates around the last point whose loop is
 stable, because the demands on single frequencies are also met by unstable loops that lie beyond |S| = inf.

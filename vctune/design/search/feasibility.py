@@ -1,4 +1,4 @@
-"""What loops are worth by themselves, on fixed frequencies: an estimate."""
+"""Estimated quality of velocity loops without a coupling, on fixed frequencies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The demands and the error over a grid of designs, the coupling in closed form.
+"""The constraints and the error over a grid of designs, with the coupling in closed form.
 
 For given K_v, K_p, b_0 and tau_c = m_c/b_c the least admissible b_c is a maximum over frequency,
 

@@ -1,4 +1,6 @@
-"""The best proved design that the optimiser finds: starts polished, rounded, proved (design/README.md, section 8)."""
+"""The best proved design that the optimiser finds: it polishes starts, rounds and proves them (design/README.md,
+section 8).
+"""
 
 from __future__ import annotations
 

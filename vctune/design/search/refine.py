@@ -1,4 +1,4 @@
-"""Local minima of a grid of designs, refined between their neighbours."""
+"""Refinement of the local minima of a grid of designs between their neighbours."""
 
 from __future__ import annotations
 

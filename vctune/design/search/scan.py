@@ -1,4 +1,4 @@
-"""A cheap global scan: starts for the optimiser in every basin it can see (design/README.md, section 3)."""
+"""A cheap global scan: starts for the optimiser in every basin that it can see (design/README.md, section 3)."""
 
 from __future__ import annotations
 

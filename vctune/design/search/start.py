@@ -1,4 +1,4 @@
-"""A design to begin a local optimisation from, and what it misses."""
+"""A start of a local optimisation, and the constraints that it violates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Requests that no design can meet, known beforehand: theorems with their numbers filled in.
+"""Requirements that no design can meet: theorems with their numbers filled in.
 
 Each limit is taken at the corner of the bounds that is kindest to it: a request is refused only where even that fails.
 """

@@ -1,4 +1,4 @@
-"""Where a point of the search does not meet the demands, on any of the devices at which they are posed."""
+"""Points at which a design violates the constraints, on any of their devices."""
 
 from __future__ import annotations
 

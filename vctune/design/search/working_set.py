@@ -1,4 +1,4 @@
-"""Where an exchange poses the demands: frequencies and devices."""
+"""The points at which an exchange imposes the constraints: frequencies and devices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a check says in one line, and the line of the file that it is about."""
+"""The result of a check in one line, and the line of the file that it refers to."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a check found: the verdict in one line, and everything that is known of the design behind it."""
+"""The result of a check: the verdict in one line, and the full record of the design."""
 
 from __future__ import annotations
 

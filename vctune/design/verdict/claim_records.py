@@ -1,4 +1,4 @@
-"""What the record says of each claim: where it fails, and the hand and environment with which a design grows there."""
+"""The record of each claim: where it fails, and the hand and environment with which the design grows there."""
 
 from __future__ import annotations
 

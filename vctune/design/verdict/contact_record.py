@@ -1,4 +1,4 @@
-"""What a design's record says of a servo's latency, and of the contacts that its coupling bears."""
+"""The record of a servo's latency and of the contacts that its coupling bears."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a design would be under one of two criteria alone: so that the price of asking for both is seen."""
+"""The error under one of two criteria alone, which shows the price of requiring both."""
 
 from __future__ import annotations
 

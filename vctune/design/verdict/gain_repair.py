@@ -1,4 +1,4 @@
-"""Which number of a refuted design to change: one that was edited since it was solved, or the one that then errs least.
+"""Which number of a refuted design to change: an edited one, or the one with the least error afterwards.
 
 Nothing here solves or judges by itself: the caller says how (`RepairTest`).
 """

@@ -1,4 +1,4 @@
-"""Why a problem has no design: the demand that the nearest miss fails, and where."""
+"""Why a problem has no design: the constraint that the nearest miss violates, and where."""
 
 from __future__ import annotations
 

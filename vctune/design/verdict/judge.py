@@ -1,4 +1,4 @@
-"""What decides about given gains: error, least ratio, greatest |S|, certificate. Knows nothing of the optimiser."""
+"""The judgement of given gains: error, least ratio, greatest |S|, certificate. Does not import the optimiser."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the NLP of a solved problem contained, what was left out of it, and what holds the design: plain data."""
+"""The record of a solved problem's NLP: its content, the parts left out, and the active constraints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The numbers of a problem file that may be changed, one at a time, until there is a design."""
+"""The numbers of a problem file that a repair may change, one at a time."""
 
 from __future__ import annotations
 

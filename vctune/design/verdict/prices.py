@@ -1,4 +1,4 @@
-"""What a better device would be worth: how much the least error changes with each of its numbers.
+"""The value of a better device: the change of the least error with each of its numbers.
 
 By the envelope theorem that is the derivative of the Lagrangian at the optimum. See design/README.md, section 11.
 """

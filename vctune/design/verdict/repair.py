@@ -1,4 +1,4 @@
-"""What would make a design possible: changes of one number, each alone sufficient, the least error first.
+"""Repairs that make a design possible: changes of one number, each sufficient on its own, the least error first.
 
 Numbers of the problem are changed as little as will do; a number of a design takes the value with the least error, or
 the one that it had when it was solved. Nothing here imports the optimiser before it is needed.

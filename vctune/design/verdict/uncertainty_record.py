@@ -1,4 +1,4 @@
-"""What a design comes to on the devices of its box, and what that costs: plain data for the record."""
+"""The record of a design on the devices of its box, and of the cost of the uncertainty."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The records of what is proved of a design, and of its velocity loop."""
+"""The records of the claims about a design and its velocity loop."""
 
 from __future__ import annotations
 

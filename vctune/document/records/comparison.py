@@ -1,4 +1,4 @@
-"""Two designs side by side: what differs in their problems, and what came of either."""
+"""The comparison of two designs: differences of their problems, and both results."""
 
 from __future__ import annotations
 

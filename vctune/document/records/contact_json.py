@@ -1,4 +1,4 @@
-"""The record of what a servo's latency asks for: the rule drag >= stiffness times latency, part by part."""
+"""The record of the drag that a servo's latency requires: stiffness times latency, part by part."""
 
 from __future__ import annotations
 

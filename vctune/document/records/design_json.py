@@ -1,4 +1,4 @@
-"""The record of a design: each key of design.json once, with its type and how it is shown (README.md, section 3).
+"""The record of a design: each key of design.json once, with its type and its label (README.md, section 3).
 
 What is written, what a file must hold to be read back, and the rows of the table and of the report's page all follow
 from the fields of these classes: a new number is a new field.

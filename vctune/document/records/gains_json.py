@@ -1,4 +1,4 @@
-"""The records of what is designed and of how transparent it is: gains, coupling, error."""
+"""The records of a design and of its transparency: gains, coupling, error."""
 
 from __future__ import annotations
 

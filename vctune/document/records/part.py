@@ -1,4 +1,4 @@
-"""What the records of files are made of: fields that are checked when read, written as JSON and shown as rows."""
+"""The base of all records: fields that are checked when read, written as JSON and shown as rows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The record of what a better device would be worth: a row for each of its numbers."""
+"""The record of the value of a better device: a row for each of its numbers."""
 
 from __future__ import annotations
 

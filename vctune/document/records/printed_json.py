@@ -1,4 +1,4 @@
-"""What commands print as JSON that is no file of its own."""
+"""The JSON that commands print and that is not a file of its own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The region file: which gains are proved admissible, cell by cell, as a baseline for continuous integration.
+"""The region file: the feasible gains, cell by cell, as a baseline for continuous integration.
 
 Each key of region.json once, with its type: what is written and what a file must hold to be read back.
 """

@@ -1,4 +1,4 @@
-"""What a study writes and prints: the lines of rows.jsonl, and the objects of `vctune sweep` and `vctune front`.
+"""The output of a study: the lines of rows.jsonl, and the objects of `vctune sweep` and `vctune front`.
 
 Names of columns have no dot, so that none of them is the key of an axis.
 """

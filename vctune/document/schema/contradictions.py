@@ -1,4 +1,4 @@
-"""What can be wrong in a problem file between values that are each right."""
+"""Contradictions in a problem file between values that are valid on their own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Defaults as formulas in the device's own scales, so that a change of units changes nothing.
+"""Defaults as formulas in the device's own scales, so that a change of units does not change them.
 
 See document/README.md, section 1.
 

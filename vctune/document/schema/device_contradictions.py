@@ -1,4 +1,4 @@
-"""What can be wrong in the tables of a device's parts between values that are each right."""
+"""Contradictions in the tables of a device's parts between values that are valid on their own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Keys that mean nothing on one of the displays, each with the reason."""
+"""Keys that do not apply to one of the displays, each with the reason."""
 
 from __future__ import annotations
 

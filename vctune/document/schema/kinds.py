@@ -1,4 +1,4 @@
-"""The kind of device that gains, a design or a region are for; those of another kind than the problem's are refused."""
+"""The kind of device of gains, a design or a region; vctune refuses those of another kind than the problem's."""
 
 from __future__ import annotations
 

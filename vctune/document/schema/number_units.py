@@ -1,4 +1,4 @@
-"""The unit of every number of a problem file, by what the number is and how the device moves."""
+"""The unit of every number of a problem file, by its quantity and the motion of the device."""
 
 from __future__ import annotations
 

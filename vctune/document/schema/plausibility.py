@@ -1,4 +1,4 @@
-"""What is no mistake and yet probably not meant: a number in another unit, a name that a system keeps for itself."""
+"""Values that are valid but probably not intended: a number in another unit, a name that a system reserves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a rotary device lacks: numbers whose defaults are of a hand or a length, which a linear device alone has."""
+"""Numbers that a rotary device must state because their defaults contain a hand or a length."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A problem as a document that states it with every default: the way back from `vctune.document.schema.defaults`."""
+"""A problem as a document that states every default: the inverse of `vctune.document.schema.defaults`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a TOML text to a valid document, or to everything that is wrong with it."""
+"""From a TOML text to a valid document, or to all of its mistakes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Digests of what a document means: the same however it is written, another when a number in it is another."""
+"""Digests of the meaning of a document: the same for every spelling, different if a number differs."""
 
 from __future__ import annotations
 

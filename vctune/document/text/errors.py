@@ -1,4 +1,4 @@
-"""What can be wrong with what the user gave, said so that the user can mend it."""
+"""Errors in the user's input, with text that tells the user how to correct them."""
 
 from __future__ import annotations
 

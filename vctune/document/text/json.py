@@ -1,4 +1,4 @@
-"""JSON files read strictly: finite numbers, of a size that the file can have, and the records that they state."""
+"""Strict reading of JSON files: finite numbers, a plausible size, and the records that they state."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers of a document that may be wrong elsewhere."""
+"""Numbers of a document whose other parts may be invalid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""TOML with line numbers: tomllib parses, and finds the line of a key by parsing beginnings of the text."""
+"""TOML with line numbers: tomllib parses; parsing beginnings of the text finds the line of a key."""
 
 from __future__ import annotations
 

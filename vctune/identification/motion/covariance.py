@@ -1,4 +1,4 @@
-"""Intervals that do not take correlated residuals for independent ones (README, section 2)."""
+"""Intervals for correlated residuals (README, section 2)."""
 
 from __future__ import annotations
 

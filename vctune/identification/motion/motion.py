@@ -1,4 +1,4 @@
-"""Any motion: what force is left when mass, viscous and Coulomb friction have had their share (README, section 2).
+"""Regression of any motion: the force that mass, viscous and Coulomb friction leave unexplained (README, section 2).
 
     F(t - delay) + f_h(t + sensor) = m a + b_+ v_+ + b_- v_- + c_+ [v > 0] - c_- [v < 0]
 

@@ -1,4 +1,6 @@
-"""A recording of any motion: fits at several cut-offs, each way and both, and what they come to (README, section 2)."""
+"""A recording of any motion: fits at several cut-offs, in each direction and both, and their results (README, section
+2).
+"""
 
 from __future__ import annotations
 

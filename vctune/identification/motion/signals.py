@@ -1,4 +1,4 @@
-"""A recording as a regression sees it: columns, derivatives, and what of them is the encoder's noise."""
+"""A recording as input of a regression: columns, derivatives, and the encoder's noise in them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Filters without phase, by their frequency response: the same for every column, so that none leads another.
+"""Filters without phase, by their frequency response: the same for every column, so that no column leads another.
 
 What a low-pass leaves needs no more samples than its cut-off asks for: `stride` says which to keep.
 """

@@ -1,4 +1,4 @@
-"""A response and a candidate for it: the errors of any numbers, and the search for the least."""
+"""A response and a candidate for it: the errors for any numbers, and the search for the least."""
 
 from __future__ import annotations
 

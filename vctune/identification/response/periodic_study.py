@@ -1,4 +1,4 @@
-"""A recording of a periodic excitation: its response, the structure that was chosen, and what they come to."""
+"""A recording of a periodic excitation: its response, the chosen structure, and the results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The device as the fit of a response has it: its numbers, by structure, and what they make of a line."""
+"""The device in the fit of a response: its numbers, by structure, and their effect on a line."""
 
 from __future__ import annotations
 

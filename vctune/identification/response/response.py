@@ -1,4 +1,4 @@
-"""Periodic excitation, found by itself: averaged lines, each with its variance (README, section 3)."""
+"""Detection of a periodic excitation, and its averaged lines, each with its variance (README, section 3)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""What of a measured response no device of the box has: the disc around 1 that makes up for it (README, section 4)."""
+"""The disc around 1 that covers the distance between the measured response and the devices of the box (README, section
+4).
+"""
 
 from __future__ import annotations
 

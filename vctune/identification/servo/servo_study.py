@@ -1,4 +1,4 @@
-"""A recording of a servo: both orders fitted, what tells them apart, whether it yields, and what they come to."""
+"""A recording of a servo: fits of both orders, their comparison, whether it yields, and the results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The loop's constants at a frequency: everything is affine in the gains, over what is affine in the gains.
+"""The loop's constants at a frequency: every response is a quotient of expressions that are affine in the gains.
 
 See model/README.md, section 12.
 """

@@ -1,4 +1,4 @@
-"""The impedances of a velocity loop at a frequency: what is known of it, and its controller's (README, section 1)."""
+"""The impedances of a velocity loop at a frequency: the device's, and its controller's (README, section 1)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The velocity loop of a device that is not ideal, at a frequency (model/README.md, sections 12 and 13)."""
+"""The velocity loop of a non-ideal device at a frequency (model/README.md, sections 12 and 13)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The few operations a formula needs beyond + - * /, for each kind of number.
+"""The few operations that a formula needs beyond + - * /, for each kind of number.
 
 Every formula of `vctune.model` takes an `Arithmetic` and is then evaluated on NumPy arrays (scan, margins, figures),
 CasADi symbols (the NLP), Arb balls and intervals on arrays with or without their derivatives (the proof).

@@ -1,4 +1,4 @@
-"""What an impedance display must offer for any passive hand, in sampled time (model/README.md, section 15).
+"""The requirement of any passive hand on an impedance display, in sampled time (model/README.md, section 15).
 
 With y, s and F of `impedance_display`, the motor of a rigid device answers with a point of the disc around 1/(2b) of
 that radius at each frequency and at each of its aliases omega_n = omega + 2 pi n/T, independently, so that

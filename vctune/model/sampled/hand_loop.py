@@ -1,4 +1,5 @@
-"""The sampled loop with a hand at the handle, and what the environment meets of it (model/README.md, section 14).
+"""The sampled loop with a hand at the handle, and the impedance that the environment sees (model/README.md, section
+14).
 
 The position x_1, the velocity estimate and the sensed force f of device and hand (`plant_in_hand`) make the return
 difference and the impedance that the environment meets,

@@ -1,4 +1,4 @@
-"""A device with an actuator or a structure over one sample, exactly: states, their step, and what it does to them.
+"""A device with an actuator or a structure over one sample, exactly: its states and their step.
 
 Time is counted in T, impedances in m/T, so that all numbers are dimensionless and of the size of what they mean for the
 sampled loop (README, section 12).

@@ -1,4 +1,4 @@
-"""The claims of a certificate for many cells at once, on arrays; what stays open is left to Arb.
+"""The claims of a certificate for many cells at once, on arrays; Arb decides what stays open.
 
 See proof/README.md, section 2.
 """

@@ -1,4 +1,4 @@
-"""What is to be proved of a design, as functions that must be positive; written once for every arithmetic."""
+"""The margins of the claims, functions that must be positive; each is written once for every arithmetic."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The claims that a certificate makes, each under an identifier that never changes: what it says and what it limits.
+"""The claims of a certificate, each under an identifier that never changes: its statement and the quantity that it
+limits.
 
 What records, reports and messages say of a claim hangs on its identifier, so that its words may be corrected.
 """

@@ -1,4 +1,4 @@
-"""The elementary functions of `Taylor`s over many boxes, and of enclosures of what no row changes."""
+"""The elementary functions of `Taylor`s over many boxes, and of enclosures that do not depend on a row."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Edges of a proved band: as far out as a proof reaches, in hertz with the digits that are certain."""
+"""Edges of a proved band: as far out as the proof reaches, in hertz with the digits that are certain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One prover for claims over boxes: halve what is not decided, where that promises most.
+"""One prover for claims over boxes: it halves undecided boxes where that promises most.
 
 Each box belongs to an owner: a cell of designs, or the one design that is proved for a box of devices. A claim is
 proved of an owner when it is proved on all of its boxes.

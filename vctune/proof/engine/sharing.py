@@ -1,4 +1,4 @@
-"""What many boxes have in common, worked out once: the plants of the same hand and device at other frequencies."""
+"""Shared parts of many boxes, computed once: the plants of the same hand and device at other frequencies."""
 
 from __future__ import annotations
 

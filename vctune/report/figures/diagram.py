@@ -1,4 +1,6 @@
-"""The loop and the force path as a block diagram: what a device has is drawn, what it has not is a plain line."""
+"""The loop and the force path as a block diagram: it draws the parts that a device has, and a plain line for absent
+parts.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The demand in the hands of a box up to Nyquist, and how much of the coupling's resistance each hand takes."""
+"""The requirement in the hands of a box up to Nyquist, and each hand's share of the coupling's resistance."""
 
 from __future__ import annotations
 

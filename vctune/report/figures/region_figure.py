@@ -1,4 +1,4 @@
-"""The picture of a region: what is proved where, the optimum, contours of the error, the low-frequency limit."""
+"""The picture of a region: the verdict on each cell, the optimum, contours of the error, the low-frequency limit."""
 
 from __future__ import annotations
 

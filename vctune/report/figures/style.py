@@ -1,4 +1,4 @@
-"""What all figures share: inks, a layout that no text can move, bands, and texts of seconds."""
+"""The common style of all figures: inks, a layout that no text can move, bands, and texts of seconds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of a problem with several axes: a line for each, with the way to its report."""
+"""The page of a problem with several axes: a line for each, with a link to its report."""
 
 from __future__ import annotations
 

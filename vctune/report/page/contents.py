@@ -1,4 +1,4 @@
-"""What a report consists of: the page, its figures and how each is read. Draws nothing, imports nothing heavy."""
+"""The parts of a report: the page, its figures and how to read each. Draws nothing, imports nothing heavy."""
 
 from __future__ import annotations
 

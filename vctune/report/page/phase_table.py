@@ -1,4 +1,4 @@
-"""Which part is how late: the phases of a design as the rows of a table."""
+"""How late each part is: the phases of a design as the rows of a table."""
 
 from __future__ import annotations
 

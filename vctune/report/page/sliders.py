@@ -1,4 +1,4 @@
-"""What the page's sliders need: the numbers that can be tried, and the device as constants (README.md, section 1)."""
+"""The data of the page's sliders: the numbers to try, and the device as constants (README.md, section 1)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a page says first: the verdict as a word and a mark, one sentence, and where the error lies on its scale."""
+"""The head of a page: the verdict as a word and a mark, one sentence, and the error on its scale."""
 
 from __future__ import annotations
 

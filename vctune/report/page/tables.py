@@ -1,4 +1,4 @@
-"""The tables of a page: what was asked, what is claimed and with what margin, what is assumed, what it feels like."""
+"""The tables of a page: requirements, claims and their margins, assumptions, and how the design feels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The firmware as difference equations with named coefficients, in the order in which they are executed.
+"""The firmware as difference equations with named coefficients, in the order of execution.
 
 From this one description come the simulated controller (`controller.py`), the exported C and its coefficients
 (`vctune/firmware/`).

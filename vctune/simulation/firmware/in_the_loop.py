@@ -1,4 +1,4 @@
-"""A scene whose firmware is somebody else's: sample by sample, beside the design's own on the same measurements."""
+"""A scene with an external firmware: sample by sample, beside the design's own on the same measurements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A design's own firmware, sample by sample, in numbers of one precision: to the last bit what its C comes to."""
+"""A design's own firmware, sample by sample, in one precision: equal to its C to the last bit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One sample of a scene as a compiled function, assembled from what the scene contains. Imports casadi.
+"""One sample of a scene as a compiled function, assembled from the parts of the scene. Imports casadi.
 
 A sample goes: sensors read, the firmware runs, the device moves on for a sample time under the forces that have
 arrived. Friction, quantisation, saturation, filters, the coupling and a device's parts are operations of the function
