@@ -41,7 +41,7 @@ def active(solved: Solved) -> list[ActiveRecord]:
     where += [("|S| <= max_sensitivity", at) for at in posed.sensitivity]
     where += [("stability of the sampled loop", None) for _ in posed.stability]
     where += [("greatest error", at) for at in posed.peak]
-    where += [("|1 - S| r < 1 of what is not modelled", at) for at in posed.unmodelled]
+    where += [("|1 - S| r < 1 of the unmodelled dynamics", at) for at in posed.unmodelled]
     where += [
         (f"{coupled} >= safety_factor R in {'any passive' if at.hand is None else 'a'} hand", at)
         for at in posed.in_hand
