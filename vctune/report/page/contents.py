@@ -65,8 +65,8 @@ OF_DISPLAY: dict[str, dict[str, str]] = {
         "delay the loop are green. The hand does not move the arm; it feels the late answer of the coupling.",
         "hands": "The late answer of a hand or a contact acts as a negative resistance of size R, which does not "
         "depend on the design. The coupling's Re Z_c, as the firmware runs it, must lie above R up to the Nyquist "
-        "frequency. At rest R is stiffness times latency. The lower panel shows, for each mass and stiffness of the hand, the "
-        "share of Re Z_c that R takes at the worst damping and frequency; 100 % is the limit.",
+        "frequency. At rest R is stiffness times latency. The lower panel shows, for each mass and stiffness of the "
+        "hand, the share of Re Z_c that R takes at the worst damping and frequency; 100 % is the limit.",
         "transparency": "Both should be small in the shaded band: the motion should follow its command, which depends "
         "on the servo alone, and the hand should not feel the coupling, which is designed.",
         "impedance": "In the transparency band each line with marks should lie on its thin ideal. No environment feels "
