@@ -22,7 +22,7 @@ DIGITS = 6
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """What a benchmark found.
+    """The result of a benchmark.
 
     Attributes
     ----------

@@ -49,7 +49,7 @@ class Dense:
     numbers: NlpNumbers
 
     def values(self, z: Floats) -> tuple[Floats, Floats]:
-        """Return the objective, log error, and the demands beyond their levels: >= 0 where they are met.
+        """Return the objective, log error, and the constraints beyond their levels: >= 0 where a design meets them.
 
         Where Re G_hh <= 0 there is no logarithm: such a demand is missed by `MISSED`.
         """

@@ -17,7 +17,7 @@ GUARD = 70
 
 @dataclass(frozen=True, slots=True)
 class Exact:
-    """What the definitions give at a frequency.
+    """The values of the definitions at a frequency.
 
     Attributes
     ----------

@@ -294,7 +294,7 @@ def loop_matrices(case: Case) -> Floats:
 
 
 def _motion(case: Case, t: Floats, order: int) -> tuple[Floats, Floats]:
-    """Return the motion over t: its matrix and what a constant unit force adds to it."""
+    """Return the motion over t: its matrix and the contribution of a constant unit force."""
     rates = np.zeros((len(t), order + 1, order + 1))
     rates[:, 0, 0], rates[:, 0, order], rates[:, 1:order, 0] = -case.damping / case.mass, 1 / case.mass, 1.0
     whole = _exponentials(rates * t[:, None, None])

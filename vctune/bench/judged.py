@@ -16,7 +16,7 @@ AGREEMENT = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Worth:
-    """What an answer is worth.
+    """The judgement of an answer.
 
     Attributes
     ----------

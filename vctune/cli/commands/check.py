@@ -98,7 +98,7 @@ def check(
 
 
 def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, said: Said) -> list[Checked]:
-    """Check a region, and the gains files that are named after its problem; draw what the region has lost."""
+    """Check a region, and the gains files after its problem; draw the losses of the region."""
     from vctune import read_problem
     from vctune.api.checking import LOST, check_files, recheck, remove_lost, write_lost
     from vctune.api.folders import folder_name

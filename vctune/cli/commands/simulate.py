@@ -97,7 +97,7 @@ def simulate(
 
 
 def _solved(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains, AnyCoupling] | None:
-    """Solve the problem and write its design, as `vctune solve` does; say why if there is none."""
+    """Solve the problem and write its design, as `vctune solve` does; print the reason if there is none."""
     from vctune.api.design_files import write_solved
     from vctune.api.experiments import solve_to_simulate
     from vctune.cli.commands.solve import say_renamed

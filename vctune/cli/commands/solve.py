@@ -144,6 +144,6 @@ def _solve_axes(
 
 
 def say_renamed(renamed: dict[Path, Path]) -> None:
-    """Say what of an earlier design was renamed."""
+    """Print which files of an earlier design were renamed."""
     for place, kept in renamed.items():
         click.echo(f"{place}: of an earlier design, renamed to {kept.name}", err=True)

@@ -22,7 +22,7 @@ from vctune.proof.enclosures.array_intervals import Flags, Floats
 
 @dataclass(frozen=True, slots=True)
 class LowerBounds:
-    """What the designs of each box at least come to; arrays of shape (boxes,).
+    """Lower bounds on the error of the designs of each box; arrays of shape (boxes,).
 
     Attributes
     ----------

@@ -34,7 +34,7 @@ class Conditions(Protocol):
 
     @property
     def offer(self) -> Offer:
-        """What couplings offer there."""
+        """The offer of couplings there."""
 
     def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
         """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes that meet none."""

@@ -17,7 +17,7 @@ from vctune.version import __version__
 
 @dataclass(frozen=True, slots=True)
 class ResumeState:
-    """What a search needs to go on.
+    """The state that a search needs to continue.
 
     Attributes
     ----------

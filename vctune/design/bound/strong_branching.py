@@ -54,7 +54,7 @@ class Halved:
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """An axis along which all boxes are tried to be halved, and what its lower and upper halves come to."""
+    """An axis along which all boxes are halved on trial, and the bounds of the lower and upper halves."""
 
     row: int
     halves: tuple[DesignBoxes, DesignBoxes]

@@ -71,7 +71,7 @@ def as_problem(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def _as_servo(device: dict[str, Any], axis: Admittance, coefficient: float) -> dict[str, Any]:
-    """Return the table of a servo with what the controller adds to it."""
+    """Return the table of a servo with the parts that the controller adds to it."""
     servo = {key: value for key, value in device["servo"].items() if key != "command"}
     if axis.stiffness > 0:
         servo["stiffness"] = axis.stiffness

@@ -44,7 +44,7 @@ class LoopFeasibility:
 
 
 def loop_feasibility(problem: Problem, samples: Samples, gains: Gains, bands: list[LoopResponse]) -> LoopFeasibility:
-    """Return what loops miss on the device on which they miss most.
+    """Return the constraints that loops violate on their worst device.
 
     Parameters
     ----------

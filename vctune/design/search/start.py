@@ -53,5 +53,5 @@ class Start:
 
     @property
     def rank(self) -> tuple[Missed, float, float]:
-        """What starts are ordered by: first what is missed, then by how much, then the error."""
+        """The order of starts: the violated constraint, the violation, then the error."""
         return self.missed, self.violation, self.error

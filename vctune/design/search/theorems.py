@@ -226,5 +226,5 @@ def _at_infinity(problem: Problem) -> tuple[str, str] | None:
 
 
 def _met(limit: EndLimit, factor: float) -> bool:
-    """Return whether Re Z_c is enough at an end; a required R of 0 or less asks for nothing."""
+    """Return whether Re Z_c is enough at an end; a required R of 0 or less is always met."""
     return limit.required <= 0 or limit.coupling >= factor * limit.required

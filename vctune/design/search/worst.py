@@ -136,7 +136,7 @@ def _reach(box: DeviceBox, name: str, omega: Floats) -> Floats:
 
 
 def _shares(box: DeviceBox) -> dict[str, int]:
-    """Return how many values of each uncertain number are looked at."""
+    """Return how many values of each uncertain number to try."""
     counts = {name: DELAY_SHARES if name in (*DELAYS, DIRECTION) else SHARES for name in box.uncertain}
     for fewer in (3, 2):
         if prod(counts.values()) > MOST_DEVICES:

@@ -19,7 +19,7 @@ def check_message(
     changed: Sequence[ParameterChange],
     together: Sequence[ParameterChange],
 ) -> str:
-    """Return what is proved of a design, or what fails and what would pass.
+    """Return the proved claims of a design, or those that fail and the changes that would pass.
 
     Parameters
     ----------

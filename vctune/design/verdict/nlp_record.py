@@ -83,7 +83,7 @@ def _priced(polished: Polished) -> Floats:
 
 
 def left_out(solved: Solved) -> list[Note]:
-    """Return what is not in the NLP, each with the reason."""
+    """Return the parts that are not in the NLP, each with the reason."""
     problem = solved.problem
     found = []
     for key, bounds in zip(keys_for(problem), ranges(problem), strict=True):
@@ -121,7 +121,7 @@ def left_out(solved: Solved) -> list[Note]:
 
 
 def solver_record(solved: Solved) -> dict[str, Any]:
-    """Return how the NLP was solved; nothing where none was."""
+    """Return how the NLP was solved; empty if there was no NLP."""
     if solved.polished is None or solved.scanned is None:
         return {}
     polished = solved.polished
