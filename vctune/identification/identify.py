@@ -58,7 +58,7 @@ class Identified:
     remarks: tuple[Note, ...]
 
     def bounded(self, key: str) -> Bounded | None:
-        """Return a number of the device with its interval, by its key; None where nothing was found of it."""
+        """Return a number of the device with its interval, by its key; None if it was not identified."""
         return next((each for each in self.bounds if each.key == key), None)
 
 

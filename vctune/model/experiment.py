@@ -78,7 +78,7 @@ class Friction:
 
 @dataclass(frozen=True, slots=True)
 class Sensors:
-    """What encoder and force sensor make of handle and hand.
+    """The errors of encoder and force sensor.
 
     Attributes
     ----------

@@ -95,7 +95,7 @@ class Stability:
 
 @dataclass(frozen=True, slots=True)
 class Demands:
-    """What a design has to meet.
+    """The constraints on a design.
 
     Attributes
     ----------
@@ -196,7 +196,7 @@ class Problem:
 
     @property
     def demands(self) -> Demands:
-        """What is to be proved of a design."""
+        """The claims to be proved of a design."""
         stability = self.stability
         return Demands(
             device=self.device.modelled,

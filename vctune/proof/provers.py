@@ -31,7 +31,7 @@ from vctune.proof.engine.interval import Outcome, Verdict
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """What is to be proved.
+    """The data of a claim's proof.
 
     Attributes
     ----------

@@ -32,7 +32,7 @@ Row = dict[str, Any]
 
 
 def key_of(problem: Problem) -> str:
-    """Return the digest of everything that determines a point's row: what the problem means, and the version."""
+    """Return the digest of everything that determines a point's row: the meaning of the problem, and the version."""
     return digest([__version__, problem_digest(problem)])
 
 

@@ -128,7 +128,7 @@ def _try_alone(state: _Sweep, task: Task) -> None:
 
 
 def _content(pool: WorkerPool, future: Future[dict[str, Any]]) -> dict[str, Any] | None:
-    """Wait for a point and return what came of it, None if its worker died."""
+    """Wait for a point and return its result, None if its worker died."""
     try:
         return future.result()
     except pool.worker_died:

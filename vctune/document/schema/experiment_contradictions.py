@@ -23,7 +23,7 @@ OF_OWN_LOOP: dict[tuple[str, ...], str] = {
 
 
 def impossible_experiments(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Return what is wrong with the experiments, in whatever part of them is valid."""
+    """Return the contradictions in the experiments, in their valid parts."""
     tables = raw.get("experiment")
     if not isinstance(tables, list):
         return

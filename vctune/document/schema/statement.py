@@ -62,7 +62,7 @@ def statement(problem: Problem) -> dict[str, Any]:
 
 
 def table_of(value: Any) -> dict[str, Any]:
-    """Return an object of the model as the table that states it, what is not there left out.
+    """Return an object of the model as the table that states it, without absent parts.
 
     Parameters
     ----------

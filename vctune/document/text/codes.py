@@ -139,7 +139,7 @@ def has_code(line: str | None, code: Code) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """What a reader should know: a warning, what was left out of a search, what a log does not tell.
+    """A note for the reader: a warning, a part that a search left out, a remark on a log.
 
     Attributes
     ----------

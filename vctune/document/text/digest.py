@@ -15,7 +15,7 @@ from vctune.model.problem import Problem
 
 
 def problem_digest(problem: Problem) -> str:
-    """Return the digest of what a design depends on: the problem without name, description and experiments."""
+    """Return the digest of all that a design depends on: the problem without name, description and experiments."""
     stated = asdict(replace(problem, name="", description="", experiments=()))
     # what an ideal device has not is not in it: a digest of before there was anything else still holds
     absent = {key for key in (*PARTS, "unmodelled") if stated["device"][key] is None}

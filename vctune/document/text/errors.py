@@ -44,7 +44,7 @@ def _escaped(code: int) -> str:
 
 
 class InputError(ValueError):
-    """What the user gave, a file, an option or a number, cannot be used; `mistakes` lists all that is wrong with it."""
+    """The user's input, a file, an option or a number, cannot be used; `mistakes` lists all of its faults."""
 
     def __init__(self, source: str, mistakes: list[Mistake]) -> None:
         self.source = source

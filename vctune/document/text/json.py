@@ -17,7 +17,7 @@ Record = TypeVar("Record", bound=Document)
 
 
 def read_json(path: Path, kind: str, max_bytes: int) -> Any:
-    """Return what a JSON file holds.
+    """Return the content of a JSON file.
 
     Parameters
     ----------

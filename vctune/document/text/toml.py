@@ -53,7 +53,7 @@ def read_text(path: Path) -> str:
 
 
 def called(path: Path) -> Path:
-    """Return what messages call a file: its path, or "stdin"."""
+    """Return the name of a file in messages: its path, or "stdin"."""
     return Path("stdin") if path == STDIN else path
 
 

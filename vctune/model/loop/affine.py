@@ -39,7 +39,7 @@ class Affine:
 
 @dataclass(frozen=True, slots=True)
 class LoopConstants:
-    """The loop as what it is affine in, not scaled.
+    """The constants of the loop, which is affine in the gains, not scaled.
 
     Attributes
     ----------

@@ -145,7 +145,7 @@ def _blur(radii: Radii, sample_time: Number, theta: Number, ops: Arithmetic) -> 
 
 @dataclass(frozen=True, slots=True)
 class Demand:
-    """What the hands of a box ask of a coupling.
+    """The requirement of the hands of a box on a coupling.
 
     Attributes
     ----------

@@ -29,7 +29,7 @@ from vctune.model.numbers.matrices import (
 
 @dataclass(frozen=True, slots=True)
 class StepResponse:
-    """What a sample does, over the polynomials of its step: x[k+1] - x[k] = psi x[k] + the forces' shares.
+    """The effect of a sample, over the polynomials of its step: x[k+1] - x[k] = psi x[k] + the forces' shares.
 
     Attributes
     ----------

@@ -37,7 +37,7 @@ class LoopDelay:
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """What is judged: a device with its gains and its coupling, in numbers of any arithmetic."""
+    """The judged design: a device with its gains and its coupling, in numbers of any arithmetic."""
 
     device: Device
     gains: Gains

@@ -33,7 +33,7 @@ def _ranged(x: Number) -> Number:
 
 
 class _TaylorArithmetic:
-    """What is rare in a loop is done on all values of a number, without knowing what it depends on."""
+    """Rare operations of a loop, evaluated on all values of a number without its dependence on others."""
 
     pi = ENCLOSURES.pi
     precision = UNIT

@@ -23,7 +23,7 @@ halving those would not decide it. Half and twice it prove the same cells."""
 
 @dataclass(frozen=True, slots=True)
 class Decided:
-    """What a test finds out about boxes.
+    """The result of a test of boxes.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ Test = Callable[[Boxes], Decided]
 
 @dataclass(frozen=True, slots=True)
 class Proofs:
-    """What became of a claim, for each owner.
+    """The result of a claim, for each owner.
 
     Attributes
     ----------

@@ -65,7 +65,7 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design]) -
 
 
 def lost_figure(again: Recheck) -> Figure:
-    """Return what is still proved of a baseline's feasible cells and gain sets, and what has lost its proof."""
+    """Return the figure of a baseline's feasible cells and gain sets: still proved, or lost."""
     plane, kept = again.region.plane, again.region.kinds == Kind.FEASIBLE
     with rc_context(STYLE):
         figure, axes = _frame(plane, again.units)

@@ -40,7 +40,7 @@ def axis_row(name: str, record: DesignRecord) -> tuple[str, ...]:
 
 
 def promises(designs: Mapping[str, DesignRecord]) -> list[str]:
-    """Return what is proved of the axes: each sentence once, after the names of the axes that it is proved of.
+    """Return the proved claims of the axes: each sentence once, after the names of its axes.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ Operator = Literal["+", "-", "*", "/", "negative", "minimum", "maximum", "floor"
 
 
 class Expression:
-    """What can be calculated with."""
+    """An operand of arithmetic."""
 
     __slots__ = ()
 
