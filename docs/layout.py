@@ -33,7 +33,9 @@ CHAPTERS = {
         "vctune/model/README.md", "vctune/design/README.md", "vctune/design/bound/README.md", "vctune/proof/README.md",
         "vctune/analysis/README.md", "vctune/bench/README.md", "results/criteria.md", "results/bench/*.md",
     ),
-    "The project": ("CHANGELOG.md", ".github/CONTRIBUTING.md", ".github/SECURITY.md", "tests/README.md"),
+    "The project": (
+        "CHANGELOG.md", ".github/CONTRIBUTING.md", ".github/SECURITY.md", "tests/README.md", "docs/README.md",
+    ),
 }  # fmt: skip
 """The contents beside each page. Other pages are reached by links alone."""
 
