@@ -143,6 +143,6 @@ def _angles(device: Device) -> Floats:
     """Return angles up to Nyquist, even where a decade's would be farther apart than a latency turns."""
     servo = device.servo
     assert servo is not None
-    turns = 4 + (device.latency + (device.force_sensor.delay if device.force_sensor else 0.0)) / device.sample_time
+    turns = 4 + device.sensed_latency / device.sample_time
     decades = np.geomspace(LOWEST, pi, int(PER_DECADE * np.log10(pi / LOWEST)))
     return np.union1d(decades, np.linspace(0.0, pi, int(16 * turns) + 1)[1:])

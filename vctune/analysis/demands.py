@@ -147,7 +147,7 @@ def demand_grid(device: Device, low: float, high: float) -> Floats:
 
 def _ripple_delay(device: Device) -> float:
     """Return the delay of what never dies down, s: 0 for hold "lag" without delay."""
-    sensor = float(device.force_sensor.delay) if device.force_sensor is not None else 0.0
+    sensor = float(device.sensing.delay)
     if device.hold == "lag" and device.delay == 0 and device.velocity is None:
         return sensor
     return float(device.loop_lag) + sensor

@@ -16,7 +16,7 @@ from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.loop.affine import Affine, LoopConstants, loop_constants
 from vctune.model.loop.device_response import device_response, hold_response
-from vctune.model.loop.filters import FilterResponse, actuator_response, force_sensor_response
+from vctune.model.loop.filters import FilterResponse, actuator_response, sensor_response
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import Pair
 
@@ -95,11 +95,10 @@ def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
     gains : K_v, K_p, N s/m and N/m
     omega : rad/s, > 0
     """
-    known, shares = _constants(device, omega), {}
-    if device.force_sensor is not None:
-        low_pass = force_sensor_response(replace(device.force_sensor, delay=0.0), np.array(omega), FLOATS)
-        shares = {SENSOR: _angle(_response(low_pass, omega))} if low_pass is not None else {}
-        shares |= {SENSOR_DELAY: -omega * device.force_sensor.delay} if device.force_sensor.delay > 0 else {}
+    known, sensor = _constants(device, omega), device.sensing
+    low_pass = sensor_response(replace(sensor, delay=0.0), np.array(omega), FLOATS)
+    shares = {SENSOR: _angle(_response(low_pass, omega))} if low_pass is not None else {}
+    shares |= {SENSOR_DELAY: -omega * sensor.delay} if sensor.delay > 0 else {}
     shares |= _law_phase(gains, omega)
     shares |= _drive_phases(device, omega)
     idle, e = _without_loop(known), _number(known.factor)

@@ -8,10 +8,11 @@ from vctune.analysis.demands import sampled_span, transparency_error
 from vctune.design.variables import Point
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.parts import DELAYS
 from vctune.model.problem import Demands, Problem
 from vctune.model.transparency import TERMS, TermName, Terms
 from vctune.proof.claims.whole_samples import beside_whole_sample, next_to_whole_samples, reaching_whole_sample
-from vctune.proof.device_box import DELAYS, DeviceBox, device_box, in_longer_hands, moved_as_one
+from vctune.proof.device_box import DeviceBox, device_box, in_longer_hands, moved_as_one
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,7 +41,7 @@ class Device(devices.Device):
     delay : s, from sampling to actuation, beyond the hold
     hold : "zoh", the exact zero-order hold, or "lag", the first-order lag 2/(2 + sT)
     operator : the least impedance that is always at the handle; None for none
-    velocity, actuator, force_sensor, structure : what an ideal device has not; None for ideal
+    velocity, actuator, ... : its parts (`vctune.model.parts`), None for those that an ideal device has not
     units : "linear", or "rotary": kg m2, N m s/rad and the like in place of kg and N s/m
 
     Raises

@@ -8,6 +8,7 @@ from typing import Any
 from vctune.firmware.firmware import Firmware, certified
 from vctune.model.device import Device
 from vctune.model.numbers.units import Units
+from vctune.model.parts import PARTS
 from vctune.version import __version__
 
 
@@ -59,14 +60,12 @@ def assumptions(made: Firmware) -> list[str]:
 
 def _mechanics(device: Device, units: Units) -> str:
     """Return what the device is, in words."""
-    parts = [
-        (device.velocity, "velocity estimate"),
-        (device.actuator, "actuator"),
-        (device.force_sensor, f"{units.force_name} sensor"),
-        (device.structure, "structure"),
-    ]
-    known = ", ".join(f"{name} ({_numbers(part)})" for part, name in parts if part is not None)
     servo = device.servo
+    known = ", ".join(
+        f"{units.translated(part.label)} ({_numbers(getattr(device, key))})"
+        for key, part in PARTS.items()
+        if key != "servo" and getattr(device, key) is not None
+    )
     if servo is None:
         own = f"{device.mass!r} {units.mass} and {device.damping!r} {units.damping}"
         return f"a linear device of {own} with {known or 'ideal parts'}"

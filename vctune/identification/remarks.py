@@ -8,7 +8,7 @@ from math import pi
 from vctune.document.log import LogMap
 from vctune.document.text.codes import Note
 from vctune.identification.box import Bounded
-from vctune.identification.known import known_actuator, known_sensor, velocity_assumed
+from vctune.identification.known import SENSOR, known_actuator, known_sensor, velocity_assumed
 from vctune.identification.record_study import RecordStudy
 from vctune.identification.response.periodic_study import PeriodicStudy
 
@@ -54,7 +54,7 @@ def _of_servo(studies: Sequence[RecordStudy], known: LogMap) -> list[Note]:
     if known_sensor(known) is None:
         text = (
             "no log tells how late the force is sensed: it is assumed to be sensed at once; write "
-            "[device.force_sensor] in a log.toml"
+            f"[device.{SENSOR}] in a log.toml"
         )
         said.append(Note("remark-assumed-sensor", text))
     hertz = [each for study in studies for each in study.measured_hz]

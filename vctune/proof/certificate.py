@@ -16,6 +16,7 @@ from flint import ctx
 
 from vctune.model.device import Device
 from vctune.model.numbers.frequency import hertz
+from vctune.model.parts import DELAYS
 from vctune.model.problem import Demands
 from vctune.proof.claims.conditions import widest_band
 from vctune.proof.claims.every_device import widest_band_for_all
@@ -23,7 +24,7 @@ from vctune.proof.claims.many_designs import ON_ARRAYS, prove
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.registry import ClaimId, claims_about, claims_asked
 from vctune.proof.claims.whole_samples import beside_whole_sample
-from vctune.proof.device_box import DELAYS, DeviceBox
+from vctune.proof.device_box import DeviceBox
 from vctune.proof.enclosures.arb_balls import PRECISION
 from vctune.proof.engine.band_edges import edge_in_hertz
 from vctune.proof.engine.boxes import Cells

@@ -8,15 +8,14 @@ from fractions import Fraction
 from itertools import product
 from math import inf, nextafter, pi
 
-from vctune.model.device import NUMBERS, Device, Unmodelled
+from vctune.model.device import Device
 from vctune.model.hands import Hands
 from vctune.model.numbers.arithmetic import Number
+from vctune.model.parts import UNCERTAIN, Unmodelled
 from vctune.model.problem import Uncertainty
 
 DIRECTION = "unmodelled.phase"
 """Key of the direction of a response at the edge of the disc, rad."""
-UNCERTAIN = tuple(key for key in NUMBERS if key != "sample_time")
-"""The numbers of a device that may be uncertain: all but the firmware's clock."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +82,6 @@ class DeviceBox:
         return [self.nominal, *self.corners()]
 
 
-DELAYS = ("delay", "servo.delay", "force_sensor.delay")
 PHASES = 8
 """Directions in which the edge of a disc is looked at beforehand; what fails between them is met by the search for the
 worst device and by the proof. Half and twice as many lead to the same design in more and fewer rounds."""

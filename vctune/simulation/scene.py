@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from vctune.model.device import Device, VelocityEstimate
+from vctune.model.device import Device
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.loop.device_response import mechanism
 from vctune.model.loop.filters import smoothing
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.parts import VelocityEstimate
 from vctune.simulation.firmware.controller import Law
 from vctune.simulation.mechanics.friction import Carriage
 

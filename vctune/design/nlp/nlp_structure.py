@@ -8,10 +8,11 @@ from math import inf
 from vctune.design.prepared import Posed
 from vctune.design.search.working_set import WorkingSet
 from vctune.design.variables import Coordinate
-from vctune.model.device import Device, VelocityEstimate
+from vctune.model.device import Device
 from vctune.model.display import Display
 from vctune.model.loop.device_response import device_response
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.parts import VelocityEstimate
 from vctune.model.problem import Norm
 from vctune.model.transparency import TERMS, TermName
 

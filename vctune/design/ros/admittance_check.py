@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from vctune.design.ros.admittance_problem import (
+    FILTER_AS_CORNER,
     as_problem,
     corner_hz,
     coupling_of_admittance,
@@ -137,7 +138,7 @@ def _of_axis(checked: Checked, problem: ProblemFile, path: Path, axis: Admittanc
 
 def _device(problem: ProblemFile, given: AdmittanceFile) -> dict[str, Any]:
     """Return the problem's tables with the criterion of hands, and the gains of a loop of its own."""
-    bounds, sensor = problem.problem.bounds, problem.problem.device.force_sensor
+    bounds, sensor = problem.problem.bounds, problem.problem.device.sensing
     if not problem.problem.device.kind.senses_force:
         message = '"impedance", and an admittance_controller makes an admittance display; name a problem of one'
         raise InputError.of(problem.source, "other-kind", message, key="device.display")
@@ -147,9 +148,9 @@ def _device(problem: ProblemFile, given: AdmittanceFile) -> dict[str, Any]:
     if not (bounds.velocity.fixed and bounds.position.fixed):
         message = "are not fixed, and a file of ROS 2 has none: fix velocity and position, the loop that follows it"
         raise InputError.of(problem.source, "not-fixed", message, key="gains")
-    if sensor is not None and sensor.bandwidth_hz is not None and given.filter_coefficient < 1:
+    if sensor.bandwidth_hz is not None and given.filter_coefficient < 1:
         message = "stands in the place of filter_coefficient: leave one of them out, or set filter_coefficient to 1"
-        raise InputError.of(problem.source, "contradiction", message, key="device.force_sensor.bandwidth_hz")
+        raise InputError.of(problem.source, "contradiction", message, key=f"device.{FILTER_AS_CORNER}")
     document.pop("uncertainty", None)
     document["gains"] = {"velocity": bounds.velocity.min, "position": bounds.position.min}
     return document

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, floor, log10, sqrt
 
+from vctune.design.ros.admittance_problem import FILTER_OF_SAMPLES
 from vctune.document.ros import AXES, Admittance, AdmittanceFile
 from vctune.document.text.errors import InputError
 from vctune.model.device import Device
@@ -48,8 +49,8 @@ class RenderedAxis:
     @property
     def filter_coefficient(self) -> float:
         """Share of each new sample in the filter of the force; 1 without one."""
-        sensor = self.device.force_sensor
-        return 1.0 if sensor is None or sensor.filter_coefficient is None else float(sensor.filter_coefficient)
+        coefficient = self.device.sensing.filter_coefficient
+        return 1.0 if coefficient is None else float(coefficient)
 
     @property
     def mass(self) -> float:
@@ -78,7 +79,7 @@ def parameters_of(designs: Sequence[RenderedAxis], source: str) -> AdmittanceFil
     """
     for key, values in (
         ("device.sample_time", {design.device.sample_time for design in designs}),
-        ("device.force_sensor.filter_coefficient", {design.filter_coefficient for design in designs}),
+        (f"device.{FILTER_OF_SAMPLES}", {design.filter_coefficient for design in designs}),
     ):
         if len(values) > 1:
             message = f"differs between axes: {', '.join(f'{value:g}' for value in sorted(values))}; write one for all"

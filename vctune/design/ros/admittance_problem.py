@@ -20,6 +20,8 @@ from vctune.model.gains import Coupling
 
 OF_FILE = ("admittance", "ft_sensor")
 """The tables of a parameter file, which stand beside those of the problem in a document of both."""
+FILTER_OF_SAMPLES, FILTER_AS_CORNER = "force_sensor.filter_coefficient", "force_sensor.bandwidth_hz"
+"""The numbers of a device in whose place the controller's filter stands: of a servo, and of any other device."""
 
 
 def device_tables(document: dict[str, Any]) -> dict[str, Any]:
@@ -63,8 +65,7 @@ def as_problem(document: dict[str, Any]) -> dict[str, Any]:
     if "servo" in device:
         device = _as_servo(device, axis, coefficient)
     elif coefficient < 1:
-        sensor = {**device.get("force_sensor", {}), "bandwidth_hz": corner_hz(coefficient, T)}
-        device = {**device, "force_sensor": sensor}
+        device = _with_filter(device, FILTER_AS_CORNER, corner_hz(coefficient, T))
     numbers = {"damping": coupling.damping, "mass": coupling.mass, "drag": coupling.drag}
     tables = {key: table for key, table in document.items() if key not in OF_FILE}
     return {**tables, "device": device, "coupling": numbers}
@@ -75,8 +76,12 @@ def _as_servo(device: dict[str, Any], axis: Admittance, coefficient: float) -> d
     servo = {key: value for key, value in device["servo"].items() if key != "command"}
     if axis.stiffness > 0:
         servo["stiffness"] = axis.stiffness
-    sensor = {**device.get("force_sensor", {}), "filter_coefficient": coefficient}
-    return {**device, "servo": servo, "force_sensor": sensor}
+    return _with_filter({**device, "servo": servo}, FILTER_OF_SAMPLES, coefficient)
+
+
+def _with_filter(device: dict[str, Any], key: str, number: float) -> dict[str, Any]:
+    part, name = key.split(".")
+    return {**device, part: {**device.get(part, {}), name: number}}
 
 
 def corner_hz(coefficient: float, sample_time: float) -> float:

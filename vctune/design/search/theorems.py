@@ -169,7 +169,7 @@ def _with_integrator(problem: Problem) -> tuple[str, str] | None:
         return None
     drag, unit = factor * limit.required, UNITS[device.units].damping
     held = device.operator is not None
-    late = "(b + tau_s K_p)" if device.force_sensor is not None else "b"
+    late = "(b + tau_s K_p)" if device.senses_late else "b"
     R = "(b^2 - 4 b_h k)/(4 (b + b_h + k)), k = K_v - tau K_p," if held else f"{late}^2/(4 (b + K_v - tau K_p))"
     reason = (
         f"with K_p > 0 the required R tends to {R} for omega -> 0, at least "

@@ -19,8 +19,9 @@ from vctune.analysis.extrema import Floats, Minima
 from vctune.design.prepared import Posed, with_device
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.parts import DELAYS
 from vctune.model.problem import Problem
-from vctune.proof.device_box import DELAYS, DIRECTION, MOST_AT_ONCE, DeviceBox
+from vctune.proof.device_box import DIRECTION, MOST_AT_ONCE, DeviceBox
 from vctune.running import check_time
 
 SHARES, DELAY_SHARES, MOST_DEVICES = 5, 13, 325

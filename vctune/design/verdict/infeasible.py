@@ -18,7 +18,7 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.keys import QUANTITIES
 from vctune.model.numbers.units import UNITS
 from vctune.model.problem import Problem
-from vctune.model.servo import latency
+from vctune.model.servo import LATENCY_PARTS, latency
 from vctune.proof.claims.sampled_poles import spectral_radius
 
 OPENINGS = {True: "there is no admissible design", False: "no admissible design was found, nor proved impossible"}
@@ -28,16 +28,6 @@ CUT_SHORT = "the time limit ended the search before it had found a design"
 
 NEXT_TO_NOTHING = 1e-9
 """Ratio below which Re Z_c vanishes where R does not, as at 0 Hz without drag. Half and twice it: the same words."""
-
-QUICKER = {
-    "hold": "shorten device.sample_time",
-    "interpolation": "shorten device.sample_time",
-    "delay": "shorten device.servo.delay",
-    "lag": "raise device.servo.bandwidth_hz",
-    "sensor": "state a quicker device.force_sensor",
-    "filter": "raise device.force_sensor.filter_coefficient",
-}
-"""What shortens a part of a servo's latency."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,12 +137,12 @@ def _first_failure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tup
 def _short_of_drag(problem: Problem, ratio: float, place: str) -> tuple[str, str]:
     """Return by how much less a servo's drag is than stiffness times latency, and what may repair it."""
     factor, late = problem.stability.safety_factor, latency(problem.device, FLOATS)
-    longest = max(QUICKER, key=lambda part: float(getattr(late, part)))
+    longest = max(LATENCY_PARTS, key=lambda part: float(getattr(late, part)))
     missed = f", short of the safety factor {factor:.4g} by a factor of {factor / ratio:.4g}" if ratio > 0 else ""
     return (
         f"the drag is {ratio:.4g} of what contacts behind {1e3 * float(late.total):.4g} ms of latency ask for "
         f"{place}{missed}",
-        f"allow a greater coupling.drag, state softer contacts in [operator], or {QUICKER[longest]}",
+        f"allow a greater coupling.drag, state softer contacts in [operator], or {LATENCY_PARTS[longest].quicker}",
     )
 
 

@@ -12,6 +12,7 @@ from vctune.document.schema.device_contradictions import FASTEST
 from vctune.document.schema.validation import KeyPath, dotted
 from vctune.document.text.raw import number_at, placed
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS, SYMBOLS
+from vctune.model.parts import ENTRIES
 from vctune.model.problem import Problem
 
 RELATIVE_CHANGES = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 0.6, 1.0, 1.5, 2.2, 3.0, 10.0, 1e2, 1e3, 1e4, 1e5)
@@ -28,13 +29,8 @@ FINEST, FINEST_FROM_ZERO = 1e-9, 1e-18
 """Relative changes below which a change is none: what is smaller is lost in the digits of a file, or of a number."""
 DIGITS = 12
 """Significant digits of a new value at most."""
-FASTER = {
-    "velocity.filter_hz": "a faster filter of the velocity",
-    "actuator.bandwidth_hz": "a faster actuator",
-    "force_sensor.bandwidth_hz": "a faster force sensor",
-    "structure.frequency_hz": "a stiffer handle",
-    "servo.bandwidth_hz": "a faster servo",
-}
+BETTER = {key: each for key, each in ENTRIES.items() if each.better}
+"""The numbers of a device's parts of which a better one may be bought."""
 OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
 ONLY_UPWARDS = ("coupling.mass", "coupling.drag")
 """What adds to Re Z_c wherever it grows: less of it makes nothing possible."""
@@ -202,20 +198,15 @@ def _of_device(problem: Problem) -> Iterator[ParameterChange]:
     if device.latency > 0:
         yield ParameterChange(late, "less delay", device.latency, 0.0)
     nyquist = 0.5 / device.sample_time
-    for key, meaning in FASTER.items():
-        rate = device.number(key)
-        if rate is not None:
-            fastest = nyquist if key == "velocity.filter_hz" else max(100 * rate, nyquist)
-            yield ParameterChange(
-                ("device", *key.split(".")),
-                problem.units.translated(meaning),
-                rate,
-                min(fastest, FASTEST / device.sample_time),
-            )
-    if device.force_sensor is not None and device.force_sensor.delay > 0:
-        path = ("device", "force_sensor", "delay")
-        less = f"less delay of the {problem.units.force_name} sensor"
-        yield ParameterChange(path, less, device.force_sensor.delay, 0.0)
+    for key, each in sorted(BETTER.items(), key=lambda entry: entry[1].quantity == "time"):
+        number, meaning = device.number(key), problem.units.translated(each.better)
+        if number is None or number == 0:
+            continue
+        limit = 0.0
+        if each.quantity == "rate":
+            fastest = nyquist if each.sampled else max(100 * number, nyquist)
+            limit = min(fastest, FASTEST / device.sample_time)
+        yield ParameterChange(("device", *key.split(".")), meaning, number, limit)
 
 
 def _of_operator(problem: Problem) -> Iterator[ParameterChange]:

@@ -9,9 +9,9 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from vctune.document.records.part import DisplayPart, Number, Pair, Part, Row, Shown, text
-from vctune.model.device import Unmodelled
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.units import Units
+from vctune.model.parts import Unmodelled
 from vctune.model.worlds import World, Worlds
 from vctune.proof.claims.registry import ClaimId
 

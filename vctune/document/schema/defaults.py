@@ -12,27 +12,30 @@ from __future__ import annotations
 
 from dataclasses import astuple, replace
 from math import inf, pi, sqrt
-from typing import Literal
+from typing import Any
+
+from pydantic import BaseModel
 
 from vctune.document.schema.experiment_schema import ExperimentTable, FrictionTable, SensorsTable
 from vctune.document.schema.problem_schema import (
     DeviceTable,
-    ForceSensorTable,
     OperatorTable,
     ProblemDocument,
     ServoDeviceTable,
     StabilityTable,
     TransparencyTable,
     UncertaintyTable,
+    VelocityTable,
     WorldsTable,
 )
-from vctune.model.device import Actuator, Device, ForceSensor, Servo, Structure, VelocityEstimate
+from vctune.model.device import Device
 from vctune.model.display import DISPLAYS
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
 from vctune.model.hands import Hand, Hands, LeastOperator
 from vctune.model.loop.limits import lags
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import UnitSystem
+from vctune.model.parts import PARTS
 from vctune.model.problem import (
     ABSENT,
     HUMAN_HANDS,
@@ -197,36 +200,34 @@ def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag:
 
 def device_of(table: DeviceTable | ServoDeviceTable) -> Device:
     """Return the device of a table; a part that does nothing is none."""
-    sensed = _force_sensor(table.force_sensor)
     if isinstance(table, ServoDeviceTable):
-        servo = Servo(**table.servo.model_dump())
-        return Device(1.0, 0.0, table.sample_time, force_sensor=sensed, display="servo", servo=servo, units=table.units)
-    velocity, actuator, structure = table.velocity, table.actuator, table.structure
-    own: Literal["measured", "difference"] = "difference" if DISPLAYS[table.display].differences else "measured"
-    estimate = VelocityEstimate(own)
-    if velocity is not None:
-        estimate = VelocityEstimate(velocity.source or own, velocity.filter_hz, velocity.filter_order)
-    flexible = None
-    if structure is not None:
-        flexible = Structure(structure.handle_mass, structure.frequency_hz, structure.damping_ratio)
+        return Device(1.0, 0.0, table.sample_time, display="servo", units=table.units, **_parts(table))
+    velocity = table.velocity or VelocityTable()
+    if velocity.source is None:
+        own = "difference" if DISPLAYS[table.display].differences else "measured"
+        table = table.model_copy(update={"velocity": velocity.model_copy(update={"source": own})})
     return Device(
         table.mass,
         table.damping,
         table.sample_time,
         table.delay,
         table.hold,
-        velocity=None if estimate == VelocityEstimate() else estimate,
-        actuator=Actuator(actuator.bandwidth_hz, actuator.order) if actuator else None,
-        force_sensor=sensed,
-        structure=flexible,
         display=table.display,
         units=table.units,
+        **_parts(table),
     )
 
 
-def _force_sensor(table: ForceSensorTable | None) -> ForceSensor | None:
-    sensed = ForceSensor() if table is None else ForceSensor(**table.model_dump())
-    return None if sensed == ForceSensor() else sensed
+def _parts(table: BaseModel) -> dict[str, Any]:
+    return {key: part for key, part in stated_parts(table).items() if part != PARTS[key].idle}
+
+
+def stated_parts(table: BaseModel) -> dict[str, Any]:
+    """Return the parts that the table of a device states, by their keys, those that do nothing too."""
+    stated = {key: getattr(table, key, None) for key in PARTS}
+    return {
+        key: PARTS[key].record(**part.model_dump(exclude_none=True)) for key, part in stated.items() if part is not None
+    }
 
 
 def _uncertainty(table: UncertaintyTable, device: Device) -> Uncertainty | None:

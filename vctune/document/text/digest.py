@@ -8,9 +8,9 @@ from dataclasses import asdict, replace
 from hashlib import sha256
 from typing import Any
 
-from vctune.model.device import OF_FIRMWARE, PARTS
 from vctune.model.display import ADMITTANCE
 from vctune.model.experiment import Experiment
+from vctune.model.parts import OF_FIRMWARE, PARTS
 from vctune.model.problem import Problem
 
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from vctune.identification.motion.covariance import robust_covariance
 from vctune.identification.response.response import Complex, Lines
-from vctune.model.device import Actuator
 from vctune.model.loop.filters import actuator_response
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.parts import Actuator
 
 PI2 = 2 * np.pi
 

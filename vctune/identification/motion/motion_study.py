@@ -13,14 +13,14 @@ from vctune.document.recording import Floats, Recording
 from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError, Mistake
 from vctune.identification.box import COULOMB_SHARE, Estimate
-from vctune.identification.known import known_delays
+from vctune.identification.known import SENSOR, known_delays
 from vctune.identification.motion.friction_fit import FrictionFound, friction_of
 from vctune.identification.motion.motion import DIRECTIONAL, SYMMETRIC, FittedSamples, MotionFit, motion_fit
 from vctune.identification.motion.motion_checks import Check, Classical, bootstrap, classical, instrumental
 from vctune.identification.motion.signals import Signals, acceleration_noise, cutoffs, signals_of, speed
 from vctune.identification.motion.signals import signals as turned_signals
 from vctune.identification.motion.spectral_filters import HIGHEST, smooth, spectrum
-from vctune.model.device import Actuator
+from vctune.model.parts import Actuator
 
 UNEXPLAINED = 0.6
 """Greatest residual, of the force, with which a log is one of a mass with friction at all."""
@@ -82,7 +82,7 @@ class MotionStudy:
         fit, text = self.directional, f"{source}: motion"
         found = [Estimate("mass", fit.value("mass"), fit.sigma("mass"), text, self._excess("mass"))]
         found += self._dampings(text)
-        for name, key in (("delay", "delay"), ("sensor_delay", "force_sensor.delay")):
+        for name, key in (("delay", "delay"), ("sensor_delay", f"{SENSOR}.delay")):
             if name in fit.names:
                 found.append(Estimate(key, fit.value(name), fit.sigma(name), text, self._excess(name)))
         return found

@@ -20,7 +20,8 @@ from vctune.identification.motion.spectral_filters import (
     spectrum,
     stride,
 )
-from vctune.model.device import Actuator, Device
+from vctune.model.device import Device
+from vctune.model.parts import Actuator
 
 WAYS = ("forwards", "backwards", "ahead", "back", "always")
 """What friction goes with."""

@@ -6,7 +6,7 @@ What a low-pass leaves needs no more samples than its cut-off asks for: `stride`
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import ceil, log
 from typing import Any
 
@@ -128,6 +128,5 @@ def drive(device: Device, omega: Floats) -> Complex:
     device : its sample time, delay, hold and actuator are used
     omega : rad/s
     """
-    rest = replace(device, structure=None, velocity=None, force_sensor=None)
-    at = device_response(rest, omega, FLOATS).drive
+    at = device_response(device, omega, FLOATS).drive
     return np.asarray(at.re - 1j * omega * at.lag)

@@ -13,7 +13,8 @@ from vctune.document.recording import Floats
 from vctune.identification.motion.spectral_filters import drive
 from vctune.identification.response.physics import SCALED, Candidate, compliances, device_of, held_compliance
 from vctune.identification.response.response import Complex, Lines, Response
-from vctune.model.device import Actuator, Device
+from vctune.model.device import Device
+from vctune.model.parts import Actuator
 
 Ints = NDArray[np.int64]
 FLOOR = (1e-5, 10.0)

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from vctune.analysis.sampled_loop import pulse_transfer
 from vctune.document.recording import Floats
-from vctune.model.device import Actuator, Device, Structure
+from vctune.model.device import Device
 from vctune.model.hands import LeastOperator
 from vctune.model.loop.device_response import device_response, mechanism
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.parts import Actuator, Structure
 
 Complex = NDArray[np.complex128]
 RIGID = ("mass", "damping", "coulomb", "delay")
@@ -107,7 +108,7 @@ def held_compliance(device: Device, omega: Floats) -> Complex:
     """
     T = device.sample_time
     early = max(0, ceil(-float(device.delay) / T))
-    there = replace(device, delay=float(device.delay) + early * T, velocity=None, force_sensor=None)
+    there = replace(device, delay=float(device.delay) + early * T, velocity=None)
     return np.asarray(pulse_transfer(there, omega, position=True)[1] * np.exp(1j * omega * T * early))
 
 

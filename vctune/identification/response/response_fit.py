@@ -13,7 +13,8 @@ from vctune.identification.motion.covariance import robust_covariance
 from vctune.identification.response.fit_task import FLOOR, FitTask, point, scale_of, solved_from
 from vctune.identification.response.physics import SCALED, Candidate
 from vctune.identification.response.response import Complex, Response
-from vctune.model.device import Actuator, Device
+from vctune.model.device import Device
+from vctune.model.parts import Actuator
 
 START_FLOOR = 0.1
 """Model error with which the search starts: half and twice it lead to the same fits."""

@@ -9,17 +9,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from vctune.model.device import Device, Servo, Structure
+from vctune.model.device import Device
 from vctune.model.loop.filters import (
     FilterResponse,
     actuator_response,
-    force_sensor_response,
     interpolation,
     low_pass,
+    sensor_response,
     velocity_estimate,
 )
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair
+from vctune.model.parts import Servo, Structure
 
 
 class DriveResponse(NamedTuple):
@@ -187,11 +188,10 @@ def device_response(device: Device, omega: Number, ops: Arithmetic) -> DeviceRes
     omega2 = omega * omega
     if device.actuator is not None:
         drive = _behind(drive, actuator_response(device.actuator, omega, ops), omega2)
-    estimate, sensor, mass, spring = None, None, device.mass, None
+    estimate, mass, spring = None, device.mass, None
     if device.velocity is not None:
         estimate = velocity_estimate(device.velocity, device.sample_time, omega, ops)
-    if device.force_sensor is not None:
-        sensor = force_sensor_response(device.force_sensor, omega, ops)
+    sensor = sensor_response(device.sensing, omega, ops)
     if device.structure is not None:
         parts = mechanism(device, device.structure, ops)
         loss = omega * parts.viscosity
@@ -226,7 +226,7 @@ def _servo_response(
     drive = _behind(drive, low_pass(servo.bandwidth_hz, servo.order, omega, ops), omega2)
     if servo.command == "position":
         drive = _behind(drive, interpolation(device.sample_time, omega, ops), omega2)
-    sensor = None if device.force_sensor is None else force_sensor_response(device.force_sensor, omega, ops)
+    sensor = sensor_response(device.sensing, omega, ops)
     return DeviceResponse(omega, device.mass, device.damping, drive, sensor=sensor, follows=True)
 
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vctune.model.device import Actuator, ForceSensor, VelocityEstimate
 from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.parts import Actuator, ForceSensor, VelocityEstimate
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,7 +210,7 @@ def actuator_response(actuator: Actuator, omega: Number, ops: Arithmetic) -> Fil
     return low_pass(actuator.bandwidth_hz, actuator.order, omega, ops)
 
 
-def force_sensor_response(sensor: ForceSensor, omega: Number, ops: Arithmetic) -> FilterResponse | None:
+def sensor_response(sensor: ForceSensor, omega: Number, ops: Arithmetic) -> FilterResponse | None:
     """Return F_s, from the hand's force to the sensed force, at s = j omega.
 
     Parameters

@@ -60,8 +60,7 @@ class Delays:
 def delays_of(device: Device) -> Delays:
     """Return the delays of a device whose numbers are plain."""
     loop, left = split_delay(device.latency, device.sample_time)
-    late = device.force_sensor.delay if device.force_sensor is not None else 0.0
-    felt, felt_left = split_delay(device.latency + late, device.sample_time)
+    felt, felt_left = split_delay(device.sensed_latency, device.sample_time)
     return Delays(loop, left > 0, felt, felt_left > 0)
 
 
@@ -163,7 +162,7 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
     if device.servo is not None:
         own = SensedDelay(delays.loop, delays.loop_fractional)
         return ServoInHand(servo_plant(device, SensedDelay(delays.felt, delays.felt_fractional, own), ops), hand)
-    T, sensor, estimate = device.sample_time, device.force_sensor, device.velocity
+    T, estimate = device.sample_time, device.velocity
     parts = _mechanism(device, hand, ops)
     at = {name: index for index, name in enumerate(parts.names)}
     over = _over_inertia(parts, at)
@@ -179,8 +178,8 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
         return applied(added(rounded, scaled(over, -0.5)), left[:-1])
 
     before = felt_before = older(device.delay, delays.loop, fractional=delays.loop_fractional)
-    if sensor is not None and not ops.is_zero(sensor.delay):
-        felt_before = older(device.delay + sensor.delay, delays.felt, fractional=delays.felt_fractional)
+    if not ops.is_zero(device.sensing.delay):
+        felt_before = older(device.sensed_latency, delays.felt, fractional=delays.felt_fractional)
     felt_inertia = None
     if parts.felt_inertia is not None:
         row = at[parts.handle]
@@ -212,15 +211,15 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
 
 def _mechanism(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
     """Return the states of device and hand; the hand's force on the handle is -(M a + B v + K x)."""
-    T, m, sensor, actuator = device.sample_time, device.mass, device.force_sensor, device.actuator
+    T, m, sensor, actuator = device.sample_time, device.mass, device.sensing, device.actuator
     one = 0 * T + 1  # in the arithmetic, so that what it is divided by is enclosed
     carried, held, grip = hand.mass / m, hand.damping * T / m, hand.stiffness * (T * T) / m
     own = device.damping * T / m
     names = ["position", "velocity"]
     names += ["bend", "handle"] if device.structure is not None else []
     names += ["force", "rate"][: actuator.order] if actuator is not None else []
-    filtered = sensor is not None and sensor.bandwidth_hz is not None
-    names += ["felt", "felt rate"][: sensor.order] if sensor is not None and filtered else []
+    filtered = sensor.bandwidth_hz is not None
+    names += ["felt", "felt rate"][: sensor.order] if filtered else []
     rows: dict[str, dict[str, Number]] = {name: {} for name in names}
     rows["position"]["velocity"] = one
     motor = rows["velocity"]
@@ -244,7 +243,7 @@ def _mechanism(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
         corner = filter_rows(rows, ("force", "rate"), actuator.bandwidth_hz * T, actuator.order, ops)
         push[("force", "rate")[actuator.order - 1]] = corner
     sensed: dict[str, Number] = {}
-    if sensor is not None and filtered:
+    if filtered:
         corner = filter_rows(rows, ("felt", "felt rate"), sensor.bandwidth_hz * T, sensor.order, ops)
         driven = ("felt", "felt rate")[sensor.order - 1]
         rows[driven] |= {name: -share for name, share in felt.items()}

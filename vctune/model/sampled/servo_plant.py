@@ -24,9 +24,10 @@ from dataclasses import dataclass, replace
 from itertools import zip_longest
 from math import comb
 
-from vctune.model.device import Device, Servo
+from vctune.model.device import Device
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import Matrix, Vector, add, dot, times
+from vctune.model.parts import Servo
 from vctune.model.sampled.state_space import filter_rows, sampled_chain
 from vctune.model.sampled.velocity_loop import split_delay
 
@@ -118,15 +119,9 @@ class SensedDelay:
 
 def sensed_delay(device: Device) -> SensedDelay:
     """Return the delays of a device whose numbers are plain, in samples."""
-    whole, left = split_delay(_sensed_delay(device), device.sample_time)
+    whole, left = split_delay(device.sensed_latency, device.sample_time)
     moved, rest = split_delay(device.latency, device.sample_time)
     return SensedDelay(whole, left > 0, SensedDelay(moved, rest > 0))
-
-
-def _sensed_delay(device: Device) -> Number:
-    """Return the delay from a command to what the sensor says of its motion, s: where the two are does not matter."""
-    sensor = device.force_sensor
-    return device.latency if sensor is None else device.latency + sensor.delay
 
 
 def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPlant:
@@ -147,7 +142,7 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
         Its numbers have the shape of the device's.
     """
     T, rates = device.sample_time, _rates(device, ops)
-    older = (_sensed_delay(device) - delay.whole * T) / T if delay.fractional else None
+    older = (device.sensed_latency - delay.whole * T) / T if delay.fractional else None
     chain, inner = sampled_chain(rates, older, ops), rates[1][1:-1]
     direct, n = rates[1][-1], len(inner)  # row 1: the sensed velocity; column -1: the command
     below_all = (*chain.open, 1)
@@ -160,9 +155,8 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
     position = _with_older(*chain.position)
     below = _half_angles(below_all, n)
     D, _ = _by_square(_times_conjugate(below, below))
-    servo, sensor = device.servo, device.force_sensor
+    servo, share = device.servo, device.sensing.filter_coefficient
     assert servo is not None
-    share = None if sensor is None else sensor.filter_coefficient
 
     def numerator(polynomial: Sequence[Number], degree: int, unit: Number) -> Numerator:
         halves = _half_angles(polynomial, degree)
@@ -187,10 +181,9 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
 def _pull(device: Device, servo: Servo, delay: SensedDelay, ops: Arithmetic) -> Pull | None:
     if servo.stiffness is None:
         return None
-    sensor = device.force_sensor
-    known = delay.moved is not None or sensor is None or ops.is_zero(sensor.delay)
+    known = delay.moved is not None or ops.is_zero(device.sensing.delay)
     assert known, "the delay of the servo alone is not told"
-    alone = replace(device, servo=replace(servo, stiffness=None), force_sensor=None)
+    alone = replace(device.sensing_at_once, servo=replace(servo, stiffness=None))
     return Pull(servo_plant(alone, delay.moved or delay, ops), servo.stiffness)
 
 
@@ -216,18 +209,18 @@ def _sum(a: Sequence[Number], b: Sequence[Number]) -> Vector:
 
 def _rates(device: Device, ops: Arithmetic) -> Matrix:
     """Return d/dt of (way that is sensed, velocity that is sensed, ..., command), T = 1."""
-    T, servo, sensor = device.sample_time, device.servo, device.force_sensor
+    T, servo, sensor = device.sample_time, device.servo, device.sensing
     assert servo is not None
     one = 0 * T + 1  # in the arithmetic, so that what it is divided by is enclosed
     moved: tuple[str, ...] = ("moved", "moving")[: servo.order]
     felt: tuple[str, ...] = ()
-    if sensor is not None and sensor.bandwidth_hz is not None:
+    if sensor.bandwidth_hz is not None:
         felt = ("felt", "felt rate")[: sensor.order]
     names = ["position", *felt, *moved, "command"]
     rows: dict[str, dict[str, Number]] = {name: {} for name in names}
     rows["position"][names[1]] = one
     rows[moved[-1]]["command"] = filter_rows(rows, ("moved", "moving"), servo.bandwidth_hz * T, servo.order, ops)
-    if sensor is not None and felt:
+    if felt:
         corner = filter_rows(rows, ("felt", "felt rate"), sensor.bandwidth_hz * T, sensor.order, ops)
         rows[felt[-1]]["moved"] = corner
     return tuple(tuple(row.get(name, 0) for name in names) for row in rows.values())

@@ -18,6 +18,7 @@ from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.hands import HAND, Hand, Hands
 from vctune.model.numbers.keys import keys_of
+from vctune.model.parts import DELAYS
 from vctune.model.problem import Demands
 from vctune.model.sampled.loop_in_worlds import posed, sum_of
 from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
@@ -37,7 +38,7 @@ from vctune.proof.claims.margins_of_claims import (
 from vctune.proof.claims.resonant_hands import AROUND, RATIO, ROWS, Resonance, resonance
 from vctune.proof.claims.sampled_poles import in_rad_per_s
 from vctune.proof.claims.whole_samples import NEXT_TO
-from vctune.proof.device_box import DELAYS, DeviceBox, in_longer_hands, moved_as_one
+from vctune.proof.device_box import DeviceBox, in_longer_hands, moved_as_one
 from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball, device_ball, gains_ball
 from vctune.proof.enclosures.array_intervals import Floats, decimal_or_inf
 from vctune.proof.enclosures.jets import ENCLOSURES
@@ -355,9 +356,8 @@ DELAY_ROWS = tuple(map(row_of, DELAYS))
 def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) -> list[_Part]:
     """Return the parts of a box of devices by the whole samples of their delays: one if those are known."""
     known, T = delays_of(device), device.sample_time
-    sensor = device.force_sensor.delay if device.force_sensor is not None else 0.0
     own = row_of(device.delay_key)
-    others = {own: device.latency, "device.force_sensor.delay": sensor}
+    others = {row_of(key): number for key in DELAYS if (number := device.number(key)) is not None}
     rows = {name: names.index(name) for name in DELAY_ROWS if name in names}
     if not rows:
         return [_Part(low, high, known, T, 0.0)]

@@ -15,9 +15,10 @@ from math import ceil, floor
 from vctune.model.device import Device
 from vctune.model.hands import Hands
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.parts import DELAYS
 from vctune.model.sampled.velocity_loop import SNAP
 from vctune.model.servo import latency
-from vctune.proof.device_box import DELAYS, DeviceBox
+from vctune.proof.device_box import DeviceBox
 
 NEAR = 0.05
 """Share of a sample within which a delay counts as near a whole number of samples: clocks, buses and amplifiers are not
@@ -47,7 +48,7 @@ def sensed_force_jumps(device: Device, hands: Hands) -> bool:
     bool
         Whether it jumps for some hand of the box.
     """
-    filtered = device.force_sensor is not None and device.force_sensor.bandwidth_hz is not None
+    filtered = device.sensing.bandwidth_hz is not None
     followed = device.servo is None or device.servo.order == 1
     direct = device.actuator is None and device.structure is None and followed and not filtered
     return direct and device.kind.senses_force and hands.high.mass > 0
@@ -151,8 +152,7 @@ def _peaks(device: Device) -> tuple[float, ...]:
     if device.servo is None:
         return ()
     late = latency(device, FLOATS)
-    sensor = device.force_sensor
-    lag = late.lag + late.sensor - (0.0 if sensor is None else sensor.delay)
+    lag = late.lag + late.sensor - device.sensing.delay
     below = PEAK * lag / device.sample_time
     return (-below,) if below < 0.5 else ()
 
@@ -167,7 +167,6 @@ def _with(device: Device, samples: float, key: str | None = None) -> Device:
 
     The device's own delay is changed, or that of its force sensor where it has no other.
     """
-    sensed = "force_sensor.delay"
-    key = key or (sensed if device.latency == 0 and device.number(sensed) else device.delay_key)
+    key = key or next((key for key in DELAYS if device.number(key)), device.delay_key)
     other = sum(device.number(name) or 0.0 for name in DELAYS if name != key)
     return device.with_numbers({key: float(f"{samples * device.sample_time - other:.15g}")})

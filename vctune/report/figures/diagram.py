@@ -8,9 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from vctune.model.device import Device, Servo, Structure
+from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.numbers.units import UNITS, Units
+from vctune.model.parts import Servo, Structure
 from vctune.report.figures.style import BLUE, GREEN, GREY, INK, STYLE, time_text
 
 SIZE = (6.28, 4.2)
@@ -59,8 +60,8 @@ def loop_figure(device: Device, gains: Gains, coupling: AnyCoupling) -> Figure:
 
 
 def _force_path(axes: Axes, device: Device, coupling: Coupling) -> None:
-    sensor, low, units = device.force_sensor, BOTTOM, UNITS[device.units]
-    if sensor is None:
+    sensor, low, units = device.sensing, BOTTOM, UNITS[device.units]
+    if not device.senses_late:
         _arrow(axes, (LEFT, low), (LEFT, TOP), (COUPLING - WIDTH / 2, TOP))
     else:
         lines = [] if sensor.bandwidth_hz is None else [_low_pass(sensor.bandwidth_hz, sensor.order)]

@@ -14,10 +14,11 @@ from math import sqrt
 
 import numpy as np
 
-from vctune.model.device import Device, ForceSensor, Servo
+from vctune.model.device import Device
 from vctune.model.experiment import Operator
 from vctune.model.loop.device_response import mechanism
 from vctune.model.numbers.arithmetic import FLOATS, Number
+from vctune.model.parts import ForceSensor, Servo
 from vctune.model.sampled.velocity_loop import SNAP, split_delay
 from vctune.simulation.mechanics.intended_motion import Floats, hand_force_derivatives
 from vctune.simulation.mechanics.plant import Transition, exponential_less_one, timing
@@ -78,8 +79,8 @@ class Sensing:
 
 def sensing(scene: Scene) -> Sensing:
     """Return when a scene's force is sensed; what coincides with an arriving command is sensed just before it."""
-    sensor, T, early = scene.device.force_sensor, scene.device.sample_time, timing(scene).early
-    whole, fraction = split_delay(sensor.delay if sensor is not None else 0.0, T)
+    T, early = scene.device.sample_time, timing(scene).early
+    whole, fraction = split_delay(scene.device.sensing.delay, T)
     if fraction == 0:
         return Sensing(whole, None)
     instant = (1 - fraction) * T
@@ -91,9 +92,8 @@ def assembly(scene: Scene) -> Assembly | None:
     device, hand = scene.device, scene.operator
     if device.servo is not None:
         return _servo(device, device.servo, hand)
-    actuator, structure, sensor = device.actuator, device.structure, device.force_sensor
-    band_hz = sensor.bandwidth_hz if sensor is not None else None
-    if actuator is None and structure is None and band_hz is None and sensing(scene).instant is None:
+    actuator, structure, sensor = device.actuator, device.structure, device.sensing
+    if actuator is None and structure is None and sensor.bandwidth_hz is None and sensing(scene).instant is None:
         return None
     states = ["position", "velocity"]
     states += ["bend", "handle_velocity"] if structure is not None else []
@@ -131,7 +131,7 @@ def assembly(scene: Scene) -> Assembly | None:
 def _servo(device: Device, servo: Servo, hand: Operator) -> Assembly:
     """Return a servo and what the hand does to it: -(M a + B v + K x) and what its spring and damper push."""
     velocity = ("velocity", "velocity_rate")[: servo.order]
-    states, T = ("position", *velocity, *_sensed_states(device.force_sensor)), device.sample_time
+    states, T = ("position", *velocity, *_sensed_states(device.sensing)), device.sample_time
     names = (*states, *GIVEN)
     of = dict(zip(names, np.eye(len(names)), strict=True))
     rates = {"position": of["velocity"], "push": of["push_1"], "push_1": of["push_2"], "push_2": of["push_3"]}
@@ -140,12 +140,12 @@ def _servo(device: Device, servo: Servo, hand: Operator) -> Assembly:
     size = hand.mass / T**2 + hand.damping / T + hand.stiffness
     units = _units(names, size or 1.0, 1 / T, T, 0.0)
     seen = of["position"], of["velocity"], of["push"] - held
-    return _assembled(states, of, rates, units, seen, device.force_sensor)
+    return _assembled(states, of, rates, units, seen, device.sensing)
 
 
-def _sensed_states(sensor: ForceSensor | None) -> tuple[str, ...]:
+def _sensed_states(sensor: ForceSensor) -> tuple[str, ...]:
     """Return the states of a force sensor's low-pass."""
-    return ("sensed", "sensed_rate")[: sensor.order] if sensor is not None and sensor.bandwidth_hz is not None else ()
+    return ("sensed", "sensed_rate")[: sensor.order] if sensor.bandwidth_hz is not None else ()
 
 
 def _assembled(
@@ -154,7 +154,7 @@ def _assembled(
     rates: dict[str, Floats],
     units: Floats,
     seen: tuple[Floats, Floats, Floats],
-    sensor: ForceSensor | None,
+    sensor: ForceSensor,
 ) -> Assembly:
     """Return an assembly with its force sensor.
 
@@ -165,10 +165,10 @@ def _assembled(
     rates : rows of those that change
     units : of states and given
     seen : rows of the handle's position and velocity and of f_h
-    sensor : None for what senses f_h
+    sensor : what senses f_h
     """
     position, velocity, force = seen
-    if sensor is not None and sensor.bandwidth_hz is not None:
+    if sensor.bandwidth_hz is not None:
         rates = rates | _low_pass("sensed", sensor.bandwidth_hz, sensor.order, force, of)
     nothing = np.zeros(len(of))
     return Assembly(
