@@ -16,7 +16,8 @@ from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.loop.affine import Affine, LoopConstants, loop_constants
 from vctune.model.loop.device_response import device_response, hold_response
-from vctune.model.loop.filters import FilterResponse, actuator_response, sensor_response
+from vctune.model.loop.drive import drive_response
+from vctune.model.loop.filters import FilterResponse, sensor_response
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import Pair
 
@@ -124,8 +125,8 @@ def _drive_phases(device: Device, omega: float) -> dict[str, float]:
     held = hold_response(replace(device, delay=0.0), np.array(omega), FLOATS)
     shares = {HOLD: _angle(complex(held.re, -omega * held.lag))}
     shares |= {DELAY: -omega * device.delay} if device.delay > 0 else {}
-    if device.actuator is not None:
-        shares[ACTUATOR] = _angle(_response(actuator_response(device.actuator, np.array(omega), FLOATS), omega))
+    late = drive_response(device, np.array(omega), FLOATS)
+    shares |= {ACTUATOR: _angle(_response(late, omega))} if late is not None else {}
     return shares
 
 

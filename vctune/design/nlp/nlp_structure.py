@@ -11,6 +11,7 @@ from vctune.design.variables import Coordinate
 from vctune.model.device import Device
 from vctune.model.display import Display
 from vctune.model.loop.device_response import device_response
+from vctune.model.loop.drive import drive_states
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import VelocityEstimate
 from vctune.model.problem import Norm
@@ -99,7 +100,7 @@ def nlp_structure(
     integrator : whether K_p > 0
     """
     problem, weights = posed.problem, posed.problem.transparency.weights
-    actuator, estimate = problem.device.actuator, problem.device.velocity or VelocityEstimate()
+    estimate = problem.device.velocity or VelocityEstimate()
     steps = CAPACITY_STEPS if problem.worlds is None else (*CAPACITY_STEPS[:-1], IN_WORLDS)
     ratio, sensitivity, stability, *others = (
         -(-used // step) * step for used, step in zip(working_set.sizes(), steps, strict=True)
@@ -119,7 +120,7 @@ def nlp_structure(
         tracked_peaks=len(working_set.tracked_peaks),
         operator_damping=problem.device.operator is not None and problem.device.operator.damping > 0,
         parts=_parts(problem.device),
-        order=1 + (actuator.order if actuator is not None else 0) + (2 if problem.device.structure is not None else 0),
+        order=1 + len(drive_states(problem.device)) + (2 if problem.device.structure is not None else 0),
         differenced=estimate.source == "difference",
         low_passes=estimate.filter_order if estimate.filter_hz is not None else 0,
         uncertain=problem.uncertainty is not None,

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from vctune.model.device import Device
+from vctune.model.loop.drive import drive_response
 from vctune.model.loop.filters import (
     FilterResponse,
-    actuator_response,
     interpolation,
     low_pass,
     sensor_response,
@@ -186,8 +186,9 @@ def device_response(device: Device, omega: Number, ops: Arithmetic) -> DeviceRes
     if device.ideal:
         return DeviceResponse(omega, device.mass, device.damping, drive, operator=operator)
     omega2 = omega * omega
-    if device.actuator is not None:
-        drive = _behind(drive, actuator_response(device.actuator, omega, ops), omega2)
+    late = drive_response(device, omega, ops)
+    if late is not None:
+        drive = _behind(drive, late, omega2)
     estimate, mass, spring = None, device.mass, None
     if device.velocity is not None:
         estimate = velocity_estimate(device.velocity, device.sample_time, omega, ops)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from vctune.model.numbers.arithmetic import Arithmetic, Number
-from vctune.model.parts import Actuator, ForceSensor, VelocityEstimate
+from vctune.model.parts import ForceSensor, VelocityEstimate
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,23 +193,6 @@ def firmware_low_pass(
     )
 
 
-def actuator_response(actuator: Actuator, omega: Number, ops: Arithmetic) -> FilterResponse:
-    """Return A, from the commanded force to the force on the motor, at s = j omega.
-
-    Parameters
-    ----------
-    actuator : bandwidth, Hz, and order of its low-pass
-    omega : angular frequency, rad/s, >= 0
-    ops : arithmetic of bandwidth and omega
-
-    Returns
-    -------
-    FilterResponse
-        Of the shape of omega.
-    """
-    return low_pass(actuator.bandwidth_hz, actuator.order, omega, ops)
-
-
 def sensor_response(sensor: ForceSensor, omega: Number, ops: Arithmetic) -> FilterResponse | None:
     """Return F_s, from the hand's force to the sensed force, at s = j omega.
 
@@ -231,3 +214,34 @@ def sensor_response(sensor: ForceSensor, omega: Number, ops: Arithmetic) -> Filt
         delay = pure_delay(sensor.delay, omega, ops)
         found = delay if found is None else found.times(delay, omega * omega)
     return found
+
+
+def filter_rows(
+    rows: dict[str, dict[str, Number]], states: tuple[str, str], samples: Number, order: int, ops: Arithmetic
+) -> Number:
+    """Write a low-pass of order 1, or of order 2 with damping ratio 1/sqrt(2), into the rates of a system.
+
+    The states of order 2 are y and y + y'/a with 2 a^2 = w^2, not y and y'. For a fast low-pass f(A/E) is about half of
+    |A/E|, and `inverse` divides by its diagonal, which would be close to 0 with the states y and y'.
+
+    Parameters
+    ----------
+    rows : rates of each state by the names of the states, with T = 1; those of the low-pass are filled in here
+    states : names of the output y and of the second state, which order 1 does not have
+    samples : bandwidth times T, the -3 dB frequency in sampling frequencies
+    order : 1 or 2
+    ops : arithmetic of the rates
+
+    Returns
+    -------
+    Number
+        Rate at which the low-pass's input drives its last state.
+    """
+    corner, (out, rate) = 2 * ops.pi * samples, states
+    if order == 1:
+        rows[out][out] = -corner
+        return corner
+    a = ops.sqrt(corner * corner / 2)
+    rows[out][out], rows[out][rate] = -a, a
+    rows[rate][out], rows[rate][rate] = -a, -a
+    return 2 * a

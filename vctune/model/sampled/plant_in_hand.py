@@ -17,7 +17,8 @@ from typing import NamedTuple, TypeVar
 from vctune.model.device import Device
 from vctune.model.hands import Hand
 from vctune.model.loop.device_response import mechanism
-from vctune.model.loop.filters import smoothing
+from vctune.model.loop.drive import COMMAND, Rows, drive_rows, drive_states, pushed
+from vctune.model.loop.filters import filter_rows, smoothing
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import (
     Matrix,
@@ -33,7 +34,7 @@ from vctune.model.numbers.matrices import (
 )
 from vctune.model.numbers.pair import EvenOdd, Pair
 from vctune.model.sampled.servo_plant import SensedDelay, ServoPlant, servo_plant
-from vctune.model.sampled.state_space import filter_rows, left_by_older
+from vctune.model.sampled.state_space import left_by_older
 from vctune.model.sampled.velocity_loop import split_delay
 
 Complex = TypeVar("Complex", EvenOdd, Pair)
@@ -211,16 +212,16 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
 
 def _mechanism(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
     """Return the states of device and hand; the hand's force on the handle is -(M a + B v + K x)."""
-    T, m, sensor, actuator = device.sample_time, device.mass, device.sensing, device.actuator
+    T, m, sensor = device.sample_time, device.mass, device.sensing
     one = 0 * T + 1  # in the arithmetic, so that what it is divided by is enclosed
     carried, held, grip = hand.mass / m, hand.damping * T / m, hand.stiffness * (T * T) / m
     own = device.damping * T / m
     names = ["position", "velocity"]
     names += ["bend", "handle"] if device.structure is not None else []
-    names += ["force", "rate"][: actuator.order] if actuator is not None else []
+    names += drive_states(device)
     filtered = sensor.bandwidth_hz is not None
     names += ["felt", "felt rate"][: sensor.order] if filtered else []
-    rows: dict[str, dict[str, Number]] = {name: {} for name in names}
+    rows: Rows = {name: {} for name in names}
     rows["position"]["velocity"] = one
     motor = rows["velocity"]
     if device.structure is None:
@@ -235,13 +236,7 @@ def _mechanism(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
         motor["velocity"], motor["bend"], motor["handle"] = -(own + loss), -spring, loss
         rows["bend"]["velocity"], rows["bend"]["handle"] = one, -one
         rows["handle"] = {"position": -grip, "velocity": loss, "bend": spring + grip, "handle": -(loss + held)}
-    push = dict.fromkeys(names, 0)
-    if actuator is None:
-        push["velocity"] = one
-    else:
-        motor["force"] = one
-        corner = filter_rows(rows, ("force", "rate"), actuator.bandwidth_hz * T, actuator.order, ops)
-        push[("force", "rate")[actuator.order - 1]] = corner
+    motor |= pushed(drive_rows(rows, device, ops), one)
     sensed: dict[str, Number] = {}
     if filtered:
         corner = filter_rows(rows, ("felt", "felt rate"), sensor.bandwidth_hz * T, sensor.order, ops)
@@ -253,7 +248,7 @@ def _mechanism(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
         inertia=inertia,
         sensed=sensed,
         rates=tuple(tuple(row.get(name, 0) for name in names) for row in rows.values()),
-        push=tuple(push.values()),
+        push=tuple(row.get(COMMAND, 0) for row in rows.values()),
         felt=felt,
         felt_inertia=None if filtered else carried / inertia[handle],
         handle=handle,

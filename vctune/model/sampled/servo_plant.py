@@ -25,10 +25,11 @@ from itertools import zip_longest
 from math import comb
 
 from vctune.model.device import Device
+from vctune.model.loop.filters import filter_rows
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import Matrix, Vector, add, dot, times
 from vctune.model.parts import Servo
-from vctune.model.sampled.state_space import filter_rows, sampled_chain
+from vctune.model.sampled.state_space import sampled_chain
 from vctune.model.sampled.velocity_loop import split_delay
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from vctune.model.device import Device
 from vctune.model.loop.device_response import mechanism
+from vctune.model.loop.drive import COMMAND, Rows, drive_rows, drive_states, pushed
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import (
     Matrix,
@@ -157,68 +158,41 @@ def _moved_on(early: Matrix, late: Matrix) -> Vector:
 
 
 def _rates(device: Device, ops: Arithmetic) -> Matrix:
-    """Return d/dt of (position, motor's velocity, bend, handle's velocity, force, its rate, command), dimensionless."""
+    """Return d/dt of position, motor's velocity, bend, handle's velocity, drive and command, dimensionless."""
     T, m = device.sample_time, device.mass
     one = 0 * T + 1  # in the arithmetic, so that what it is divided by is enclosed
-    names = ["position", "velocity"]
-    names += ["bend", "handle"] if device.structure is not None else []
-    names += ["force", "rate"][: device.actuator.order] if device.actuator is not None else []
-    names += ["command"]
-    at = {name: index for index, name in enumerate(names)}
-    rows: list[list[Number]] = [[0] * len(names) for _ in names]
-    rows[at["position"]][at["velocity"]] = one
-    pushed = "command" if device.actuator is None else "force"
+    bent = ("bend", "handle") if device.structure is not None else ()
+    names = ("position", "velocity", *bent, *drive_states(device), COMMAND)
+    rows: Rows = {name: {} for name in names}
+    rows["position"]["velocity"] = one
+    force = drive_rows(rows, device, ops, _low_pass_rows)
     if device.structure is None:
-        rows[at["velocity"]][at["velocity"]] = -(device.damping * T / m)
-        rows[at["velocity"]][at[pushed]] = one
+        rows["velocity"] = {"velocity": -(device.damping * T / m), **pushed(force, one)}
     else:
         parts = mechanism(device, device.structure, ops)
         spring, loss = parts.stiffness * (T * T), parts.viscosity * T
-        motor, handle = rows[at["velocity"]], rows[at["handle"]]
-        motor[at["velocity"]] = -((device.damping * T + loss) / parts.motor)
-        motor[at["bend"]], motor[at["handle"]] = -(spring / parts.motor), loss / parts.motor
-        motor[at[pushed]] = m / parts.motor
-        rows[at["bend"]][at["velocity"]], rows[at["bend"]][at["handle"]] = one, -one
-        handle[at["velocity"]], handle[at["bend"]] = loss / parts.handle, spring / parts.handle
+        rows["velocity"] = {
+            "velocity": -((device.damping * T + loss) / parts.motor),
+            "bend": -(spring / parts.motor),
+            "handle": loss / parts.motor,
+            **pushed(force, m / parts.motor),
+        }
+        rows["bend"] = {"velocity": one, "handle": -one}
         held = loss if parts.damping is None else loss + parts.damping * T
-        handle[at["handle"]] = -(held / parts.handle)
-    if device.actuator is not None:
-        corner = 2 * ops.pi * device.actuator.bandwidth_hz * T
-        if device.actuator.order == 1:
-            rows[at["force"]][at["force"]], rows[at["force"]][at["command"]] = -corner, corner
-        else:
-            rows[at["force"]][at["rate"]] = corner
-            rows[at["rate"]][at["force"]], rows[at["rate"]][at["command"]] = -corner, corner
-            rows[at["rate"]][at["rate"]] = -ops.sqrt(2 * (corner * corner))
-    return tuple(map(tuple, rows))
+        rows["handle"] = {
+            "velocity": loss / parts.handle,
+            "bend": spring / parts.handle,
+            "handle": -(held / parts.handle),
+        }
+    return tuple(tuple(row.get(name, 0) for name in names) for row in rows.values())
 
 
-def filter_rows(
-    rows: dict[str, dict[str, Number]], states: tuple[str, str], samples: Number, order: int, ops: Arithmetic
-) -> Number:
-    """Write a low-pass of order 1, or of order 2 with damping ratio 1/sqrt(2), into the rates of a system.
-
-    The states of order 2 are y and y + y'/a with 2 a^2 = w^2, not y and y'. For a fast low-pass f(A/E) is about half of
-    |A/E|, and `inverse` divides by its diagonal, which would be close to 0 with the states y and y'.
-
-    Parameters
-    ----------
-    rows : rates of each state by the names of the states, with T = 1; those of the low-pass are filled in here
-    states : names of the output y and of the second state, which order 1 does not have
-    samples : bandwidth times T, the -3 dB frequency in sampling frequencies
-    order : 1 or 2
-    ops : arithmetic of the rates
-
-    Returns
-    -------
-    Number
-        Rate at which the low-pass's input drives its last state.
-    """
+def _low_pass_rows(rows: Rows, states: tuple[str, str], samples: Number, order: int, ops: Arithmetic) -> Number:
+    """Write a low-pass as `filter_rows` does, with the states y and y'/w: the step's polynomials stay short."""
     corner, (out, rate) = 2 * ops.pi * samples, states
     if order == 1:
         rows[out][out] = -corner
         return corner
-    a = ops.sqrt(corner * corner / 2)
-    rows[out][out], rows[out][rate] = -a, a
-    rows[rate][out], rows[rate][rate] = -a, -a
-    return 2 * a
+    rows[out][rate] = corner
+    rows[rate][out], rows[rate][rate] = -corner, -ops.sqrt(2 * (corner * corner))
+    return corner

@@ -26,6 +26,7 @@ import numpy as np
 
 from vctune.model.device import Device
 from vctune.model.gains import Gains
+from vctune.model.loop.drive import drive_states
 from vctune.model.loop.filters import smoothing
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair
@@ -124,7 +125,7 @@ def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fra
     """
     T = device.sample_time
     older = device.delay - whole_samples * T if fractional else None
-    if device.actuator is None and device.structure is None:
+    if not drive_states(device) and device.structure is None:
         response = _rigid(device, older, ops)
     else:
         response = _in_si(sampled_states(device, older, ops), device)
