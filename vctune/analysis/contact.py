@@ -17,7 +17,7 @@ from vctune.model.gains import AnyCoupling
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.hand_loop import offered
-from vctune.model.sampled.servo_in_hand import Demand, demand_of, vertices
+from vctune.model.sampled.servo_in_hand import Demand, demand_of
 
 LOWEST = 1e-3
 """Least angle beside 0: below, a demand is that at rest to a millionth. Half and twice change nothing that is shown."""
@@ -76,7 +76,7 @@ def _greatest(device: Device, demand: Demand, hands: Hands) -> Greatest:
     theta = np.array([0.0, place.omega[0]])
     asked = demand.in_each(theta)
     vertex, at = np.unravel_index(int(np.argmax(asked)), asked.shape)
-    return Greatest(float(asked[vertex, at]), float(theta[at]) / device.sample_time, vertices(hands)[vertex])
+    return Greatest(float(asked[vertex, at]), float(theta[at]) / device.sample_time, hands.corners[vertex])
 
 
 def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupling, factor: float) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import product
 from math import inf, pi, sqrt
@@ -15,6 +15,7 @@ from vctune.analysis.extrema import Floats, local_minima
 from vctune.analysis.resonance import with_resonance
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains, series_coupling
+from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
@@ -130,9 +131,18 @@ def loops_in_hands(
     per_decade : number of angles in each decade
     """
     theta = _angles(device, per_decade)
-    some = Hand(*np.array(list(product(*(_places(*ends, shares) for ends in _ranges(hands))))).T)
-    plant = plant_in_hand(device, Hand(*(number[:, None] for number in astuple(some))), delays_of(device), FLOATS)
-    return LoopsInHands(theta, some, loop_in_hand(plant, theta, FLOATS))
+    return _loops(device, _every(hands.low.mapped(lambda low, high: _places(low, high, shares), hands.high)), theta)
+
+
+def _loops(device: Device, hands: Hand, theta: Floats) -> LoopsInHands:
+    plant = plant_in_hand(device, hands.mapped(lambda number: number[:, None]), delays_of(device), FLOATS)
+    return LoopsInHands(theta, hands, loop_in_hand(plant, theta, FLOATS))
+
+
+def _every(numbers: Hand) -> Hand:
+    """Return the hands of all combinations of some numbers each, the last varying fastest."""
+    each = np.meshgrid(*numbers.numbers.values(), indexing="ij")
+    return Hand(*(number.ravel() for number in each))
 
 
 def _angles(device: Device, per_decade: int) -> Floats:
@@ -155,10 +165,7 @@ def loops_at_rest(device: Device, hands: Hands, spacing: int = 1) -> LoopsInHand
     low, high = hands.low, hands.high
     stiffness = np.unique(low.stiffness + (high.stiffness - low.stiffness) * np.append(0.0, SOFT[::spacing]))
     masses = np.unique((low.mass, high.mass))
-    some = Hand(*(each.ravel() for each in np.meshgrid(masses, low.damping, stiffness, indexing="ij")))
-    plant = plant_in_hand(device, Hand(*(number[:, None] for number in astuple(some))), delays_of(device), FLOATS)
-    theta = np.zeros(1)
-    return LoopsInHands(theta, some, loop_in_hand(plant, theta, FLOATS))
+    return _loops(device, _every(replace(low, mass=masses, stiffness=stiffness)), np.zeros(1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,11 +239,10 @@ def least_ratios_in_hands(
     padded = np.concatenate(([-inf], worst, [-inf]))
     peaks = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
     peaks = peaks[np.argsort(-worst[peaks], kind="stable")][:SEARCHED]
-    starts = np.array([number[hand[peaks]] for number in astuple(where.hands)])
-    theta, starts = np.append(where.theta[peaks], 0.0), np.column_stack((starts, _at_rest(device, hands, gains)))
-    sharp = _resonant(device, hands, gains)
-    theta, starts = np.append(theta, sharp[0]), np.column_stack((starts, sharp[1:]))
-    return sorted(_closest(device, hands, gains, coupling, theta, starts, met), key=lambda each: each.ratio)
+    steepest = PlacesInHands(where.theta[peaks], where.hands.mapped(lambda number: number[hand[peaks]]))
+    others = PlacesInHands.of([(0.0, _at_rest(device, hands, gains)), *_resonant(device, hands, gains)])
+    starts = steepest.joined(others)
+    return sorted(_closest(device, hands, gains, coupling, starts, met), key=lambda each: each.ratio)
 
 
 WINDOW = np.exp(np.linspace(-0.3, 0.3, 121))
@@ -311,8 +317,8 @@ def least_ratio_near(
     hand : of the box
     met : the environments; None for every passive one
     """
-    theta, start = np.array([omega * device.sample_time]), np.array(astuple(hand))[:, None]
-    return _closest(device, hands, gains, coupling, theta, start, met)[0]
+    start = PlacesInHands.of([(omega * device.sample_time, hand)])
+    return _closest(device, hands, gains, coupling, start, met)[0]
 
 
 def least_ratios_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling) -> list[RatioInAnyHand]:
@@ -393,26 +399,26 @@ def _need(required: Floats, there: Floats) -> Floats:
     return np.where(there < 0, drives, required / np.maximum(there, 1e-300))
 
 
-def _resonant(device: Device, hands: Hands, gains: Gains) -> Floats:
-    """Return angles at which hands resonate sharply with the device, and those hands: shape (4, n), n may be 0.
+def _resonant(device: Device, hands: Hands, gains: Gains) -> list[tuple[float, Hand]]:
+    """Return angles at which hands resonate sharply with the device, and those hands.
 
     The stiffest of them, where the angle is greatest and the damping ratio least, and one a hundredth as stiff.
     """
     found = []
-    damping, hand = device.damping + hands.low.damping + gains.velocity, hands.low.damping
+    damping = device.damping + hands.low.damping + gains.velocity
     for mass, share in product((hands.low.mass, hands.high.mass), (1.0, 0.01)):
         stiffness, moved = max(share * hands.high.stiffness, hands.low.stiffness), device.mass + mass
         theta = device.sample_time * sqrt((stiffness + gains.position) / moved)
         if damping < 2 * SHARP * sqrt(stiffness * moved) and theta < pi:
-            found.append((theta, mass, hand, stiffness))
-    return np.array(found).reshape(-1, 4).T
+            found.append((theta, replace(hands.low, mass=mass, stiffness=stiffness)))
+    return found
 
 
-def _at_rest(device: Device, hands: Hands, gains: Gains) -> tuple[float, ...]:
+def _at_rest(device: Device, hands: Hands, gains: Gains) -> Hand:
     """Return the hand that asks for most at angle 0."""
     where = loops_at_rest(device, hands)
     most = int(np.argmax(np.nan_to_num(where.required(gains).ravel(), nan=0.0)))
-    return tuple(float(number[most]) for number in astuple(where.hands))
+    return where.hands.mapped(lambda number: float(number[most]))
 
 
 @np.errstate(all="ignore")
@@ -421,10 +427,9 @@ def hardest_near(
     hands: Hands,
     gains: Gains,
     coupling: AnyCoupling,
-    theta: Floats,
-    starts: Floats,
+    starts: PlacesInHands,
     met: WorldsMet | None = None,
-) -> tuple[Floats, Floats, Floats]:
+) -> tuple[Floats, PlacesInHands]:
     """Go from places to the greatest 1/ratio near them, all together: in log theta and in the root of each share.
 
     Parameters
@@ -432,19 +437,20 @@ def hardest_near(
     device : plain numbers
     hands : the box
     gains, coupling : a design, or one for each place, arrays of shape (n, 1, 1)
-    theta, starts : omega T in rad, shape (n,), and hands of the box, shape (3, n)
+    starts : n angles omega T, rad, each with a hand of the box
     met : the environments; None for every passive one
 
     Returns
     -------
-    need, theta : 1/ratio and where, shape (n,)
-    hands : in which, shape (3, n)
+    need : 1/ratio, shape (n,)
+    places : n angles, each with a hand
     """
-    low, width = np.array([(low, high - low) for low, high in _ranges(hands)]).T
+    low, width = np.array([(low, high - low) for low, high in hands.ranges.values()]).T
+    theta, count = starts.at, len(width)
     safe = np.where(width > 0, width, 1.0)
-    share = np.sqrt((starts - low[:, None]) / safe[:, None])
+    share = np.sqrt((np.array([*starts.hands.numbers.values()]) - low[:, None]) / safe[:, None])
     step_hand, step_angle = np.full(theta.size, 0.2), np.full(theta.size, 2.3 / PER_DECADE)
-    offsets = np.array(list(product((-1, 0, 1), repeat=3))).T
+    offsets = np.array(list(product((-1, 0, 1), repeat=count))).T
     turns = np.array([-1, 0, 1])
     best = np.full(theta.size, -inf)
     for _ in range(ROUNDS):
@@ -466,7 +472,7 @@ def hardest_near(
         theta = np.where(better, angle[rows, turn], theta)
         step_hand = np.where(moved_hand, step_hand, step_hand / 2)
         step_angle = np.where(moved_angle, step_angle, step_angle / 2)
-    return best, theta, low[:, None] + width[:, None] * share**2
+    return best, PlacesInHands(theta, Hand(*(low[:, None] + width[:, None] * share**2)))
 
 
 def _closest(
@@ -474,24 +480,17 @@ def _closest(
     hands: Hands,
     gains: Gains,
     coupling: AnyCoupling,
-    theta: Floats,
-    starts: Floats,
+    starts: PlacesInHands,
     met: WorldsMet | None,
 ) -> list[RatioInHand]:
-    found = hardest_near(device, hands, gains, coupling, theta, starts, met)
-    return [
-        RatioInHand(_inverse(float(need)), float(at / device.sample_time), Hand(*map(float, hand)))
-        for need, at, hand in zip(*found[:2], found[2].T, strict=True)
-    ]
+    needs, places = hardest_near(device, hands, gains, coupling, starts, met)
+    found = ((need, places[k].mapped(float)) for k, need in enumerate(needs))
+    return [RatioInHand(_inverse(float(need)), place.at / device.sample_time, place.hands) for need, place in found]
 
 
 def _inverse(need: float) -> float:
     """Return the ratio, 0 where Re Z_c is."""
     return inf if need <= 0 else 1 / need if need < 1e200 else 0.0
-
-
-def _ranges(hands: Hands) -> list[tuple[float, float]]:
-    return list(zip(astuple(hands.low), astuple(hands.high), strict=True))
 
 
 def _places(low: float, high: float, shares: tuple[float, ...]) -> Floats:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
 from enum import IntEnum
 from math import inf
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from vctune.design.variables import coupling_from
 from vctune.model.coupling import coupling_impedance
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
+from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.keys import KEYS
@@ -206,10 +208,9 @@ def _closer(problem: Problem, cells: Cells, places: Places) -> Places:
     """Return the places with the hands and the angles next to those that ask most of the centres."""
     assert problem.hands_met is not None and places.in_hands is not None
     K_v, K_p, *of_coupling = cells.centres().low[:, :, None, None]
-    at, *hand = places.in_hands[:, 0]
-    coupling = coupling_from(of_coupling)
-    _, theta, hands = hardest_near(problem.device, problem.hands_met, Gains(K_v, K_p), coupling, at, np.array(hand))
-    return replace(places, in_hands=np.vstack((theta, hands))[:, None])
+    coupling, first = coupling_from(of_coupling), places.in_hands[0]
+    _, closer = hardest_near(problem.device, problem.hands_met, Gains(K_v, K_p), coupling, first)
+    return replace(places, in_hands=closer[None])
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,7 +226,7 @@ class _Asked:
 
     omega: Floats
     needed: Floats
-    place: Callable[[Integers], Floats]
+    place: Callable[[Integers], Floats | PlacesInHands]
 
 
 def _estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> tuple[Floats, list[Places]]:
@@ -267,7 +268,7 @@ def _hardest(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
     K_v, K_p, *of_coupling = cells.centres().low[:, :, None]
     coupling = coupling_from(of_coupling)
     least, most = np.zeros(len(cells)), np.full(len(cells), inf)
-    meets, found = np.ones(len(cells), bool), dict[str, Floats]()
+    meets, found = np.ones(len(cells), bool), dict[str, Any]()
     for name, asked in _asked(problem, K_v, K_p).items():
         if free and isinstance(coupling, Coupling):
             needed = asked.needed - coupling.drag
@@ -278,7 +279,7 @@ def _hardest(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
             scarcity = asked.needed / _offered(coupling, problem.device, asked.omega)
             meets &= scarcity.max(axis=1) <= 1
             hardest = [scarcity]
-        found[name] = np.stack([asked.place(np.argmax(hard, axis=1)) for hard in hardest], axis=-2)
+        found[name] = _stacked([asked.place(np.argmax(hard, axis=1)) for hard in hardest])
     below = frequency_grid(
         *inwards((slowest_resonance(problem, problem.bounds.velocity.min), problem.nyquist)), POINTS_PER_DECADE
     )
@@ -286,6 +287,13 @@ def _hardest(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
     meets &= S.max(axis=1) <= problem.stability.max_sensitivity
     theta_S = below[np.argmax(S, axis=1)] * problem.device.sample_time
     return _Hardest(least, most, meets, Places(theta_S, **found))
+
+
+def _stacked(places: Sequence[Any]) -> Any:
+    """Return several places of each cell, the hardest first."""
+    if isinstance(places[0], PlacesInHands):
+        return places[0].mapped(lambda *each: np.stack(each), *places[1:])
+    return np.stack(places)
 
 
 def _offered(coupling: AnyCoupling, device: Device, place: Floats) -> Floats:
@@ -321,9 +329,9 @@ def _asked_in_hands(at: LoopsInHands, device: Device, factor: float, gains: Gain
         needed[i : i + LOOPS_AT_ONCE], worst[i : i + LOOPS_AT_ONCE] = factor * R.max(axis=1), R.argmax(axis=1)
     needed, worst = needed[same], worst[same]
 
-    def place(which: Integers) -> Floats:
+    def place(which: Integers) -> PlacesInHands:
         hand = worst[np.arange(len(which)), which].astype(np.intp)
-        return np.stack((at.theta[which], *(number[hand] for number in astuple(at.hands))))
+        return PlacesInHands(at.theta[which], at.hands.mapped(lambda number: number[hand]))
 
     met = at.theta if device.kind.inverse else np.tan(at.theta / 2) * (2 / device.sample_time)
     return _Asked(met, needed, place)

@@ -18,6 +18,7 @@ from vctune.design.bound.quadratic_coefficients import Coefficients, joined, map
 from vctune.design.bound.quadratics import LeastQuotient, lower, upper
 from vctune.model.device import Device
 from vctune.model.gains import Gains
+from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import Hand
 from vctune.model.loop.affine import Affine
 from vctune.model.numbers.pair import EvenOdd, Pair, im_conj_product, re_conj_product
@@ -57,21 +58,21 @@ class SampledConditions:
         return self.required.least(boxes, guess), np.asarray(none)
 
 
-def conditions_in_hands(devices: Sequence[Device], places: Floats) -> SampledConditions:
+def conditions_in_hands(devices: Sequence[Device], places: PlacesInHands) -> SampledConditions:
     """Return the demand on the coupling in hands at some places, for each of several devices.
 
     Parameters
     ----------
     devices : d devices, known exactly
-    places : omega, rad/s, in [0, pi/T], and the hand's M, B and K, shape (4, k)
+    places : k frequencies omega, rad/s, in [0, pi/T], each with a hand
 
     Returns
     -------
     SampledConditions
         At d k places, those of one device after another.
     """
-    angles = [_angles(device, places[0]) for device in devices]
-    each = [_in_hands(device, theta, places[1:]) for device, theta in zip(devices, angles, strict=True)]
+    angles = [_angles(device, places.at) for device in devices]
+    each = [_in_hands(device, theta, places.hands) for device, theta in zip(devices, angles, strict=True)]
     return _conditions(devices, angles, each)
 
 
@@ -111,9 +112,9 @@ def _conditions(
     return SampledConditions(offer, LeastQuotient(lower(lost), upper(size), lower(size)))
 
 
-def _in_hands(device: Device, theta: Floats, numbers: Floats) -> tuple[Coefficients, Coefficients]:
+def _in_hands(device: Device, theta: Floats, hands: Hand) -> tuple[Coefficients, Coefficients]:
     """Return the coefficients of -o/2 and |F|^2."""
-    plant = plant_in_hand(device.bare.converted(decimal), Hand(*map(decimal, numbers)), delays_of(device), ENCLOSURES)
+    plant = plant_in_hand(device.bare.converted(decimal), hands.mapped(decimal), delays_of(device), ENCLOSURES)
     at, sin = loop_in_hand(plant, Enclosure(theta), ENCLOSURES), ENCLOSURES.sin(Enclosure(theta) / 2)
 
     def parts(number: EvenOdd) -> Pair:

@@ -21,6 +21,7 @@ from vctune.design.bound.objective import Objective, objective_of
 from vctune.design.bound.quadratic_coefficients import quadratic, repeated
 from vctune.design.bound.quadratics import BoundedQuotient, Quadratic, rounded_down, upper
 from vctune.model.device import Device
+from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.loop.affine import Affine
 from vctune.model.numbers.pair import re_conj_product
 from vctune.model.problem import Problem
@@ -69,31 +70,31 @@ class Places:
     ----------
     omega : rad/s, frequencies of the stability band
     sensitivity : rad/s, frequencies up to Nyquist
-    in_hands : those and the numbers of a hand, shape (4, any number)
+    in_hands : those, each with a hand
     any_hand : those at which any passive hand is met on an impedance display
     """
 
     omega: Floats
     sensitivity: Floats
-    in_hands: Floats = field(default_factory=lambda: np.zeros((4, 0)))
+    in_hands: PlacesInHands = field(default_factory=lambda: PlacesInHands.of(()))
     any_hand: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def most(self) -> int:
         """How many there are of the demand on the coupling that has most."""
-        return max(len(self.omega), self.in_hands.shape[1], len(self.any_hand))
+        return max(len(self.omega), len(self.in_hands), len(self.any_hand))
 
     @property
     def number(self) -> int:
         """How many there are."""
-        return len(self.omega) + len(self.sensitivity) + self.in_hands.shape[1] + len(self.any_hand)
+        return len(self.omega) + len(self.sensitivity) + len(self.in_hands) + len(self.any_hand)
 
     def joined(self, more: Places) -> Places:
         """Return these and others, each once and in order."""
         return Places(
             np.union1d(self.omega, more.omega),
             np.union1d(self.sensitivity, more.sensitivity),
-            np.unique(np.hstack((self.in_hands, more.in_hands)), axis=1),
+            self.in_hands.joined(more.in_hands).unique,
             np.union1d(self.any_hand, more.any_hand),
         )
 

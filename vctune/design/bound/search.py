@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from math import inf, sqrt
 
 import numpy as np
@@ -31,9 +31,9 @@ from vctune.design.search.shapes import coupling_of
 from vctune.design.verdict.judge import Judgement
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.problem import Problem
 from vctune.model.transparency import TermName
-from vctune.proof.enclosures.array_intervals import Floats
 from vctune.running import OutOfTimeError, out_of_time
 
 FREQUENCIES, INTERVALS = 40, 48
@@ -236,15 +236,15 @@ def _relaxed(posed: Posed, best: Judgement | None) -> Relaxation:
     return relaxation(problem, _devices(posed.cases), _devices(posed.objective), places, INTERVALS)
 
 
-def _in_worst_hands(problem: Problem, best: Judgement | None) -> Floats:
+def _in_worst_hands(problem: Problem, best: Judgement | None) -> PlacesInHands:
     """Return some angles with the hand that is worst for the best design known, or for one in the middle."""
     if problem.hands_met is None:
-        return np.zeros((4, 0))
+        return PlacesInHands.of(())
     at, bounds = loops_in_hands(problem.device, problem.hands_met, SHARES_IN_HANDS, ANGLES_IN_HANDS), problem.bounds
     middle = (sqrt(b.max) * sqrt(b.min or LITTLE * b.max) for b in (bounds.velocity, bounds.position))
     gains = best.gains if best is not None else Gains(*middle)
     worst = np.argmax(np.nan_to_num(at.required(gains), nan=-inf), axis=0)
-    return np.stack((at.theta / problem.device.sample_time, *(number[worst] for number in astuple(at.hands))))
+    return PlacesInHands(at.theta / problem.device.sample_time, at.hands.mapped(lambda number: number[worst]))
 
 
 def _tight_places(problem: Problem, gains: Gains, coupling: AnyCoupling, *, broken: bool = False) -> Places:
@@ -257,10 +257,10 @@ def _tight_places(problem: Problem, gains: Gains, coupling: AnyCoupling, *, brok
     peaks = sensitivity_maxima(problem, gains)
     most = stability.max_sensitivity * (1 + VIOLATED) if broken else 0.0
     tight = [each for each in least_ratios(problem, gains, coupling) if each.ratio < least]
-    hands = [(each.omega, *astuple(each.hand)) for each in tight if each.hand is not None]
+    hands = PlacesInHands.of([(each.omega, each.hand) for each in tight if each.hand is not None])
     any_hand = [each.omega for each in tight if each.hand is None]
-    # `sensitivity_maxima` gives minima of -|S|; a row of `hands` is omega and the three numbers of a hand
-    return Places(omega, peaks.omega[-peaks.value > most], np.array(hands).reshape(-1, 4).T, np.array(any_hand))
+    # `sensitivity_maxima` gives minima of -|S|
+    return Places(omega, peaks.omega[-peaks.value > most], hands, np.array(any_hand))
 
 
 def _devices(cases: tuple[Problem, ...]) -> list[Device]:

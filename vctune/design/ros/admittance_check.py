@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
 from math import sqrt
 from pathlib import Path
 from time import perf_counter
@@ -233,8 +232,7 @@ def _with_its_spring(file: ProblemFile, axis: Admittance, finding: DesignFinding
     hands = file.problem.hands_met
     assert hands is not None, "the criterion is that of hands"
     held = finding.judgement.in_hand
-    corners = [Hand(*numbers) for numbers in product(*zip(_numbers(hands.low), _numbers(hands.high), strict=True))]
-    tried = [*corners, *([held.hand] if held is not None else [])]
+    tried = [*hands.corners, *([held.hand] if held is not None else [])]
     hand, worst = max(((hand, _mode(file, axis, finding, hand)) for hand in tried), key=lambda pair: pair[1].radius)
     units = file.problem.units
     own = f"with its own stiffness of {axis.stiffness:g} {units.stiffness}"
@@ -243,13 +241,9 @@ def _with_its_spring(file: ProblemFile, axis: Admittance, finding: DesignFinding
     return f"{own} it grows at {worst.hz:.4g} Hz in the hand of {hand.in_words(units)}"
 
 
-def _numbers(hand: Hand) -> tuple[float, float, float]:
-    return hand.mass, hand.damping, hand.stiffness
-
-
 def _mode(file: ProblemFile, axis: Admittance, finding: DesignFinding, hand: Hand) -> Mode:
     spring = Environment(0.0, 0.0, axis.stiffness, 0.0, False, "trapezoid")
-    operator = Operator("sine", 0.0, 0.01, 0.05, 1, *_numbers(hand))
+    operator = Operator("sine", 0.0, 0.01, 0.05, 1, mass=hand.mass, damping=hand.damping, stiffness=hand.stiffness)
     experiment = Experiment(axis.axis, spring, operator, None, Sensors(0.0, 0.0, 0), None, None)
     judged = finding.judgement
     return fastest_mode(designed_scene(file.problem.device, judged.gains, series_coupling(judged.coupling), experiment))

@@ -66,7 +66,7 @@ def between_neighbours(grid: Axes, places: list[Index]) -> Axes:
     Axes
         For each design and axis the place in the middle; at an end of an axis a neighbour is the place itself.
     """
-    by_axis = np.array(places, dtype=np.intp).reshape(-1, 4).T
+    by_axis = np.array(places, dtype=np.intp).reshape(-1, len(grid.each())).T
     return Axes(*(_between(np.tile(axis, (at.size, 1)), at) for axis, at in zip(grid.each(), by_axis, strict=True)))
 
 

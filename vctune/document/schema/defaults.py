@@ -10,7 +10,7 @@ The least K_v, 1e-8 m/T, is below 1e-5 Z at any delay that is supported, so that
 
 from __future__ import annotations
 
-from dataclasses import astuple, replace
+from dataclasses import replace
 from math import inf, pi, sqrt
 from typing import Any
 
@@ -151,13 +151,12 @@ def _hands(table: OperatorTable, system: UnitSystem) -> Hands:
 
     What a human hand is to a rotary device nobody knows but who states it: there a plain number is all.
     """
-    most = astuple(HUMAN_HANDS.high) if system == "linear" else (0.0, 0.0, 0.0)
-    each = (table.mass, table.damping, table.stiffness)
-    ranges = [
-        Range(value, max(value, high)) if isinstance(value, float) else Range(value.min, value.max)
-        for value, high in zip(each, most, strict=True)
-    ]
-    return Hands(Hand(*(range_.min for range_ in ranges)), Hand(*(range_.max for range_ in ranges)))
+    ranges = {}
+    for name, high in HUMAN_HANDS.high.numbers.items():
+        value, most = getattr(table, name), high if system == "linear" else 0.0
+        ranges[name] = Range(value, max(value, most)) if isinstance(value, float) else Range(value.min, value.max)
+    ends = ({name: getattr(each, end) for name, each in ranges.items()} for end in ("min", "max"))
+    return Hands(*(Hand(**numbers) for numbers in ends))
 
 
 def _worlds(table: WorldsTable | None) -> Worlds | None:

@@ -41,8 +41,7 @@ def _hands(operator: Any, *, servo: bool) -> Iterator[Contradiction]:
     lacking = [key for key in HAND if not isinstance(operator.get(key.partition(".")[2]), dict)]
     if not lacking:
         return
-    ends = (HUMAN_HANDS.high.mass, HUMAN_HANDS.high.damping, HUMAN_HANDS.high.stiffness)
-    of_a_grip = dict(zip(HAND, ends, strict=True))
+    of_a_grip = HUMAN_HANDS.high.by_key
     written = ", ".join(f"{key.partition('.')[2]} = {{ min = 0, max = {of_a_grip[key]:g} r^2 }}" for key in lacking)
     otherwise = "" if servo else ', or ask for stability.criterion = "passive"'
     yield (

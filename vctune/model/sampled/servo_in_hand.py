@@ -14,13 +14,13 @@ What the firmware's own spring is seen as, its stiffness times the G_x of a serv
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass
-from itertools import product
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.device import Device
+from vctune.model.hand_arrays import stacked
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.numbers.matrices import Vector, add, dot
@@ -178,19 +178,4 @@ def demand_of(device: Device, hands: Hands) -> Demand:
     Demand
         Evaluates R at angles.
     """
-    numbers = zip(*map(astuple, vertices(hands)), strict=True)
-    columns = Hand(*(np.array(each, float)[:, None] for each in numbers))
-    return Demand(servo_plant(device, sensed_delay(device), FLOATS), columns)
-
-
-def vertices(hands: Hands) -> list[Hand]:
-    """Return the hands at the vertices of a box.
-
-    R is convex in the hand, so that at each frequency one of them requires the greatest R of the box.
-
-    Parameters
-    ----------
-    hands : the box
-    """
-    ends = zip(astuple(hands.low), astuple(hands.high), strict=True)
-    return [Hand(*corner) for corner in product(*(sorted(set(pair)) for pair in ends))]
+    return Demand(servo_plant(device, sensed_delay(device), FLOATS), stacked(hands.corners, (-1, 1)))

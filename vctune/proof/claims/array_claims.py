@@ -13,7 +13,7 @@ import numpy as np
 from flint import ctx
 
 from vctune.model.device import Device
-from vctune.model.hands import HAND, Hand
+from vctune.model.hands import HAND, STIFFNESS, Hand
 from vctune.model.loop.device_response import DeviceResponse, device_response
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.loop.loop import loop_response
@@ -61,12 +61,12 @@ from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, device_ball, enc
 from vctune.proof.enclosures.array_intervals import Enclosure, decimal
 from vctune.proof.enclosures.jets import ENCLOSURES as OPS
 from vctune.proof.engine.box_tests import Curve, Margin, Margins
-from vctune.proof.engine.boxes import WHOLE_SAMPLES, Values, coupling_of, gains_of
+from vctune.proof.engine.boxes import FREQUENCY, WHOLE_SAMPLES, Values, coupling_of, gains_of
 from vctune.proof.engine.sharing import shared
 
 SHARE = "share of the hand's stiffness"
 """Share of the stiffness in rho, with which F vanishes for K_p = 0, theta = 0 and a hand without stiffness."""
-AT_REST = (0, 1 + HAND.index("operator.stiffness"))
+AT_REST = (FREQUENCY, STIFFNESS)
 """Rows of boxes of hands, the angle and the stiffness, that both begin at 0 there."""
 
 
@@ -349,11 +349,12 @@ def _plant_in_hand(
             known = plant_in_hand(device_ball(nominal), Hand(0, 0, 0), delays, BALLS)
         assert isinstance(known, ServoInHand)
         servo = known.plant.converted(enclosure_of)
-        return lambda v: ServoInHand(servo, Hand(*(v[name] for name in HAND)))
+        return lambda v: ServoInHand(servo, Hand.of(v))
 
-    def plant(mass: Number, damping: Number, stiffness: Number, *numbers: Number) -> AnyPlantInHand:
-        device = exact.with_numbers(dict(zip(uncertain, numbers, strict=True)))
-        return plant_in_hand(device, Hand(mass, damping, stiffness), delays, ops)
+    def plant(*numbers: Number) -> AnyPlantInHand:
+        values = dict(zip(rows, numbers, strict=True))
+        device = exact.with_numbers({key: values[f"device.{key}"] for key in uncertain})
+        return plant_in_hand(device, Hand.of(values), delays, ops)
 
     def of_values(v: Values) -> AnyPlantInHand:
         found: AnyPlantInHand = shared(plant, [v[name] for name in rows])

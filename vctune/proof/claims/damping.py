@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.problem import Demands
 from vctune.proof.claims.array_claims import claims_of
 from vctune.proof.claims.encirclements import by_integrator
@@ -71,12 +72,13 @@ def no_damping(demands: Demands, cells: Cells, places: Places) -> Flags:
     # rows in the order of `KEYS`: 2 is b_c, 3 is m_c, 4 is b_0
     least, most = cells.low[2].copy(), cells.high[2].copy()
     heaviest = cells.high[3] * (1 + GUARD)
-    claims, asked = claims_of(demands), list[tuple[Margin, Floats, Floats]]()
+    claims, asked = claims_of(demands), list[tuple[Margin, Floats | PlacesInHands, Floats]]()
     if places.omega is not None:
         asked += [(claims.required, omega, omega) for omega in places.omega]
     if places.in_hands is not None:
         rate = 2 / demands.device.sample_time
-        asked += [(claims.required_in_hands, at, rate * np.tan(at[0] / 2)) for at in np.swapaxes(places.in_hands, 0, 1)]
+        each = (places.in_hands[k] for k in range(places.in_hands.at.shape[0]))
+        asked += [(claims.required_in_hands, place, rate * np.tan(place.at / 2)) for place in each]
     for among in by_integrator(cells):
         part = cells.subset(among)
         for required, at, omega in asked:

@@ -5,13 +5,12 @@ See proof/README.md, section 2.
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from math import pi
 
 import numpy as np
 
 from vctune.model.device import Device
-from vctune.model.hands import HAND
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic
 from vctune.model.problem import Demands
 from vctune.proof.claims.array_claims import Claims, claims_of
@@ -157,7 +156,7 @@ def turns_in_hand(demands: Demands, points: Cells) -> Floats:
 def _middle(demands: Demands) -> Values:
     """Return the hand in the middle of the box, by name."""
     assert demands.hands is not None
-    return dict(zip(HAND, map(decimal, astuple(demands.hands.middle)), strict=True))
+    return demands.hands.middle.mapped(decimal).by_key
 
 
 def model_curve_end(device: Device, cells: Cells, ops: Arithmetic = FLOATS) -> float:

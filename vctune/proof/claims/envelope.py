@@ -13,7 +13,7 @@ import numpy as np
 
 from vctune.model.device import Device
 from vctune.model.gains import Gains
-from vctune.model.hands import HAND, Hand, Hands
+from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.keys import KEYS
 from vctune.model.sampled.any_hand import any_hand
@@ -112,18 +112,17 @@ def envelope(device: Device, hands: Hands | None, gains: Gains) -> Envelope:
         offset[done] = tried[done]
         fails = np.flatnonzero(np.isfinite(found.failing[0]))
         if len(fails):
-            # rows of `failing`: the angle, the hand's numbers, `OFFSET` and `SLOPE`; [1:-2] are those of the hand
-            higher, at, number = left[fails], found.failing[0, fails], found.failing[1:-2, fails]
-            there = _required(device, Hand(*number) if hands is not None else None, gains, at)
-            above[higher] = np.fmax(above[higher], np.ravel(there) - slope[higher] * at)
+            there = dict(zip(found.names, found.failing[:, fails], strict=True))
+            higher, at = left[fails], there[FREQUENCY]
+            asked_there = _required(device, Hand.of(there) if hands is not None else None, gains, at)
+            above[higher] = np.fmax(above[higher], np.ravel(asked_there) - slope[higher] * at)
         left = left[~found.proved]
     return Envelope(low, high, offset, slope, boxes)
 
 
 def _some_of(hands: Hands) -> Hand:
     """Return some hands of a box, numbers of shape (h, 1)."""
-    low, high = (np.array(astuple(hand), float) for hand in (hands.low, hands.high))
-    places = (np.unique(a + (b - a) * np.array(SHARES)) for a, b in zip(low, high, strict=True))
+    places = (np.unique(a + (b - a) * np.array(SHARES)) for a, b in hands.ranges.values())
     return Hand(*(number.reshape(-1, 1) for number in np.meshgrid(*places, indexing="ij")))
 
 
@@ -139,11 +138,11 @@ def _required(device: Device, hand: Hand | None, gains: Gains, theta: Floats) ->
 
 def _proved(device: Device, hands: Hands | None, gains: Gains, pieces: Floats, max_boxes: int) -> Proofs:
     """Prove the bound of some pieces, rows low, high, offset and slope."""
-    n, names = pieces.shape[1], HAND if hands is not None else ()
-    ends = [np.array(astuple(hand), float)[:, None] for hand in (hands.low, hands.high)] if hands is not None else []
-    low, high = ends or [np.empty((0, 1))] * 2
+    n, ends = pieces.shape[1], ({}, {}) if hands is None else (hands.low.by_key, hands.high.by_key)
+    low, high = (np.array([*end.values()], float)[:, None] for end in ends)
+    names = (FREQUENCY, *ends[0], OFFSET, SLOPE)
     boxes = Boxes(
-        names=(FREQUENCY, *names, OFFSET, SLOPE),
+        names=names,
         low=np.vstack((pieces[:1], np.tile(low, n), pieces[2:])),
         high=np.vstack((pieces[1:2], np.tile(high, n), pieces[2:])),
         owner=np.arange(n),
@@ -156,5 +155,5 @@ def _proved(device: Device, hands: Hands | None, gains: Gains, pieces: Floats, m
         slopes, polynomials = (bounded_in_hands(device, ops) for ops in (ENCLOSURES, TAYLOR))
         spans = np.vstack((high - low, np.zeros((2, 1))))  # `OFFSET` and `SLOPE` have no width
         test = positive_by_polynomials(polynomials, fixed, spans, positive(slopes, fixed))
-    halved = [True] * (1 + len(names)) + [False] * 2
+    halved = [name not in (OFFSET, SLOPE) for name in names]
     return prove(test, boxes, n, halved=halved, max_halvings=MAX_HALVINGS, max_boxes=max_boxes, at_ends=True, few=FEW)

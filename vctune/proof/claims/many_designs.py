@@ -11,6 +11,7 @@ from math import inf
 import numpy as np
 
 from vctune.model.gains import Gains
+from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import HAND, Hands
 from vctune.model.problem import Demands
 from vctune.proof.claims.array_claims import Claims, claims_of
@@ -197,18 +198,18 @@ class Places:
     theta_S : rad, angle omega T of |S|, shape (n,)
     omega : rad/s, frequencies of the band of Llewellyn's conditions, the hardest first, shape (any number, n)
     theta : rad, angles of any passive hand on an impedance display likewise
-    in_hands : angles and hands likewise, shape (4, any number, n)
+    in_hands : angles in hands likewise
     """
 
     theta_S: Floats
     omega: Floats | None = None
     theta: Floats | None = None
-    in_hands: Floats | None = None
+    in_hands: PlacesInHands | None = None
 
     def subset(self, at: Integers) -> Places:
         """Return the places of some of the cells."""
-        some = (None if of is None else of[..., at] for of in (self.omega, self.theta, self.in_hands))
-        return Places(self.theta_S[at], *some)
+        omega, theta = (None if of is None else of[:, at] for of in (self.omega, self.theta))
+        return Places(self.theta_S[at], omega, theta, None if self.in_hands is None else self.in_hands[:, at])
 
 
 def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
@@ -235,7 +236,7 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
         if places.theta is not None:
             lost |= negative_at(claims.any_hand[0], part, places.theta[0, at])
         if places.in_hands is not None:
-            lost |= negative_at(alone(claims.in_hand), part, places.in_hands[:, 0, at])
+            lost |= negative_at(alone(claims.in_hand), part, places.in_hands[0, at])
         left = np.flatnonzero(~lost)
         number = encirclements(demands, part.subset(left)).number
         lost[left] = (np.isfinite(number) & (number != 0)).any(axis=0)
@@ -247,15 +248,14 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
     return fails
 
 
-def negative_at(margin: Margin, cells: Cells, at: Floats) -> Flags:
+def negative_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> Flags:
     """Return the cells throughout which a margin is negative, each at a place of its own.
 
     Parameters
     ----------
     margin : function of a frequency and of values by name
     cells : n cells of designs
-    at : frequency of each cell, in the margin's unit, shape (n,); or frequency and hand, shape (4, n), as for
-        `over_each`
+    at : as of `over_each`
 
     Returns
     -------
@@ -265,15 +265,14 @@ def negative_at(margin: Margin, cells: Cells, at: Floats) -> Flags:
     return np.asarray(lower_bound_at(lambda omega, values: -margin(omega, values), cells, at) > 0)
 
 
-def lower_bound_at(margin: Margin, cells: Cells, at: Floats) -> Floats:
+def lower_bound_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> Floats:
     """Return a lower bound of a margin over each cell, at a place of the cell's own.
 
     Parameters
     ----------
     margin : function of a frequency and of values by name
     cells : n cells of designs
-    at : frequency of each cell, in the margin's unit, shape (n,); or frequency and hand, shape (4, n), as for
-        `over_each`
+    at : as of `over_each`
 
     Returns
     -------

@@ -13,7 +13,7 @@ from math import sqrt
 
 import numpy as np
 
-from vctune.model.hands import HAND, Hand, Hands
+from vctune.model.hands import HAND, MASS, STIFFNESS, Hand, Hands
 from vctune.model.numbers.arithmetic import Number
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.array_intervals import Floats, decimal
@@ -22,7 +22,7 @@ from vctune.proof.engine.boxes import Boxes, Values
 from vctune.proof.engine.branching import Decided, Test
 
 RATIO = "stiffness of the hand over the resonant one"
-ROWS = (*HAND[:2], RATIO)
+ROWS = tuple(RATIO if key == STIFFNESS else key for key in HAND)
 """The numbers of a hand here."""
 SHARP = 0.03
 """Damping ratio of hand and device below which resonance is looked at apart. Of loops at a ratio of 0.02 half of it
@@ -59,8 +59,8 @@ class Resonance:
 
         def of_ratio(theta: Number, v: Values) -> tuple[Number, ...]:
             per_sample = theta / decimal(self.sample_time)
-            mass = v[HAND[0]] + v.get(DEVICE_MASS, decimal(self.mass))
-            return margins(theta, {**v, HAND[2]: v[RATIO] * (mass * (per_sample * per_sample))})
+            mass = v[MASS] + v.get(DEVICE_MASS, decimal(self.mass))
+            return margins(theta, {**v, STIFFNESS: v[RATIO] * (mass * (per_sample * per_sample))})
 
         return of_ratio
 
@@ -80,7 +80,7 @@ class Resonance:
         Test
             Of the same boxes.
         """
-        mass, stiffness = (1 + names.index(name) for name in (HAND[0], HAND[2]))
+        mass, stiffness = (1 + names.index(name) for name in (MASS, STIFFNESS))
 
         def tested(boxes: Boxes) -> Decided:
             decided = test(boxes)
@@ -113,7 +113,7 @@ class Resonance:
             Of the same boxes; a failure counts only at a stiffness that a hand has.
         """
         ratio = 1 + names.index(RATIO)
-        tied = np.array([0, *(1 + k for k, name in enumerate(names) if name in (HAND[0], DEVICE_MASS, RATIO))])
+        tied = np.array([0, *(1 + k for k, name in enumerate(names) if name in (MASS, DEVICE_MASS, RATIO))])
 
         def stiffness(numbers: Floats) -> Floats:
             return np.asarray(numbers[ratio] * self._resonant(names, numbers))
@@ -145,13 +145,12 @@ class Resonance:
         """
         at = np.array([[theta], *([value] for value in numbers.values())])
         stiffness = float(numbers[RATIO] * self._resonant(tuple(numbers), at)[0])
-        mass, damping = (numbers[name] for name in HAND[:2])
-        return Hand(mass, damping, min(max(stiffness, self.least), self.greatest))
+        return Hand.of({**numbers, STIFFNESS: min(max(stiffness, self.least), self.greatest)})
 
     def _resonant(self, names: tuple[str, ...], numbers: Floats) -> Floats:
         """Return (m + M) (theta/T)^2 of the frequency and the other rows."""
         mass = numbers[1 + names.index(DEVICE_MASS)] if DEVICE_MASS in names else self.mass
-        return np.asarray((mass + numbers[1 + names.index(HAND[0])]) * (numbers[0] / self.sample_time) ** 2)
+        return np.asarray((mass + numbers[1 + names.index(MASS)]) * (numbers[0] / self.sample_time) ** 2)
 
 
 def resonance(design: Design, hands: Hands) -> Resonance | None:

@@ -245,20 +245,20 @@ def lower_bound_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
         return np.asarray(in_chunks(least, boxes))
 
 
-def next_to_zero(rows: Sequence[int], sufficient: Sequence[Margin], fixed: Values, test: Test) -> Test:
+def next_to_zero(rows: Sequence[str], sufficient: Sequence[Margin], fixed: Values, test: Test) -> Test:
     """Return a test that has other margins where some rows begin at 0 together.
 
     Parameters
     ----------
-    rows : which ones
+    rows : names of those
     sufficient : margins any of which proves as much there, the more so the narrower these rows are; where they are
         negative, or least, says nothing of the claim's
     fixed : the values that are not among a box's rows
     test : of the other boxes
     """
-    both = list(rows)
 
     def there(margin: Margin, boxes: Boxes) -> Decided:
+        both = [boxes.names.index(name) for name in rows]
         found = _by_slopes(lambda x: margin(x[0], boxes.named(x, fixed)), boxes, boxes.rows())
         decided = _without_failures(found.decided)
         decided.cost[both] = np.where(decided.known, found.reach[both], decided.cost[both])
@@ -267,7 +267,7 @@ def next_to_zero(rows: Sequence[int], sufficient: Sequence[Margin], fixed: Value
     tests = [partial(there, margin) for margin in sufficient]
 
     def by_place(boxes: Boxes) -> Decided:
-        at = (boxes.low[both] == 0).all(axis=0)
+        at = np.all([boxes.low[boxes.names.index(name)] == 0 for name in rows], axis=0)
         return _by_kind([(at, any_of(tests)), (~at, test)], boxes)
 
     return by_place

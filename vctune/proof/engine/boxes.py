@@ -6,7 +6,7 @@ A box is an interval for each of several named numbers. The names are the keys o
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
+from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import HAND, Hands
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS, keys_of
@@ -250,30 +251,29 @@ def over_hands(cells: Cells, hands: Hands, band: tuple[Floats, Floats]) -> Boxes
         n m boxes, each owned by its cell; the rows of the hand come before those of the cell.
     """
     low, high = (
-        np.vstack((np.tile(np.array(astuple(hand), float)[:, None], len(cells)), edge))
+        np.vstack((np.tile(np.array([*hand.by_key.values()], float)[:, None], len(cells)), edge))
         for hand, edge in ((hands.low, cells.low), (hands.high, cells.high))
     )
     return over_band((*HAND, *cells.keys), low, high, band)
 
 
-def over_each(cells: Cells, at: Floats) -> Boxes:
+def over_each(cells: Cells, at: Floats | PlacesInHands) -> Boxes:
     """Return each cell as a box at one frequency of its own, or at one frequency in one hand.
 
     Parameters
     ----------
     cells : n cells of designs
-    at : frequency of each cell in the claim's unit, shape (n,); or with the hand's numbers in three more rows, shape
-        (4, n)
+    at : frequency of each cell in the claim's unit, shape (n,), or the place of each in a hand
 
     Returns
     -------
     Boxes
         n boxes without width in frequency and hand, each owned by its cell.
     """
-    at = np.atleast_2d(at)
-    low, high = (np.vstack((at, edge)) for edge in (cells.low, cells.high))
-    names, owner = (FREQUENCY, *HAND[: len(at) - 1], *cells.keys), np.arange(len(cells))
-    return Boxes(names=names, low=low, high=high, owner=owner, whole_samples=np.zeros_like(owner))
+    places = {FREQUENCY: at.at, **at.hands.by_key} if isinstance(at, PlacesInHands) else {FREQUENCY: at}
+    low, high = (np.vstack((*places.values(), edge)) for edge in (cells.low, cells.high))
+    owner = np.arange(len(cells))
+    return Boxes((*places, *cells.keys), low, high, owner=owner, whole_samples=np.zeros_like(owner))
 
 
 def in_chunks(f: Callable[[Boxes], Any], boxes: Boxes) -> Any:

@@ -54,6 +54,7 @@ class Proofs:
 
     Attributes
     ----------
+    names : of the rows of the points
     proved : whether it holds throughout, shape (owners,)
     failing : a point at which it does not hold, nan where none was met, shape (rows, owners)
     open : a point of a box that stays open, nan where there is none, of the same shape
@@ -61,6 +62,7 @@ class Proofs:
     total : sum of what was measured over the proved boxes
     """
 
+    names: tuple[str, ...]
     proved: Flags
     failing: Floats
     open: Floats
@@ -109,7 +111,7 @@ def prove(
     OutOfTimeError
         If the time limit ends it.
     """
-    shape = (len(boxes.names), owners)
+    names, shape = boxes.names, (len(boxes.names), owners)
     failing, open_ = np.full(shape, np.nan), np.full(shape, np.nan)
     count, total = np.zeros(owners, np.intp), np.zeros(owners)
     first = float(len(boxes))
@@ -136,9 +138,8 @@ def prove(
         kept = boxes.subset(goes_on)
         boxes = _halved(kept, axis[goes_on], decided.cost[:, goes_on], np.asarray(halved), few)
         first *= len(boxes) / max(len(kept), 1)
-    return Proofs(
-        proved=np.isnan(open_[0]) & np.isnan(failing[0]), failing=failing, open=open_, boxes=count, total=total
-    )
+    proved = np.isnan(open_[0]) & np.isnan(failing[0])
+    return Proofs(names, proved, failing=failing, open=open_, boxes=count, total=total)
 
 
 def _axis(decided: Decided, halved: Flags) -> tuple[Integers, Flags]:

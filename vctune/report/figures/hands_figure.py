@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
 from math import pi
 
 import numpy as np
@@ -111,10 +110,10 @@ def _curves(axes: Axes, lower: Axes, problem: Problem, hands: Hands, gains: Gain
 def _map(figure: Figure, axes: Axes, problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling) -> None:
     """Draw the greatest R/Re Z_c over angle and damping, as a share."""
     device, units, shares = problem.device, problem.units, np.linspace(0.0, 1.0, PLACES) ** 2
-    low, high = np.array(astuple(hands.low)), np.array(astuple(hands.high))
-    mass, stiffness = (low[k] + (high[k] - low[k]) * shares for k in (0, 2))
-    damping = low[1] + (high[1] - low[1]) * np.array(DAMPINGS)
-    held = Hand(*np.meshgrid(mass, damping, stiffness, [0.0], indexing="ij")[:3])
+    places = {"mass": shares, "damping": np.array(DAMPINGS), "stiffness": shares}
+    of = {name: low + (high - low) * places[name] for name, (low, high) in hands.ranges.items()}
+    mass, stiffness = of["mass"], of["stiffness"]
+    held = Hand(*(number[..., None] for number in np.meshgrid(*of.values(), indexing="ij")))
     theta = np.geomspace(LOWEST, pi, int(MAPPED * np.log10(pi / LOWEST)))
     loop = loop_in_hand(plant_in_hand(device, held, delays_of(device), FLOATS), theta, FLOATS)
     required = required_in_hand(loop, gains)

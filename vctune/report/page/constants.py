@@ -6,7 +6,6 @@ The script closes the loop with them for any gains (README.md, section 1); it kn
 from __future__ import annotations
 
 from base64 import b64encode
-from dataclasses import astuple
 from math import inf, pi
 from typing import Any
 
@@ -19,6 +18,7 @@ from vctune.analysis.sampled_loop import Complex, return_difference_at
 from vctune.document.records.design_json import DesignRecord
 from vctune.model.device import Device
 from vctune.model.gains import Gains, SpringDamper
+from vctune.model.hand_arrays import stacked
 from vctune.model.hands import Hand
 from vctune.model.loop.affine import Affine, LoopConstants, loop_constants
 from vctune.model.loop.device_response import device_response
@@ -161,8 +161,7 @@ def in_hands(device: Device, met: list[Hand | None], worst: list[float]) -> dict
         required = [_required(device, hand, theta) for hand in met]
         return {"theta": _numbers(theta), "offered": _numbers(np.stack(offered, axis=-1)), "required": required}
     hands = [hand for hand in met if hand is not None]
-    some = Hand(*(np.array(numbers)[:, None] for numbers in zip(*map(astuple, hands), strict=True)))
-    loop = loop_in_hand(plant_in_hand(device, some, delays, FLOATS), theta, FLOATS)
+    loop = loop_in_hand(plant_in_hand(device, stacked(hands, (-1, 1)), delays, FLOATS), theta, FLOATS)
     if not device.kind.own_loop:
         asked = required_in_hand(loop, Gains(0.0, 0.0))
         return {"theta": _numbers(theta), "required": [_numbers(each) for each in asked.lost / asked.size]}

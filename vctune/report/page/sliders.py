@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import astuple
-from itertools import product
 from math import inf
 from typing import Any
 
@@ -14,7 +13,7 @@ from matplotlib.figure import Figure
 from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand, least_ratios
 from vctune.document.records.design_json import DesignRecord
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
-from vctune.model.hands import Hand, Hands
+from vctune.model.hands import Hand
 from vctune.model.problem import Problem, Range
 from vctune.report.page.constants import frequency_model, in_hands, sampled_loop
 
@@ -69,13 +68,8 @@ def _hands(problem: Problem, worst: Sequence[RatioInHand | RatioInAnyHand]) -> l
     """Return the corners of the box of hands and the worst hands in it; None for any passive one, in their place."""
     if problem.any_hand:
         return [None]
-    corners = [] if problem.hands_met is None else _corners(problem.hands_met)
+    corners = [] if problem.hands_met is None else problem.hands_met.corners
     return list(dict.fromkeys([*corners, *(each.hand for each in worst)]))
-
-
-def _corners(hands: Hands) -> list[Hand]:
-    ends = zip(astuple(hands.low), astuple(hands.high), strict=True)
-    return [Hand(*numbers) for numbers in product(*(sorted(set(pair)) for pair in ends))]
 
 
 def overlays(drawn: dict[str, Figure]) -> dict[str, list[dict[str, Any]]]:

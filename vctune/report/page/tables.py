@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, astuple, dataclass, fields
+from dataclasses import asdict, dataclass
 from math import inf
 from typing import NamedTuple
 
@@ -16,7 +16,6 @@ from vctune.document.schema.number_units import unit_of
 from vctune.model.device import Device
 from vctune.model.display import ADMITTANCE
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.hands import Hand
 from vctune.model.numbers.frequency import hertz
 from vctune.model.numbers.units import Units
 from vctune.model.parts import ENTRIES, PARTS, Servo
@@ -118,9 +117,9 @@ def _demands(problem: Problem) -> list[Line]:
 def _hands(problem: Problem) -> list[Line]:
     lines, met, least, units = [], problem.hands_met, problem.device.operator, problem.units
     if met is not None:
-        for field, low, high in zip(fields(Hand), astuple(met.low), astuple(met.high), strict=True):
-            name, unit = units.translated(field.name), units.of(field.name)
-            lines.append(Line(name, f"{low:g} to {high:g}", unit, "every hand of the box, at every frequency"))
+        for name, (low, high) in met.ranges.items():
+            box = f"{low:g} to {high:g}"
+            lines.append(Line(units.translated(name), box, units.of(name), "every hand of the box, at every frequency"))
     if problem.any_hand:
         lines.append(Line("any passive hand", "", "", "at every frequency"))
     if problem.passive:
