@@ -19,7 +19,8 @@ from scipy.optimize import minimize_scalar
 import vctune
 from vctune.analysis.destabilising import destabilising
 from vctune.analysis.feel import feel
-from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands, loops_in_hands
+from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands
+from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.analysis.lossless_hand import growing_in_any_hand
 from vctune.design.prepared import pose
 from vctune.design.search.optimum import estimated

@@ -15,7 +15,7 @@ from flint import arb, ctx
 from random_devices import ordinary_gains, with_parts
 
 import vctune
-from vctune.analysis.in_hands import loops_in_hands
+from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.design.bound.design_boxes import DesignBoxes
 from vctune.design.bound.hands_bound import conditions_in_hands
 from vctune.design.bound.lower_bounds import lower_bounds

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from vctune.analysis.demands import response, sampled_span, slowest_resonance
 from vctune.analysis.extrema import Floats, frequency_grid
-from vctune.analysis.in_hands import LoopsInHands, hardest_near, loops_in_any_hand, loops_in_hands
+from vctune.analysis.hardest_hands import hardest_near
+from vctune.analysis.loops_in_hands import LoopsInHands, loops_in_any_hand, loops_in_hands
 from vctune.analysis.sampled_loop import sensitivity_of
 from vctune.design.prepared import of_one_device, pose, problems_beside
 from vctune.design.variables import coupling_from

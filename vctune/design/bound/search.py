@@ -18,7 +18,8 @@ from math import inf, sqrt
 import numpy as np
 
 from vctune.analysis.demands import ratio_minima, sensitivity_maxima, slowest_resonance
-from vctune.analysis.in_hands import least_ratios, loops_in_hands
+from vctune.analysis.in_hands import least_ratios
+from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.design.bound.design_boxes import B_0, K_P, K_V, TAU_C, DesignBoxes, axes_of
 from vctune.design.bound.lower_bounds import least_coupling
 from vctune.design.bound.nodes import OpenNodes, joined, root

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
-from vctune.analysis.in_hands import LoopsInHands
+from vctune.analysis.loops_in_hands import LoopsInHands
 from vctune.design.prepared import Posed
 from vctune.design.search.feasibility import Kinds, LoopFeasibility, loop_feasibility, spread
 from vctune.design.search.samples import Samples, samples_of

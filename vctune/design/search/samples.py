@@ -10,7 +10,13 @@ import numpy as np
 
 from vctune.analysis.demands import slowest_resonance, towards_zero
 from vctune.analysis.extrema import Floats
-from vctune.analysis.in_hands import LoopsInAnyHand, LoopsInHands, loops_at_rest, loops_in_any_hand, loops_in_hands
+from vctune.analysis.loops_in_hands import (
+    LoopsInAnyHand,
+    LoopsInHands,
+    loops_at_rest,
+    loops_in_any_hand,
+    loops_in_hands,
+)
 from vctune.analysis.resonance import with_resonance
 from vctune.analysis.stability import FIRST_ANGLE, angles, unit_circle
 from vctune.design.prepared import Posed

@@ -9,12 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vctune.analysis.extrema import Floats
-from vctune.analysis.in_hands import (
-    least_ratios_in_any_hand,
-    least_ratios_in_hands,
-    loops_in_any_hand,
-    loops_in_hands,
-)
+from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands
+from vctune.analysis.loops_in_hands import loops_in_any_hand, loops_in_hands
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand, Hands
