@@ -68,6 +68,16 @@ def drive_rows(
     return {"force": 1}
 
 
+def drive_at_rest(device: Device) -> dict[str, float]:
+    """Return the drive's states under a steady command of 1, by name; those of a low-pass are as of `plain_rows`.
+
+    Parameters
+    ----------
+    device : the parts of its drive are used
+    """
+    return {} if device.actuator is None else {"force": 1.0}
+
+
 def pushed(force: dict[str, Number], share: Number) -> dict[str, Number]:
     """Return what a force is made of, times a share.
 

@@ -245,3 +245,26 @@ def filter_rows(
     rows[out][out], rows[out][rate] = -a, a
     rows[rate][out], rows[rate][rate] = -a, -a
     return 2 * a
+
+
+def plain_rows(
+    rows: dict[str, dict[str, Number]], states: tuple[str, str], samples: Number, order: int, ops: Arithmetic
+) -> Number:
+    """Write a low-pass as `filter_rows` does, with the states y and y'/w.
+
+    Parameters
+    ----------
+    rows, states, samples, order, ops : as of `filter_rows`
+
+    Returns
+    -------
+    Number
+        Rate at which the low-pass's input drives its last state.
+    """
+    corner, (out, rate) = 2 * ops.pi * samples, states
+    if order == 1:
+        rows[out][out] = -corner
+        return corner
+    rows[out][rate] = corner
+    rows[rate][out], rows[rate][rate] = -corner, -ops.sqrt(2 * (corner * corner))
+    return corner

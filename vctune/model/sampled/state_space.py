@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from vctune.model.device import Device
 from vctune.model.loop.device_response import mechanism
 from vctune.model.loop.drive import COMMAND, Rows, drive_rows, drive_states, pushed
+from vctune.model.loop.filters import plain_rows
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import (
     Matrix,
@@ -165,7 +166,7 @@ def _rates(device: Device, ops: Arithmetic) -> Matrix:
     names = ("position", "velocity", *bent, *drive_states(device), COMMAND)
     rows: Rows = {name: {} for name in names}
     rows["position"]["velocity"] = one
-    force = drive_rows(rows, device, ops, _low_pass_rows)
+    force = drive_rows(rows, device, ops, plain_rows)
     if device.structure is None:
         rows["velocity"] = {"velocity": -(device.damping * T / m), **pushed(force, one)}
     else:
@@ -185,14 +186,3 @@ def _rates(device: Device, ops: Arithmetic) -> Matrix:
             "handle": -(held / parts.handle),
         }
     return tuple(tuple(row.get(name, 0) for name in names) for row in rows.values())
-
-
-def _low_pass_rows(rows: Rows, states: tuple[str, str], samples: Number, order: int, ops: Arithmetic) -> Number:
-    """Write a low-pass as `filter_rows` does, with the states y and y'/w: the step's polynomials stay short."""
-    corner, (out, rate) = 2 * ops.pi * samples, states
-    if order == 1:
-        rows[out][out] = -corner
-        return corner
-    rows[out][rate] = corner
-    rows[rate][out], rows[rate][rate] = -corner, -ops.sqrt(2 * (corner * corner))
-    return corner

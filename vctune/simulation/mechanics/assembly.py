@@ -17,6 +17,8 @@ import numpy as np
 from vctune.model.device import Device
 from vctune.model.experiment import Operator
 from vctune.model.loop.device_response import mechanism
+from vctune.model.loop.drive import Rows, drive_rows, drive_states
+from vctune.model.loop.filters import plain_rows
 from vctune.model.numbers.arithmetic import FLOATS, Number
 from vctune.model.parts import ForceSensor, Servo
 from vctune.model.sampled.velocity_loop import SNAP, split_delay
@@ -35,7 +37,7 @@ class Assembly:
 
     Attributes
     ----------
-    states : position and velocity of the motor first; bend and handle_velocity, drive and its rate, the rate of a
+    states : position and velocity of the motor first; bend and handle_velocity, those of the drive, the rate of a
         servo's velocity, sensed and its rate where the device has the part
     rates : over states and given
     units : of states and given, with which all rates are about as large as what they mean for a sample
@@ -92,17 +94,19 @@ def assembly(scene: Scene) -> Assembly | None:
     device, hand = scene.device, scene.operator
     if device.servo is not None:
         return _servo(device, device.servo, hand)
-    actuator, structure, sensor = device.actuator, device.structure, device.sensing
-    if actuator is None and structure is None and sensor.bandwidth_hz is None and sensing(scene).instant is None:
+    structure, sensor, drive = device.structure, device.sensing, drive_states(device)
+    if not drive and structure is None and sensor.bandwidth_hz is None and sensing(scene).instant is None:
         return None
     states = ["position", "velocity"]
     states += ["bend", "handle_velocity"] if structure is not None else []
-    states += ["drive", "drive_rate"][: actuator.order] if actuator is not None else []
+    states += drive
     states += _sensed_states(sensor)
     names = (*states, *GIVEN)
     of = dict(zip(names, np.eye(len(names)), strict=True))
-    motor = of["command"] if actuator is None else of["drive"]
+    rows: Rows = {name: {} for name in drive}
+    motor = _sum(drive_rows(rows, device, FLOATS, plain_rows), of)
     rates = {"position": of["velocity"], "push": of["push_1"], "push_1": of["push_2"], "push_2": of["push_3"]}
+    rates |= {name: _sum(row, of) / device.sample_time for name, row in rows.items()}
     swing = 0.0
     if structure is None:
         position, velocity = of["position"], of["velocity"]
@@ -121,8 +125,6 @@ def assembly(scene: Scene) -> Assembly | None:
         rates["handle_velocity"] = (free - spring) / mass
         force = parts.handle / mass * free + hand.mass / mass * spring
         swing = sqrt(parts.stiffness * (1 / parts.motor + 1 / mass))
-    if actuator is not None:
-        rates |= _low_pass("drive", actuator.bandwidth_hz, actuator.order, of["command"], of)
     weight = device.mass / device.sample_time**2
     units = _units(names, weight, weight, device.sample_time, swing)
     return _assembled(tuple(states), of, rates, units, (position, velocity, force), sensor)
@@ -141,6 +143,10 @@ def _servo(device: Device, servo: Servo, hand: Operator) -> Assembly:
     units = _units(names, size or 1.0, 1 / T, T, 0.0)
     seen = of["position"], of["velocity"], of["push"] - held
     return _assembled(states, of, rates, units, seen, device.sensing)
+
+
+def _sum(shares: dict[str, Number], of: dict[str, Floats]) -> Floats:
+    return np.asarray(sum(share * of[name] for name, share in shares.items()))
 
 
 def _sensed_states(sensor: ForceSensor) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from vctune.model.experiment import Friction
+from vctune.model.loop.drive import drive_at_rest
 from vctune.simulation.firmware.controller import Measurement, State, control, encoded, remembered_by
 from vctune.simulation.firmware.operations import FLOATS
 from vctune.simulation.mechanics import plant
@@ -196,7 +197,8 @@ def columns(scene: Scene) -> tuple[str, ...]:
 
 def _at_rest(scene: Scene, moving: Assembly | None, begin: Equilibrium) -> list[float]:
     """Return the body's part of the state where the motion starts."""
-    known = {"position": begin.position, "bend": begin.bend, "drive": begin.motor, "sensed": begin.hand}
+    known = {"position": begin.position, "bend": begin.bend, "sensed": begin.hand}
+    known |= {name: share * begin.motor for name, share in drive_at_rest(scene.device).items()}
     body = [known.get(name, 0.0) for name in (moving.states if moving is not None else ("position", "velocity"))]
     body += [0.0] if scene.friction is not None else []
     return body if sensing(scene).instant is None else [*body, begin.hand]
