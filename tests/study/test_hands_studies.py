@@ -281,7 +281,8 @@ def test_a_box_around_a_certified_design_costs_no_more_than_it():
     at = np.array([[K_v], [K_p], [m_c / b_c], [b_0]])
     some = loops_in_hands(problem.device, problem.hands, (0.0, 1.0), 6)
     h, t = (x.ravel() for x in np.meshgrid(*map(np.arange, some.loop.open.even.shape), indexing="ij"))
-    places = np.stack((some.theta[t] / problem.device.sample_time, *(number[h] for number in astuple(some.hands))))
+    omega = some.theta[t] / problem.device.sample_time
+    places = PlacesInHands(omega, some.hands.mapped(lambda number: number[h]))
     relaxed = relaxation(
         problem, [problem.device], [problem.device], Places(np.zeros(0), np.array([500.0]), places), 24
     )

@@ -52,7 +52,14 @@ class LatencyPart:
 
     @classmethod
     def of(cls, label: str, key: str, change: str) -> LatencyPart:
-        """Return the part that a change of its key shortens."""
+        """Return the part that a change of its key shortens.
+
+        Parameters
+        ----------
+        label : its name
+        key : in [device]
+        change : what to do to the key, in words
+        """
         return cls(label, f"device.{key}", f"{change} device.{key}")
 
 

@@ -271,8 +271,9 @@ def _unknown(model: type[BaseModel], path: KeyPath) -> str:
     """
     table = _table_at(model, path[:-1])
     known = [field.alias or name for name, field in table.model_fields.items()] if table else ["min", "max"]
-    if CALLED.get(str(path[-1])) in known:
-        return f"unknown key; of a rotary device too it is called {CALLED[str(path[-1])]}"
+    called = CALLED.get(str(path[-1]), str(path[-1]).replace("torque", "force"))
+    if called != path[-1] and called in known:
+        return f"unknown key; of a rotary device too it is called {called}"
     meant = get_close_matches(str(path[-1]), known, n=1, cutoff=0.6)
     if meant:
         return f"unknown key; did you mean {meant[0]}?"

@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from math import pi
 
-from vctune.model.parts import PARTS
-
 PREFIXED = {"g": ("kg", 1e-3), "ms": ("s", 1e-3), "us": ("s", 1e-6), "µs": ("s", 1e-6), "mm": ("m", 1e-3)} | {
     "cm": ("m", 1e-2), "kHz": ("Hz", 1e3), "kN/m": ("N/m", 1e3), "N/mm": ("N/m", 1e3),
     "g cm2": ("kg m2", 1e-7), "kg cm2": ("kg m2", 1e-4), "mNm": ("N m", 1e-3), "mN m": ("N m", 1e-3),
@@ -17,10 +15,8 @@ CALLED = {
     "inertia": "mass",
     "moment_of_inertia": "mass",
     "handle_inertia": "handle_mass",
-    "torque_noise": "force_noise",
 }
-CALLED |= {key.replace("force", "torque"): key for key in PARTS if "force" in key}
-"""Keys by what a rotary device's numbers are called."""
+"""Keys by what a rotary device's numbers are called; a key of a torque is that of a force."""
 WITH_COMMA = re.compile(r"([-+]?\d+),(\d+)")
 WITH_UNIT = re.compile(r"([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?) *([A-Za-zµ][\w /^²·*]*)")
 ASSIGNED = re.compile(r"=\s*([^#]*?)\s*(?:#.*)?$")
