@@ -56,7 +56,16 @@ def needs_in_worlds(
 def needs_in_hands(
     loop: AnyLoopInHand, device: Device, gains: Gains, coupling: AnyCoupling, theta: Floats, met: WorldsMet | None
 ) -> Floats:
-    """Return 1/ratio in hands."""
+    """Return 1/ratio in hands.
+
+    Parameters
+    ----------
+    loop : in hands
+    device : plain numbers
+    gains, coupling : a design, plain numbers or arrays that broadcast against the loop
+    theta : omega T, rad
+    met : the environments; None for every passive one
+    """
     if met is not None:
         needs = needs_in_worlds(loop, device, gains, series_coupling(coupling), theta, met)
         return np.minimum.reduce(np.broadcast_arrays(*needs.values()))

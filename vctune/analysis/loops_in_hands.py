@@ -96,6 +96,13 @@ def loops_in_any_hand(device: Device, per_decade: int = PER_DECADE) -> LoopsInAn
 
 
 def answers(device: Device, theta: Floats) -> AnyHand:
+    """Return the answers of an impedance display in any passive hand.
+
+    Parameters
+    ----------
+    device : plain numbers
+    theta : omega T, rad
+    """
     delays = delays_of(device)
     return any_hand(device, delays.loop, theta, FLOATS, fractional=delays.loop_fractional)
 
@@ -129,6 +136,13 @@ def _every(numbers: Hand) -> Hand:
 
 
 def angles(device: Device, per_decade: int) -> Floats:
+    """Return angles from 0 to pi, next to a resonance of the device more of them.
+
+    Parameters
+    ----------
+    device : its sample time and structure are used
+    per_decade : number of angles in each decade
+    """
     theta = np.geomspace(LOWEST, np.pi, int(per_decade * np.log10(np.pi / LOWEST)))
     if device.structure is not None:
         theta = np.minimum(with_resonance(device, theta / device.sample_time) * device.sample_time, np.pi)
