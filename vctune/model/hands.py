@@ -1,6 +1,7 @@
 """Whose hand is at the handle: a least operator, a hand, and every hand of a box. SI units.
 
-The fields of `Hand` are its numbers; all else is told by their names.
+The fields of `Hand` are its numbers; all else is told by their names. One that is not called as what it counts says
+"mass", "damping" or "stiffness" in its metadata, as "quantity".
 """
 
 from __future__ import annotations
@@ -69,7 +70,9 @@ class Hand:
 
     def in_words(self, units: Units) -> str:
         """Return its numbers with their units."""
-        return ", ".join(f"{float(f'{number:.4g}'):g} {units.of(name)}" for name, number in self.numbers.items())
+        return ", ".join(
+            f"{float(f'{number:.4g}'):g} {units.of(QUANTITIES[name])}" for name, number in self.numbers.items()
+        )
 
     def in_units(self, impedance: float, time: float) -> Hand:
         """Return the hand in other units of impedance and time.
@@ -84,11 +87,18 @@ class Hand:
         Hand
             M in impedance times time, B in impedance, K in impedance over time.
         """
-        return Hand(self.mass / (impedance * time), self.damping / impedance, self.stiffness * time / impedance)
+        new = {
+            "mass": lambda number: number / (impedance * time),
+            "damping": lambda number: number / impedance,
+            "stiffness": lambda number: number * time / impedance,
+        }
+        return Hand(**{name: new[QUANTITIES[name]](number) for name, number in self.numbers.items()})
 
 
 NAMES = tuple(field.name for field in fields(Hand))
 """The names of a hand's numbers."""
+QUANTITIES = {field.name: field.metadata.get("quantity", field.name) for field in fields(Hand)}
+"""What they count: their units follow from it."""
 HAND = tuple(f"operator.{name}" for name in NAMES)
 """Their keys in a problem file."""
 MASS, STIFFNESS = "operator.mass", "operator.stiffness"
@@ -109,7 +119,9 @@ class Hands:
 
     def in_words(self, units: Units) -> str:
         """Return the box with its units."""
-        return ", ".join(f"{low:g} to {high:g} {units.of(name)}" for name, (low, high) in self.ranges.items())
+        return ", ".join(
+            f"{low:g} to {high:g} {units.of(QUANTITIES[name])}" for name, (low, high) in self.ranges.items()
+        )
 
     @property
     def ranges(self) -> dict[str, tuple[Number, Number]]:

@@ -16,6 +16,7 @@ from vctune.document.schema.number_units import unit_of
 from vctune.model.device import Device
 from vctune.model.display import ADMITTANCE
 from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.hands import QUANTITIES
 from vctune.model.numbers.frequency import hertz
 from vctune.model.numbers.units import Units
 from vctune.model.parts import ENTRIES, PARTS, Servo
@@ -118,8 +119,8 @@ def _hands(problem: Problem) -> list[Line]:
     lines, met, least, units = [], problem.hands_met, problem.device.operator, problem.units
     if met is not None:
         for name, (low, high) in met.ranges.items():
-            box = f"{low:g} to {high:g}"
-            lines.append(Line(units.translated(name), box, units.of(name), "every hand of the box, at every frequency"))
+            box, unit = f"{low:g} to {high:g}", units.of(QUANTITIES[name])
+            lines.append(Line(units.translated(name), box, unit, "every hand of the box, at every frequency"))
     if problem.any_hand:
         lines.append(Line("any passive hand", "", "", "at every frequency"))
     if problem.passive:
