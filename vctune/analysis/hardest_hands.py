@@ -1,4 +1,4 @@
-"""What hands require of a coupling at places, and the hand near a place that requires most, in double precision."""
+"""The requirement of hands on a coupling, and the hand near a place that requires most, in double precision."""
 
 from __future__ import annotations
 

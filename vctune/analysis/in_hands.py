@@ -63,7 +63,7 @@ class RatioInAnyHand:
 
 
 def least_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[RatioInHand | RatioInAnyHand]:
-    """Return the local minima of the ratio in the hands that a problem asks for, lowest first of each kind.
+    """Return the local minima of the ratio in the hands of a problem, lowest first of each kind.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def windows(
 def ratio_at(
     device: Device, gains: Gains, coupling: AnyCoupling, omega: float, hand: Hand, met: WorldsMet | None = None
 ) -> float:
-    """Return Re Z_c / R in one hand at one frequency; inf where nothing is required.
+    """Return Re Z_c / R in one hand at one frequency; inf if R requires nothing.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ def _resonant(device: Device, hands: Hands, gains: Gains) -> list[tuple[float, H
 
 
 def _at_rest(device: Device, hands: Hands, gains: Gains) -> Hand:
-    """Return the hand that asks for most at angle 0."""
+    """Return the hand with the greatest requirement at angle 0."""
     where = loops_at_rest(device, hands)
     most = int(np.argmax(np.nan_to_num(where.required(gains).ravel(), nan=0.0)))
     return where.hands.mapped(lambda number: float(number[most]))

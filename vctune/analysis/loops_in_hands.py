@@ -1,4 +1,4 @@
-"""Loops in the hands of a box on the unit circle, in double precision: where the worst of them is looked for first."""
+"""Loops in some hands of a box at some angles, in double precision: first places of the search for the worst."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def angles(device: Device, per_decade: int) -> Floats:
 
 @lru_cache(maxsize=64)
 def loops_at_rest(device: Device, hands: Hands, spacing: int = 1) -> LoopsInHands:
-    """Return the loop of a device at angle 0 in soft springs, of which which asks for most depends on the gains.
+    """Return the loop of a device at angle 0 in soft springs; the spring that requires most depends on the gains.
 
     Parameters
     ----------

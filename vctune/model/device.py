@@ -119,7 +119,7 @@ class Device:
 
     @property
     def motor_mass(self) -> Number:
-        """What the motor drives directly: all of a rigid device, kg."""
+        """The mass that the motor drives directly: all of a rigid device, kg."""
         return self.mass if self.structure is None else self.mass - self.structure.handle_mass
 
     @property
@@ -191,7 +191,7 @@ class Device:
         return same._with_hands(lambda hand: LeastOperator(hand.mass / units["mass"], hand.damping / impedance))
 
     def _with_hands(self, changed: Callable[[LeastOperator], LeastOperator]) -> Device:
-        """Return the device with its operator, and what its handle is loaded with, changed."""
+        """Return the device with another operator and another load on its handle."""
         structure = self.structure
         if structure is not None and structure.load is not None:
             structure = replace(structure, load=changed(structure.load))

@@ -1,4 +1,4 @@
-"""Several hands at once, and where each of them is met: hands whose numbers are arrays."""
+"""Several hands at once, and places in hands: hands whose numbers are arrays."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Whose hand is at the handle: a least operator, a hand, and every hand of a box. SI units.
+"""The hand at the handle: a least operator, a hand, and every hand of a box. SI units.
 
-The fields of `Hand` are its numbers; all else is told by their names. One that is not called as what it counts says
-"mass", "damping" or "stiffness" in its metadata, as "quantity".
+The fields of `Hand` are its numbers; all other modules use their names. A number whose name is not its quantity
+has "mass", "damping" or "stiffness" as "quantity" in its metadata.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The parts of a device and the one table that says what others ask of them (model/README.md, section 12). SI units.
+"""The parts of a device, and the table of their numbers, units, names and limits (model/README.md, section 12).
 
 A part is a record of this module, its entry in `PARTS`, a field of `Device` and a table of the problem file.
 """
@@ -34,7 +34,7 @@ class VelocityEstimate:
 
 @dataclass(frozen=True, slots=True)
 class Actuator:
-    """What the motor makes of its command: a low-pass of order 1, or of order 2 with damping ratio 1/sqrt(2).
+    """The actuator, from command to force: a low-pass of order 1, or of order 2 with damping ratio 1/sqrt(2).
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Actuator:
 
 @dataclass(frozen=True, slots=True)
 class ForceSensor:
-    """What is sensed of the hand's force: late, and through a low-pass as the actuator's.
+    """The sensor of the hand's force: a delay, and a low-pass like the actuator's.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class Servo:
 
 @dataclass(frozen=True, slots=True)
 class Structure:
-    """A handle on a spring: the device's mass is in two, and the motor's part is what is measured and driven.
+    """A handle on a spring: it splits the device's mass in two; sensor and motor act on the motor's part.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What stands between the command that a sample holds and the motor's force, in each form that others need of it.
+"""The drive, from the held command to the motor's force: its response, its states and their rates.
 
 A part of the drive adds to each function here; no other module knows which parts there are.
 """

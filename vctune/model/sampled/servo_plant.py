@@ -52,7 +52,7 @@ class Numerator:
 
 @dataclass(frozen=True, slots=True)
 class ServoPlant:
-    """What a held velocity command becomes, in the equations of this module.
+    """The response of a servo to a held velocity command, in the equations of this module.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class ServoPlant:
 
 @dataclass(frozen=True, slots=True)
 class Pull:
-    """A spring of the firmware between what it measures of the position and a reference.
+    """A spring of the firmware between the measured position and a reference.
 
     Attributes
     ----------

@@ -139,7 +139,7 @@ def _of_margins(
 def _proved_next_to(
     near: Resonance, design: Design, demands: Demands, uncertain: tuple[str, ...], ends: Ends
 ) -> Outcome:
-    """Prove the same of hands next to resonance, by what their stiffness is beside the resonant one."""
+    """Prove the same for hands near resonance, with their stiffness relative to the resonant one."""
     least, most = (np.array([share]) for share in AROUND)
     beside = {RATIO if name == STIFFNESS else name: pair for name, pair in ends.items()} | {RATIO: (least, most)}
 
@@ -424,7 +424,7 @@ def _ends(
     *,
     limp: bool = False,
 ) -> Ends:
-    """Return the ends of the numbers of hand, if one is to be met, of `SHARE` if asked for, and of the device.
+    """Return the ends of the numbers of hand, if the claim is about hands, of `SHARE` if needed, and of the device.
 
     Where the corners of the hands are enough there is a column for each.
     """
