@@ -5,7 +5,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from vctune.document.schema.problem_schema import DeviceTable, ServoDeviceTable
+from vctune.document.schema.device_schema import DeviceTable, ServoDeviceTable
 from vctune.model.device import Device
 from vctune.model.hand_arrays import PlacesInHands, stacked
 from vctune.model.hands import HAND, Hand, Hands

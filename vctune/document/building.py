@@ -11,8 +11,8 @@ import numpy as np
 
 from vctune.document.reading import GAINS_DOCUMENTS, GainsFile, ProblemFile, pose, read_gains, read_problem
 from vctune.document.schema.device_contradictions import impossible_parts
+from vctune.document.schema.device_schema import DeviceTable
 from vctune.document.schema.kinds import DISPLAYS, require_gains_of
-from vctune.document.schema.problem_schema import DeviceTable
 from vctune.document.schema.statement import statement, table_of
 from vctune.document.schema.validation import examined, refusal, shown
 from vctune.document.text.errors import InputError

@@ -16,16 +16,13 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from vctune.document.schema.device_schema import DeviceTable, ServoDeviceTable, UncertaintyTable, VelocityTable
 from vctune.document.schema.experiment_schema import ExperimentTable, FrictionTable, SensorsTable
 from vctune.document.schema.problem_schema import (
-    DeviceTable,
     OperatorTable,
     ProblemDocument,
-    ServoDeviceTable,
     StabilityTable,
     TransparencyTable,
-    UncertaintyTable,
-    VelocityTable,
     WorldsTable,
 )
 from vctune.model.device import Device
