@@ -24,9 +24,10 @@ from vctune.proof.claims.margins_of_claims import HALF_TURN
 from vctune.proof.enclosures.array_intervals import Floats, decimal
 from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.proof.enclosures.taylor_functions import TAYLOR
-from vctune.proof.engine.box_tests import FEW, positive, positive_by_polynomials
+from vctune.proof.engine.box_tests import positive
 from vctune.proof.engine.boxes import FREQUENCY, Boxes, Cells, Values, band_of, over_cells
 from vctune.proof.engine.branching import Proofs, prove
+from vctune.proof.engine.polynomial_tests import FEW, positive_by_polynomials
 
 STEP = 1.05
 """Ratio of the edges of a piece. Its square root takes a third more boxes and leaves as much of a plane open, its

@@ -43,10 +43,11 @@ from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball, device_b
 from vctune.proof.enclosures.array_intervals import Floats, decimal_or_inf
 from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.proof.enclosures.taylor_functions import TAYLOR
-from vctune.proof.engine.box_tests import FEW, alone, any_positive, next_to_zero, positive, positive_by_polynomials
+from vctune.proof.engine.box_tests import alone, next_to_zero, positive
 from vctune.proof.engine.boxes import Boxes, Values, band_of, over_band
 from vctune.proof.engine.branching import Decided, Test, prove
 from vctune.proof.engine.interval import Outcome, Verdict
+from vctune.proof.engine.polynomial_tests import FEW, any_positive, positive_by_polynomials
 from vctune.proof.engine.winding import turned_angle
 
 STEP = 1.4
