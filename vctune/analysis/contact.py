@@ -27,7 +27,7 @@ a contact's narrowest place, twice costs twice as long."""
 
 
 HALVINGS = 40
-"""Of a range of stiffnesses: to twelve digits. Half and twice: to six, and to rounding."""
+"""Halvings of a range of stiffnesses: they give twelve digits; half of them six, and twice reach rounding."""
 
 
 @dataclass(frozen=True, slots=True)

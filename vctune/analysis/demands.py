@@ -27,9 +27,9 @@ from vctune.model.sampled.impedance_display import firmware_filter, spring_dampe
 from vctune.model.transparency import Terms, log_quadrature, loop_terms, squared_terms
 
 END_DECADES = 5
-"""Decades beyond every corner of the device that are sampled of an endless band: what approaches its limit like
-omega^2 or faster is there to 1e-8 relative to it. Half: to 1e-4 of it, which a search would notice. Twice: a longer
-grid."""
+"""Sampled decades of an endless band beyond every corner of the device. A value that approaches its limit like omega^2
+or faster is there to 1e-8 relative to it. With half it is only to 1e-4, which a search would notice; twice only makes
+the grid longer."""
 RIPPLE_POINTS = 6
 """Points of a grid while e^{-2j omega tau} turns once. Half: of two neighbouring extrema one may be missed. Twice: a
 grid twice as long for bands far above 1/tau."""

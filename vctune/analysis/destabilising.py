@@ -42,7 +42,8 @@ FARTHEST = 0.2
 MOST = 64
 """Steps in which a pole is followed at most; most take eight. Half and twice follow the same poles."""
 GROWTH = 1e-10
-"""Growth in a radian from which on a motion is said to grow, above Newton's rounding. Half and twice: the same."""
+"""Growth in a radian from which on a motion counts as growing; it is above Newton's rounding. Half and twice: the same.
+"""
 STEPS, CONVERGED, DIFFERENCE = 8, 1e-12, 1e-6
 """Newton's steps, the relative step after which it has arrived, and the relative difference that stands for a
 derivative, right to 1e-10. Half the steps, and twice, follow the same poles."""

@@ -15,11 +15,11 @@ from vctune.running import check_time
 Floats = NDArray[np.float64]
 
 POINTS_PER_DECADE = 60
-"""Of the grid whose local minima are refined: neighbours are 4 % apart. Half: two minima within 8 % of each other are
-taken for one. Twice: as many evaluations again in every judgement of a design."""
+"""Points per decade of the grid whose local minima are refined; neighbours are 4 % apart. Half would merge two minima
+within 8 % of each other. Twice doubles the evaluations in every judgement of a design."""
 ZOOMS = 3
 """Rounds of a finer grid: each narrows an interval 8 times. Half leave the parabola an interval 23 times as wide, and a
-frequency right to 1e-5; twice narrow it below what rounding lets a minimum show."""
+frequency correct to 1e-5. Twice narrow it below what rounding resolves of a minimum."""
 ZOOM_POINTS = 17
 """Points of a finer grid, both ends included. Half and twice as many narrow it 4 and 16 times a round."""
 

@@ -21,15 +21,15 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
 
 FREE_HZ = (1.0, 10.0)
-"""Where free motion is looked at, Hz: a slow reach and the fastest that an arm does by itself."""
+"""Frequencies of the numbers in free motion, Hz: a slow reach, and the fastest motion of an arm by itself."""
 WALL_HZ = 10.0
-"""Where a wall and the force path are looked at, Hz: the upper end of what a hand moves and pushes by itself."""
+"""Frequency of the wall and of the force path, Hz: the upper end of voluntary motion and force."""
 SPEED = 0.1
 """At which the handle is moved steadily, m/s or rad/s."""
 HALF_POWER = sqrt(0.5)
-"""What |G_he| falls below where tracking ends: to half of the power."""
+"""Value of |G_he| at which tracking ends: half of the power."""
 LOWEST = 1e-6
-"""Where tracking is looked at first, relative to the Nyquist frequency: half a millihertz at 1 kHz."""
+"""Lowest frequency of the search for the end of tracking, relative to Nyquist: half a millihertz at 1 kHz."""
 ZOOMS, ZOOM_POINTS = 3, 33
 """Finer grids between the two frequencies where tracking ends, and points of each: 4 % apart become 1e-6."""
 NO_LOOP = Gains(0.0, 0.0), Coupling(0.0, 0.0, 0.0)

@@ -26,24 +26,25 @@ from vctune.model.worlds import WorldsMet
 from vctune.running import check_time
 
 SHARES = (0.0, 0.01, 0.1, 0.4, 1.0)
-"""Where the hands of a box are looked at first, as shares of each range: the worst is mostly at an end, and towards 0
-much happens within little. Half or twice as many lead to the same designs, in more rounds or in more time."""
+"""Hands of a box that are tried first, as shares of each range. The worst hand is mostly at an end, and towards 0 much
+happens within a small range. Half or twice as many give the same designs, in more rounds or in more time."""
 LOWEST, PER_DECADE = 1e-4, 24
-"""Least angle omega T beside 0, and angles per decade. What is below the least is at its limit to 1e-8. Half as many
-angles may miss one of two neighbouring extrema; twice as many are twice the time."""
+"""Least angle omega T beside 0, and angles per decade. Values below the least angle are at their limit to 1e-8. Half as
+many angles may miss one of two neighbouring extrema; twice as many take twice the time."""
 SOFT = np.geomspace(1e-12, 1.0, 97)
-"""Shares of the range of stiffness that are looked at at angle 0, where a soft spring and a late loop ask for drag, for
-most at about K_p, small in slow loops. Half or twice as many find the same hand, which is looked at closer."""
+"""Shares of the range of stiffness that are tried at angle 0, where a soft spring and a late loop require drag. The
+requirement is greatest at about K_p, which is small in slow loops. Half or twice as many find the same hand, which is
+then refined."""
 SEARCHED = 6
-"""Local minima over the angle that are looked at closer; half miss none of the reference problems' worst hands."""
+"""Local minima over the angle that are refined. Half of them miss none of the reference problems' worst hands."""
 SHARP = 0.03
-"""Damping ratio below which the angles where a hand resonates with the device are looked at, which no grid meets. Half
-and twice it lead to the same design of a display of hardly any damping."""
+"""Damping ratio below which the angles are tried at which a hand resonates with the device; no grid meets these. Half
+and twice it give the same design of a display with hardly any damping."""
 DRIVEN = 1e6
-"""1/ratio from which on a coupling gives energy where none may be given. Half and twice it: the same designs."""
+"""1/ratio from which on a coupling gives energy where it must not. Half and twice it: the same designs."""
 ROUNDS = 22
-"""Steps of the closer look, each of which moves to the best neighbour or halves the distance: to 1e-4 of the first
-distance, of which the ratio knows the square. Half: to 1e-2, and the prover finds what is missing, at its price."""
+"""Steps of the refinement. Each moves to the best neighbour or halves the distance, down to 1e-4 of the first distance;
+the ratio depends on its square. Half reach 1e-2, and the prover then has to find the rest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,8 +241,8 @@ def least_ratios_in_hands(
 
 
 WINDOW = np.exp(np.linspace(-0.3, 0.3, 121))
-"""Angles about a worst one, relative, at which the environments of a box are looked at. Half and twice as far, or as
-many, lead to the same designs."""
+"""Relative range of angles about a worst one at which the environments of a box are tried. Half and twice the range, or
+the number, give the same designs."""
 
 
 def windows(

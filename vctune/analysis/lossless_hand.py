@@ -33,11 +33,12 @@ DETUNED = (0.1, 1e-2, 1e-3, 1e-4)
 """How far a resonator is from its alias, relative: the nearer, the less it does at the others, and the slower a motion
 grows. Half as many find growth up to eight times slower, twice as many a hand for one design of 60 more."""
 SUMMED = 250
-"""Aliases on either side that are added up for what the hand answers: the rest is below 1e-5. Half and twice: the same
+"""Aliases on either side that are summed for the hand's response; the rest is below 1e-5. Half and twice: the same
 growth to four digits."""
 FROM_ENDS = (0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3)
-"""How far from 0 Hz and Nyquist, where nothing grows, it is looked for, rad, the first that will do. Half and twice as
-many find hands for the same designs, some with a sixth of the growth and some with six times as much."""
+"""Distances from 0 Hz and Nyquist, where nothing grows, at which the hand is sought, rad; the first success ends the
+search. Half and twice as many find hands for the same designs, some with a sixth of the growth and some with six times
+as much."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,10 +17,10 @@ from vctune.model.gains import Gains
 from vctune.model.numbers.pair import Pair
 
 BISECTIONS = 40
-"""Of an interval of the grid: to 1e-12 of it, beyond what is shown. Half: to 1e-6, which is shown. Twice: rounding."""
+"""Bisections of an interval of the grid, down to 1e-12 of it, which is more than the output shows. Half: to 1e-6, which
+the output shows. Twice: rounding."""
 MARGIN_POINTS_PER_DECADE = 100
-"""Of the grid on which crossings are found. Half: two crossings within 5 % are missed together. Twice: twice the
-time."""
+"""Points per decade of the grid for crossings. Half may miss two crossings within 5 %; twice takes twice the time."""
 DECADES_BELOW_NYQUIST = 7
 """No loop crosses over as far below Nyquist but one whose bandwidth is a millionth of its sampling rate.
 Half it misses crossings of slow loops; twice it is grid for nothing."""
@@ -32,7 +32,7 @@ NEWTON_STEPS = 8
 linear. Half would do for a simple one, twice are rounding."""
 DIFFERENCE = 1e-6
 """Step of the central differences in Newton's method, of log omega and of delay over sample time. Its error of 1e-12
-and its rounding of 1e-10 slow down the method and do not move what it converges to; half and twice it neither."""
+and its rounding of 1e-10 slow the method down but do not change its limit; nor do half and twice."""
 FARTHEST_CORRECTION = 0.05
 """Share of the delay by which Newton's method may correct a bisection, which is right to 1e-4 of the estimate. Farther
 off it has found another crossing; half and twice it tell the same apart."""

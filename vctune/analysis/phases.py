@@ -24,7 +24,7 @@ SENSOR, SENSOR_DELAY, ESTIMATE, LAW = "force sensor", "force sensor's delay", "v
 HOLD, DELAY, ACTUATOR, MECHANISM = "hold", "delay", "actuator", "mechanism"
 FEEDBACK, ALIASES = "feedback", "aliases of sampling"
 PARTS = (SENSOR, SENSOR_DELAY, ESTIMATE, LAW, HOLD, DELAY, ACTUATOR, MECHANISM, FEEDBACK, ALIASES)
-"""What has a phase, as it is called on a page, from the hand on."""
+"""The parts that have a phase, under their names on a page, from the hand on."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from vctune.proof.claims.registry import CLAIMS, Claim
 
 GUIDE = "README.md"
 CODE = re.compile(r"^### `([a-z-]+)`\n(.*?)(?=^#|\Z)", re.MULTILINE | re.DOTALL)
-"""A code of what is refused, warned of or left out, and its page."""
+"""The code of a refusal, a warning or a left-out line, and its page."""
 KEYS = re.compile(r"<!-- (?:reference|log|columns) -->\n(.*?)<!-- /", re.DOTALL)
 KEY = re.compile(r"^\| \*{0,2}`\[{0,2}([\w.]+)\]{0,2}`\*{0,2} \| (.*) \|$", re.MULTILINE)
 GLOSSARY = re.compile(r"^## Glossary\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
@@ -32,7 +32,7 @@ LABEL_ENDS = (
     r" [A-Za-z](_\w+)?$",
     r"_(hz|db|deg|s|per_s)$",
 )
-"""What a label of a table, or a key of JSON, adds to a word: a frequency, a number of a part, a symbol, a unit."""
+"""Ends that a label of a table, or a key of JSON, adds to a word: a frequency, a number of a part, a symbol, a unit."""
 TURNING = (("inertia", "mass"), ("torque", "force"))
 """Words for a rotary device, and those for a linear one."""
 CLAIMS_GUIDE = "vctune/proof/README.md"

@@ -32,7 +32,7 @@ from vctune.simulation.firmware.stepped import Precision as Precision
 Files = Mapping[str, Content]
 """Contents by name."""
 FOLDER = "firmware"
-"""Of what is exported, in that of the design."""
+"""Folder of the exported files, inside that of the design."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +150,7 @@ def export_parameters(
 RIGID = (
     "; the controller renders mass and drag alone, without a damper in a row: write coupling.damping = inf, solve again"
 )
-"""What may help a design that is refuted as an admittance_controller steps it."""
+"""Hint for a design that is refuted as an admittance_controller steps it."""
 
 
 class NotCertifiedError(InputError):

@@ -19,9 +19,9 @@ DESIGN_FILE, GAINS_FILE = "design.json", "gains.toml"
 OWNER_FILE = "problem-file.txt"
 """Holds the path of the problem file that the folder is of, relative to the folder, so that both may move together."""
 OF_DESIGN = ("firmware", "in-the-loop", "simulation.json", "traces.npz")
-"""What other commands make of a design in its folder."""
+"""Results of other commands for a design in its folder."""
 OF_PROBLEM = ("region.json", "region.svg", "front")
-"""What other commands make of a problem, whatever its design is."""
+"""Results of other commands for a problem, independent of its design."""
 
 
 def design_folder(file: ProblemFile, out: Path) -> Path:

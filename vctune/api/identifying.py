@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from vctune.identification.identify import Identified
 
 LONGEST_NAME = 200
-"""Of what a problem file takes; a file's own may be longer."""
+"""Longest name that a problem file accepts; the name of a log file may be longer."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,7 +39,8 @@ DRAWING = 1.5
 """Seconds that are left for the picture of the cells, as long as that is no more than half of them. Half leaves regions
 without a picture on a slow machine, twice as much leaves cells undecided."""
 LOADING = 0.5
-"""Seconds that loading what draws takes, which nothing interrupts: with less no picture is begun. Half ends late."""
+"""Seconds to load the drawing packages, which nothing interrupts: with less time left no picture is begun. Half ends
+late."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from vctune.report.figures.benchmark_figures import Panel, benchmark_figure
 from vctune.report.page.page import svg
 
 Tick = Callable[[str], None]
-"""Told what is being measured."""
+"""A function that receives the current stage of the measurement."""
 DIGITS = 6
 
 

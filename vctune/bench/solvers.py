@@ -31,7 +31,7 @@ GRID = 2000
 GRIDS = (8, 32, 128, 512)
 """Coarser ones for IPOPT."""
 RESERVE = 1e-5
-"""Sharpening of the peers' demands on `GRID`, about what they miss between neighbours."""
+"""Tightening of the peers' constraints on `GRID`, about their violation between neighbours."""
 MET = 1e-6
 """A violation on the grid up to which a peer's answer counts as one."""
 REPEATS, SLOW = 5, 1.0

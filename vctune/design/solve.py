@@ -26,21 +26,21 @@ if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality, SearchState
 
 BOUND = "the search of every box"
-"""What a time limit may cut short, too."""
+"""Another stage that a time limit may cut short."""
 SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
-"""Effort of the search for a design, or for the proof that there is none, where the optimiser found none, shared by the
-devices at which a box is looked at: as long as somebody waits for an answer. Half as many prove fewer problems
-infeasible, twice as many a few more. And how good a design it is content with: a gap of 1 %."""
+"""Effort of the search for a design, or for the proof that there is none, if the optimiser found none, shared by the
+devices at which a box is evaluated: as long as somebody waits for an answer. Half as many prove fewer problems
+infeasible, twice as many a few more. SEARCH_GAP is the gap at which the search accepts a design, 1 %."""
 STABILITY_BOXES = 1_500_000
 """The same of boxes that prove loops stable or unstable, which take a tenth of the time each. Searches of problems/
 take about as many as lower bounds; a loop that is sampled once in half an hour takes a hundred times as many, and never
 ends. Half and twice: half and twice as long to give up."""
 EARLY_BOXES = 20_000
-"""Effort of a first proof that there is no design, before the optimiser tries to make one of what is none: a small
-share of `SEARCH_BOXES`. Nothing is lost, since the later search goes on where this one ended."""
+"""Effort of a first proof that there is no design, before the optimiser tries an infeasible problem: a small share of
+`SEARCH_BOXES`. Nothing is lost, since the later search continues where this one ended."""
 BOUND_BOXES = 20_000_000
-"""Effort of the search for a bound that was asked for: as good as unlimited. Ctrl-C and a time limit end it
-before, and leave the bound reached."""
+"""Effort of the search for a required bound: as good as unlimited. Ctrl-C and a time limit end it before, and leave the
+bound reached."""
 
 
 @np.errstate(all="ignore")

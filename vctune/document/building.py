@@ -24,9 +24,9 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 
 ProblemSource = str | Path | Mapping[str, Any] | Problem | ProblemFile
-"""What states a problem: the path of its file, the file's tables, or the problem itself."""
+"""A problem: the path of its file, the file's tables, or the problem itself."""
 DesignSource = Gains | GainsFile | str | Path
-"""What states a design: the path of a gains file, the file, or gains beside a coupling."""
+"""A design: the path of a gains file, the file, or gains beside a coupling."""
 
 
 @dataclass(frozen=True, slots=True)

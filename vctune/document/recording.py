@@ -13,10 +13,10 @@ from vctune.model.numbers.units import UNITS, Units
 
 Floats = NDArray[np.float64]
 ROLES = ("time", "position", "command", "force", "hand", "handle", "reference")
-"""What a column of a device's log can be."""
+"""The roles of a column in a device's log."""
 SERVO_COMMANDS = ("velocity_command", "position_command")
 SERVO_ROLES = ("time", "position", *SERVO_COMMANDS, "force", "hand")
-"""What a column of a servo's log can be."""
+"""The roles of a column in a servo's log."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ TUNED = (
     "admittance.joint_damping",
     "ft_sensor.filter_coefficient",
 )
-"""What a user tunes until the axis is stable; the stiffness is what the axis is to feel like."""
+"""The numbers that a user tunes until the axis is stable; the stiffness is part of the intended feel."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ from vctune.document.text.raw import placed
 from vctune.model.problem import Problem, Transparency
 
 FORM_OF = dict.fromkeys((0, 1), "[lower, upper]") | dict.fromkeys(("min", "max"), "{ min = ..., max = ... }")
-"""What the problem must have for an element of a list or an end of a range to have a place."""
+"""The form of a key in the problem that gives an element of a list or an end of a range a place."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,10 +23,10 @@ SYSTEM = {
     "linear": "SI units; of a rotary device kg m^2, N m and rad in place of\n * kg, N and m.",
     "rotary": "SI units of a rotary device: kg m2, N m and rad; its\n * force is a torque, its mass an inertia.",
 }
-"""What a header says of units, by the motion."""
+"""The remark of a header on units, by the motion."""
 GAINS = "velocity_gain", "position_gain"
 WIDTH = 118
-"""Of a line of C."""
+"""Width of a line of C."""
 
 
 def c_source(made: Firmware) -> dict[str, str]:

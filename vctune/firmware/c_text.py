@@ -16,7 +16,7 @@ from vctune.simulation.firmware.stepped import Precision
 BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "negative": 3}
 """How strongly an operator holds its operands."""
 HOLDING = BINDING | {"choice": 0}
-"""The same of operators that are operands themselves; what is not here is a call."""
+"""The same for operators that are operands themselves; all others are calls."""
 COUNTED = {"+": "additions", "-": "additions", "*": "multiplications", "/": "divisions"}
 
 

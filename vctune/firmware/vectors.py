@@ -22,7 +22,7 @@ from vctune.simulation.run import run
 from vctune.simulation.scene import designed_scene, equilibrium
 
 USUAL_STIFFNESS = 1000.0
-"""Of the hand that replays a linear device, N/m."""
+"""Stiffness of the hand that replays a linear device, N/m."""
 
 
 @dataclass(frozen=True, slots=True)

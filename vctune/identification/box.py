@@ -9,7 +9,7 @@ from vctune.document.text.codes import Note
 from vctune.identification.motion.covariance import joint_factor
 
 MASS_FLOOR = 0.01
-"""Least half-width of a mass, a share of it: what differs between two days."""
+"""Least half-width of a mass, a share of it, which allows for the difference between two days."""
 DELAY_FLOOR = 0.1
 """Least half-width of a delay, sample times."""
 WIDEST = 0.99

@@ -19,7 +19,7 @@ SAMPLE_TIMES = (1e-6, 0.05)
 SPEEDS = {False: 30.0, True: 3000.0}
 """Greatest speed of a device, m/s and, if it is rotary, rad/s."""
 GREATEST_FORCE = 1e4
-"""Of a device, N or N m."""
+"""Greatest force of a haptic device, N or N m."""
 FEW_STEPS = 30
 """A motion of fewer resolutions than this says nothing of an acceleration."""
 SATURATED = 0.2

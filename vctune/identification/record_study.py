@@ -25,7 +25,7 @@ from vctune.identification.servo.servo_study import ServoStudy, servo_notes, ser
 POOR = 0.05
 """Residual, of the force or of the response, from which on a reader is warned."""
 HELD, MEASURED = "held command", "measured force"
-"""What a force that is recorded without a command may be: the firmware's, from the sample on, or a sensor's sample."""
+"""Roles of a force that is recorded without a command: the firmware's, from the sample on, or a sensor's sample."""
 EVIDENCE, HALF = 10.0, 2.0
 """Gain in log likelihood that tells one from the other, or how many times smaller chi2 must be. Slow motions gain less
 than 1, the noise of a closed loop 5 and more, multisines hundreds."""

@@ -13,7 +13,7 @@ from vctune.identification.record_study import RecordStudy
 from vctune.identification.response.periodic_study import PeriodicStudy
 
 WEAK = 0.5
-"""Half-width of a delay, as a share of it, from which on it is said to be weak."""
+"""Relative half-width of a delay from which on a remark calls it weak."""
 
 
 def what_is_not_told(studies: Sequence[RecordStudy], bounds: Sequence[Bounded], known: LogMap) -> list[Note]:

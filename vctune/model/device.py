@@ -16,7 +16,7 @@ from vctune.model.numbers.units import UnitSystem
 
 Hold = Literal["zoh", "lag"]
 Commanded = Literal["force", "velocity", "position"]
-"""What a firmware commands: a motor's force, or the motion that a servo follows."""
+"""Kinds of command: a motor's force, or the motion that a servo follows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +132,7 @@ class Unmodelled:
 
 
 PARTS = ("velocity", "actuator", "force_sensor", "structure", "servo")
-"""The tables of a device that say what an ideal one has not."""
+"""The tables of a device for parts that an ideal one does not have."""
 NUMBERS = (
     "mass",
     "damping",
@@ -154,7 +154,7 @@ OF_FIRMWARE = ("force_sensor.filter_coefficient", "servo.stiffness")
 INERT = ("mass", "damping", "delay")
 """Those that a servo does not have: nothing depends on their values then."""
 PERTURBATION = ("unmodelled.share", "unmodelled.phase")
-"""What tells apart the responses of one device."""
+"""The numbers that tell the responses of one device apart."""
 
 
 @dataclass(frozen=True, slots=True)

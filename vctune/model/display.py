@@ -90,7 +90,7 @@ ADMITTANCE = Display(
     differences=False,
     banded=True,
 )
-"""A device whose own velocity loop follows what the sensed force asks for."""
+"""A device whose own velocity loop follows the velocity computed from the sensed force."""
 IMPEDANCE = Display(
     name="impedance",
     makes="motion in, {force} out",
@@ -102,7 +102,7 @@ IMPEDANCE = Display(
     differences=True,
     banded=False,
 )
-"""A device whose motor pushes by what its measured motion asks for."""
+"""A device whose motor applies the force computed from the measured motion."""
 SERVO = Display(
     name="servo",
     makes="{force} in, command to a closed loop out",

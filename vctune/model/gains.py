@@ -57,7 +57,7 @@ class SpringDamper:
 
 
 AnyCoupling = Coupling | SpringDamper
-"""What couples a device to the virtual world: of an admittance display, or of an impedance display."""
+"""The coupling of a device with the virtual world: of an admittance display, or of an impedance display."""
 
 
 def series_coupling(coupling: AnyCoupling) -> Coupling:

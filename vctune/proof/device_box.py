@@ -85,11 +85,11 @@ class DeviceBox:
 
 DELAYS = ("delay", "servo.delay", "force_sensor.delay")
 PHASES = 8
-"""Directions in which the edge of a disc is looked at beforehand; what fails between them is met by the search for the
-worst device and by the proof. Half and twice as many lead to the same design in more and fewer rounds."""
+"""Directions of a disc's edge that are tried beforehand; the search for the worst device and the proof find failures
+between them. Half and twice as many lead to the same design in more and fewer rounds."""
 MOST_AT_ONCE = 4
-"""Uncertain numbers up to which all vertices are looked at beforehand, 16 of them. With one more there are twice as
-many, with one less a fifth round of the exchange finds what is missing."""
+"""Uncertain numbers up to which all vertices are tried beforehand, 16 of them. One more doubles their number; with one
+less a fifth round of the exchange finds the rest."""
 
 
 def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
@@ -124,7 +124,7 @@ def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
 
 
 ADDED = ("mass", "damping")
-"""What a rigid device and a hand have together where only motion is measured."""
+"""Numbers that a rigid device and a hand have together if only motion is measured."""
 
 
 def moved_as_one(box: DeviceBox) -> tuple[str, ...]:

@@ -63,7 +63,7 @@ class Question:
 
 Outcomes = Mapping[ClaimId, Outcome]
 Prover = Callable[[Question, Outcomes], Outcome]
-"""Proves a claim, given what was found of the claims before it."""
+"""A function that proves a claim, given the results of the claims before it."""
 
 
 def prove_passive(question: Question) -> Outcome:
@@ -125,7 +125,7 @@ PROVERS: dict[ClaimId, Prover] = {
     "hands": _hands,
     "worlds": _hands,
 }
-"""What proves each claim."""
+"""The prover of each claim."""
 
 
 def _of_every_loop(prove_poles: Callable[[Device, Gains], Outcome], design: Design) -> Outcome:

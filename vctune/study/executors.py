@@ -31,7 +31,8 @@ ENVIRONMENT = {
     "PYTHONWARNINGS": "ignore:resource_tracker:UserWarning",
     "DASK_LOGGING__DISTRIBUTED": "critical",
 }
-"""Of worker processes: single-threaded linear algebra, and no complaints when a run is interrupted or killed."""
+"""Environment of worker processes: single-threaded linear algebra, and no complaints when a run is interrupted or
+killed."""
 
 
 @dataclass(slots=True)

@@ -22,7 +22,7 @@ POSITIONS, DECADES = 24, 4
 EDGES = 41
 DIGITS = 5
 OWN = "error_with_own_weights"
-"""What the error is called where each row has weights of its own, so that no two of them compare."""
+"""Name of the error if each row has weights of its own, so that no two of them compare."""
 
 
 def terms_study(document: dict[str, Any], problem: Problem) -> Study:

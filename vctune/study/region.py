@@ -34,7 +34,7 @@ from vctune.study.plane import Plane, Squares, halved
 
 POINTS_PER_DECADE = 24
 TOGETHER = 512
-"""Cells judged together: what is known of them fits into memory."""
+"""Cells judged together; their data fit into memory."""
 LOOPS_AT_ONCE = 16
 """Loops whose arrays, a hundred hands at a hundred angles each, stay in the processor's cache; of no consequence but
 speed."""

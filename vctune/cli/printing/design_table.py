@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 LEAST_WIDTH = 80
 WIDE = 120
 WIDEST = 1000
-"""For what is not wrapped."""
+"""Width for tables that must not be wrapped."""
 COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undecided": "yellow"}
 
 

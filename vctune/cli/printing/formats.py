@@ -127,7 +127,7 @@ RULES = {
         "Correct the key on the line that the message names.",
     ),
 }
-"""Of a warning and of a check that does not pass: rule id, level, short description, full description, help."""
+"""Rules of a warning and of a failed check: rule id, level, short description, full description, help."""
 
 
 _RULES = [*RULES.values(), WARNING]

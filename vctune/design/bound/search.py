@@ -47,7 +47,7 @@ LOWEST_ANGLE = 1e-3
 SHARES_IN_HANDS, ANGLES_IN_HANDS = (0.0, 0.1, 1.0), 12
 """Shares of the ranges of hands, and angles per decade, at which the first places in hands are looked for."""
 LITTLE = 1e-3
-"""What stands for a gain of 0, relative to its upper bound, where a design in the middle is looked at first."""
+"""Stand-in for a gain of 0, relative to its upper bound, where a design in the middle of a box is tried first."""
 CHUNK = 1024
 """Boxes halved together: enough that NumPy's calls cost little, few enough that the bounds of all halves (4 axes, 2
 halves, 160 frequencies) take tens of MB. Half as many are chosen a little better and take a
@@ -56,10 +56,11 @@ TRY_EVERY = 8
 """After how many rounds the best box is tried: for frequencies that it violates, for a better
 design. Half finds better designs earlier, twice wastes less."""
 VIOLATED = 1e-4
-"""By what share a demand must be missed for its frequency to be added: less would not raise a bound that matters."""
+"""Relative violation of a constraint from which on its frequency is added; less would not raise a bound that matters.
+"""
 BETTER = 1e-3
-"""A design counts as better than the incumbent when its error is lower by this share: below a usual gap of 1 %, above
-what the polish of one optimum from two starts differs by."""
+"""A design counts as better than the incumbent if its error is lower by this share. It is below a usual gap of 1 %, and
+above the difference between polishing one optimum from two starts."""
 
 Improve = Callable[[Gains, float], Judgement | None]
 """Return a certified design found from given gains with an error below a limit, or None."""

@@ -27,11 +27,11 @@ from vctune.model.problem import Problem
 from vctune.proof.enclosures.array_intervals import Flags, Floats
 
 BETTER_HALF = 0.1
-"""What the better half counts against the worse, 0.2 in the paper's mixed-integer programs (mu = 1/6)."""
+"""Weight of the better half against the worse, 0.2 in the paper's mixed-integer programs (mu = 1/6)."""
 LENGTH = 1e-2
-"""What the share of its axis that a box takes counts, against the incumbent's error: it decides where no axis gains
-anything yet, as at the root, and is less than a gain that matters. With 0 a search that gains nothing might halve one
-axis for ever."""
+"""Weight of the share of its axis that a box spans, against the incumbent's error. It decides while no axis gains
+anything, as at the root, and is less than a gain that matters. With 0 a search without gain might halve one axis for
+ever."""
 DIGITS = 9
 """Beyond which scores are the same, so that rounding, which differs between machines, does not choose an axis."""
 

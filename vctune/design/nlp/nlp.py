@@ -246,11 +246,11 @@ def _margin_in_hand(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling)
 
 
 UNPOSED = 1e3
-"""What is taken from a margin that can never be positive."""
+"""Amount subtracted from a margin that can never be positive."""
 BLUNT = 1e-2
-"""What the greatest of several margins is rounded off with where two are alike, so that IPOPT moves from one to the
-other. At a frequency at which an optimum needs two of them the coupling is 0.7 of it greater than it must be. With a
-tenth of it exchanges do not converge, with three tenths they take twice as many rounds."""
+"""Smoothing of the greatest of several margins where two are alike, so that IPOPT can move from one to the other. At a
+frequency at which an optimum needs two of them the coupling is 0.7 of it greater than necessary. With a tenth of it
+exchanges do not converge; with three tenths they take twice as many rounds."""
 
 
 def _margin_in_worlds(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:

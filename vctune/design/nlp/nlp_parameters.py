@@ -24,7 +24,7 @@ from vctune.model.sampled.velocity_loop import SampledPlant
 from vctune.model.transparency import PANEL_NODES, TERMS
 
 PARTS: dict[str, Any] = {"estimate": FilterResponse, "sensor": FilterResponse, "spring": Spring, "factor": Pair}
-"""What a `DeviceResponse` may have beside an ideal device, by its fields."""
+"""Optional parts of a `DeviceResponse`, by its fields."""
 Layout = dict[str, int]
 """How many rows each name has, in order."""
 
@@ -39,7 +39,7 @@ LOOP_IN_HAND: Layout = {"theta": 1, "factor": 1} | {
 FIRMWARE_FILTER: Layout = {"low_pass_re": 1, "low_pass_im": 1}
 """F, the firmware's low-passes, which the coupling of an impedance display meets."""
 FORCE_IN_HAND: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER, "lost": 2, "size": 3}
-"""Of an impedance display, in one hand or in any: R/s^2 = (l_0 + l_1 K_v)/(q_0 + q_1 K_v + q_2 K_v^2)."""
+"""Parameters of an impedance display, in one hand or in any: R/s^2 = (l_0 + l_1 K_v)/(q_0 + q_1 K_v + q_2 K_v^2)."""
 COMMAND_IN_HAND: Layout = {"theta": 1, "factor": 1, "required": 1, "swing": 1}
 """R and -s Im Z_seen of a servo in a hand, which no gain is in."""
 IN_HAND: dict[DisplayName, Layout] = {

@@ -18,9 +18,9 @@ from vctune.model.transparency import TERMS, TermName
 DEMANDS = ("ratio", "sensitivity", "stability", "peak", "unmodelled", "in_hand")
 """Kinds of constraint, in the order of `NlpStructure.capacities`."""
 CAPACITY_STEPS = (12, 12, 4, 12, 12, 12)
-"""Room for each kind of constraint comes in multiples of this, and open bounds switch off what is not used, so that a
+"""Room for each kind of constraint comes in multiples of this, and open bounds switch off unused constraints, so that a
 growing working set rarely needs another solver. Compiling one takes tens of milliseconds, an unused constraint some
-microseconds: half as many means more compiling, twice as many slower iterations; the answers are the same."""
+microseconds. Half means more compiling, twice slower iterations; the answers are the same."""
 IN_WORLDS = 36
 """The same of the loops in hands with a box of environments, which join by windows of frequencies. Half of it compiles
 twice, twice makes every iteration slower."""

@@ -18,7 +18,8 @@ from vctune.model.gains import Coupling
 from vctune.model.problem import Problem
 
 DIGITS = 7
-"""Of a damping, rounded up. Half of them ask for a hundredth of a per cent more; twice are not read by anybody."""
+"""Digits of a damping, rounded up. With half of them a damping is a hundredth of a per cent greater; nobody reads twice
+as many."""
 RETURN = 1e4
 """Seconds in which a spring that is there for the sake of its damping ratio alone pulls an axis back. Half and twice it
 cost a millionth of a damping."""

@@ -31,35 +31,35 @@ from vctune.running import OutOfTimeError, check_time
 # tests/design/test_search_constants.py solves references and basins with each constant halved and doubled.
 
 TIGHTENING = 1e-6
-"""By what share the demands are sharpened. It covers the rounding to eight digits and IPOPT's tolerance, 1e-9. The
-error grows by about as much; where it is too little the proof's witness sharpens tenfold."""
+"""Relative tightening of the constraints. It covers the rounding to eight digits and IPOPT's tolerance, 1e-9. The error
+grows by about as much; if it is too little, the proof's witness tightens tenfold."""
 ROUNDS = 40
 """NLPs in an exchange at most; one to three are usual. Half cuts off creeps along a boundary, twice waits for them."""
 RADIUS = 2.0
 """Half the width of the first and the widest trust box in log coordinates: a factor of 7 about the start, which is near
 a local minimum. Twice as wide IPOPT comes down beyond |S| = inf more often, half as wide it takes another round."""
 GROWTH = 2.0
-"""By what the box grows after an answer that is worth something; it is halved after any other."""
+"""Growth of the box after a useful answer; any other answer halves it."""
 NEARER = 0.8
-"""An answer that misses the demands by less than this share of what the last one did is worth something: the box then
-holds no admissible design yet, as where the scan has missed a sharp resonance. Half stops on the way to that of a
-display of hardly any damping, 0.9 finds it in as many rounds."""
+"""An answer is useful if its violation is less than this share of the last one's. The box then contains no feasible
+design yet, for example because the scan has missed a sharp resonance. Half stops on the way to such a design of a
+display with hardly any damping; 0.9 finds it in as many rounds."""
 LEAST_RADIUS = 1e-3
-"""Where the box has shrunk to 0.1 % the exchange ends: basins are told apart to that. Half or twice is a round."""
+"""Size of the box, 0.1 %, at which the exchange ends: basins are told apart to that. Half or twice is a round."""
 FIRST_FREQUENCIES = 9
-"""Log-spaced frequencies of each demand to begin with: enough that the first answer violates no demand grossly. What is
-missing joins; half takes a round or two more, twice makes every round slower."""
+"""Log-spaced frequencies of each constraint to begin with, enough that the first answer violates no constraint grossly.
+Missing ones join later. Half takes a round or two more; twice makes every round slower."""
 PANELS = 4
 MAX_PANELS = 256
 """Panels of eight nodes of the error's quadrature at first and at most: doubled until the NLP knows its error to
 `OBJECTIVE_TOLERANCE`. Half to begin with is another round, half at most is too few for an undamped resonance."""
 OBJECTIVE_TOLERANCE = {"rms": 1e-7, "peak": 1e-4}
-"""By what share the NLP's objective may miss the error of its answer. Of norm "peak" every round gains a factor of
-only three or four, since the greatest error moves with the gains: 1e-5 would cost 5 % of all time. Half or twice is
-that much of error."""
+"""Relative difference that is allowed between the NLP's objective and the error of its answer. With norm "peak" every
+round gains a factor of only three or four, because the greatest error moves with the gains; 1e-5 would cost 5 % of all
+time. Half or twice is that much of error."""
 UPHILL = 1e-4
-"""By what share an answer must be worse than a known design to count as one of another basin: beyond what the
-tightening and IPOPT's own tolerance explain, and well below 0.1 %, by which basins are worth telling apart."""
+"""Share by which an answer must be worse than a known design to count as in another basin. It is beyond the effect of
+the tightening and of IPOPT's tolerance, and well below 0.1 %, the resolution of basins."""
 
 
 def polish(

@@ -45,11 +45,12 @@ factor of two in reserve; with half as many drags one of them gets twice the err
 better.
 """
 PER_DECADE = 3.5
-"""Least number of corners, and of time constants, in a decade: what `COUNTS` are on usual bounds, kept on wide ones."""
+"""Least number of corners, and of time constants, in a decade: as many as `COUNTS` give on usual bounds, kept on wide
+ones."""
 LEAPS = 2
 """How many intervals of forbidden scales are left one after the other. Half and twice: starts as good."""
 MOST = 1e100
-"""What stands for infinity where numbers are multiplied."""
+"""Stand-in for infinity where numbers are multiplied."""
 LOOPS_AT_ONCE = 160
 """Loops whose arrays, a hundred frequencies each, stay in the processor's cache; of no consequence but speed."""
 

@@ -32,13 +32,13 @@ from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.running import OutOfTimeError, check_time, out_of_time, seconds_left, time_limit
 
 WORTH_POLISHING = 1.05
-"""A start is polished if its scanned error is at most this much above the best polished one: about what the refined
-grid may miss of a local minimum. With less a start is passed over that polishing would have made the best, with more
-starts are polished that do not win."""
+"""A start is polished if its scanned error is at most this much above the best polished one, which is about what the
+refined grid may miss of a local minimum. Less skips a start that polishing would have made the best; more polishes
+starts that do not win."""
 PROOF_ROUNDS, MORE_DIGITS = 4, 2
-"""How often a refuted optimum is polished again, and how many digits more are then written. With 4 rounds the demands
-are sharpened up to 1e-3, where a design costs 0.1 % more than it must. Half gives up designs that a third round proves,
-twice tries what costs more than another start."""
+"""How often a refuted optimum is polished again, and how many more digits are then written. With 4 rounds the
+tightening reaches 1e-3, which makes a design 0.1 % worse. Half gives up designs that a third round proves; twice tries
+what costs more than another start."""
 LONG_SHOTS = 2
 """How many starts are polished when none is admissible: the nearest misses may be admissible between the points of the
 grid. One would bet on the scan's order, more cost time before the search of every box begins, which finds them too."""
@@ -49,15 +49,15 @@ PROOF_BOXES = 300_000
 """Boxes of proofs in vain after which a design that is undecided stays so, and none is tried sharper or from another
 start: hands that resonate far above Nyquist are never resolved. Half tries once, twice waits for a third in vain."""
 NEW_HANDS = 12
-"""How many hands that only the proof knows an optimum is polished with: a resonance above Nyquist is met in a few hands
-of the box alone. Half and twice as many: the same designs; with none a device sampled at 20 Hz has none."""
+"""Number of hands known only to the proof with which an optimum is polished: a resonance above Nyquist occurs in a few
+hands of the box alone. Half and twice as many: the same designs; with none, a device sampled at 20 Hz has no design."""
 SHARPENING, DECIDABLE = 10.0, 1e-3
-"""By what the demands are tightened again where a proof refutes a design, and at least to what where it cannot decide:
-the boxes that it takes grow with the inverse of what is left to spare. Twice costs error, at most in proportion; half
-costs proofs."""
+"""Factor by which the constraints are tightened again if a proof refutes a design, and the least tightening if the
+proof is undecided. The number of boxes grows with the inverse of the remaining reserve. Twice costs error, at most in
+proportion; half costs proofs."""
 
 SEARCH, PROOF = "the search", "the proof"
-"""What a time limit may cut short."""
+"""Stages that a time limit may cut short."""
 SEARCHING = 0.6
 """The share of a time limit within which starts are polished once one has led to an optimum: a proof takes about as
 long as a polish. Half finds worse designs, all of it proves none."""

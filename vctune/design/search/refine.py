@@ -18,7 +18,7 @@ HALVINGS = 3
 order of the starts; the rest is the optimiser's, which takes a millisecond for it."""
 
 Index = tuple[int, ...]
-"""Of a design on a grid: K_v, corner, tau_c, b_0."""
+"""Index of a design on a grid: K_v, corner, tau_c, b_0."""
 
 
 def minima_of(problem: Problem, scores: Scores) -> list[Index]:

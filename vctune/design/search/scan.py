@@ -24,19 +24,20 @@ STARTS = 8
 """Most local minima to refine on a grid, on its gain limits, and to return. Half as many lose none of the tests'
 basins."""
 CLOSE = 0.02
-"""By what share all five numbers of two starts may differ if they are one start: less than the refined spacing."""
+"""Relative difference of all five numbers up to which two starts are one: less than the refined spacing."""
 AROUND = {"velocity": np.array([0.8, 0.9, 0.96, 0.99, 1.0, 1.02, 1.1]), "corner": np.geomspace(0.25, 4.0, 13)}
-"""Factors of given gains around which other couplings are looked for. K_v is often at its limit: hence more of the
-lower ones, and small steps next to 1. The error is flat in the corner, which is looked at further."""
+"""Factors of given gains around which other couplings are tried. K_v is often at its limit, hence more of the lower
+factors, and small steps next to 1. The error is flat in the corner, which is varied further."""
 STEPS, FLAT = 9, 1.001
-"""Places on the way from a start to an optimum; by what factor the error may seem to rise from one to the next, which
-the scan's few frequencies are good for. Greater: another basin behind a low rise is lost. Smaller: polished twice."""
+"""Places on the way from a start to an optimum, and the factor by which the error may seem to rise between them, which
+allows for the scan's few frequencies. A greater factor loses another basin behind a low rise; a smaller one polishes
+twice."""
 WORTH_ANOTHER = 0.9995
-"""Another start near an optimum is worth polishing if its error is at most this share of the optimum's: basins are
-told apart to 0.1 %, and the scan's frequencies see half of that."""
+"""Another start near an optimum is worth polishing if its error is at most this share of the optimum's. Basins are told
+apart to 0.1 %, and the scan's frequencies see half of that."""
 PROMISING = 3.0
-"""A local minimum of the coarse grid is refined if its error is at most this many times the least: what a narrow basin
-may lose between the points of the grid. All are refined together, so that more cost little."""
+"""A local minimum of the coarse grid is refined if its error is at most this many times the least, which allows for a
+narrow basin between the points of the grid. All are refined together, so that more cost little."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ GAIN_REDUCTIONS = (1.0, 0.99, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
 cent on its frequencies, hence the first ones; the last are for devices that no estimate fits. The NLP moves on from
 there within its box, so that other factors lead to the same optimum."""
 STABILITY_MARGIN = 1e-4
-"""Least distance from the stability boundary, as a share of the open loop's F, where nothing else stops a design. A
+"""Least distance from the stability boundary, as a share of the open loop's F, if no other constraint stops a design. A
 limit on |S| keeps it further away; without one, half or twice is that much of a share of the gains."""
 MAX_CUTS = 24
 """Tangents of the stability boundary at most: a curve in the plane of the gains, of which a box sees a piece. Beyond,

@@ -41,9 +41,9 @@ def stacked(points: Sequence[ConstraintPoint]) -> tuple[Device, Floats]:
 
 
 TIGHTENING_IN_HANDS = 1e-4
-"""By what share the demand in hands is sharpened at least: what touches it in many hands and at many frequencies at
-once, as at omega = 0 in hands of any mass, is proved in a number of boxes that grows with one over the root of this.
-The error grows by about as much."""
+"""Least relative tightening of the constraint in hands. A design may touch it in many hands and at many frequencies at
+once, as at omega = 0 in hands of any mass; the proof then takes a number of boxes that grows with one over the root of
+this. The error grows by about as much."""
 
 
 @dataclass(frozen=True, slots=True)

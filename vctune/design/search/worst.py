@@ -25,10 +25,10 @@ from vctune.proof.device_box import DELAYS, DIRECTION, MOST_AT_ONCE, DeviceBox
 from vctune.running import check_time
 
 SHARES, DELAY_SHARES, MOST_DEVICES = 5, 13, 325
-"""Values of each uncertain number that are looked at, its ends among them. The ratio is smooth in mass and damping, and
-a delay, and what is not modelled, turn a phase once: 13 values see every half turn six times. Half may miss a minimum,
-which the proof then finds; twice costs four to eight times the devices, of which there are at most so many: of many
-uncertain numbers three values each are looked at, or two."""
+"""Values of each uncertain number that are tried, including its ends. The ratio is smooth in mass and damping. A delay
+and an unmodelled response turn a phase once: 13 values see every half turn six times. Half may miss a minimum, which
+the proof then finds; twice means four to eight times the devices, whose number is limited: with many uncertain numbers
+three values of each are tried, or two."""
 MOST = 24
 """Minima over frequency that are refined, the lowest ones; all at once on arrays. A long delay makes more of them, of
 which the higher ones do not bind."""
@@ -36,15 +36,15 @@ FIRST_STEP = 0.02, 0.1
 """First steps of the refinement: of the frequency, relative, and of a number as a share of its reach. About half of the
 grid's: with less a minimum is reached in more rounds, with more another one may be."""
 STEPS, SHRINK = 40, 0.5
-"""Rounds of the refinement, and what its steps shrink by where no neighbour is lower: to 1e-10 of the first in 40
-rounds, half of them for moving; the ratio is flat at its minimum, so that half as many give it to 1e-6 still."""
+"""Rounds of the refinement, and the factor by which its steps shrink if no neighbour is lower: to 1e-10 of the first in
+40 rounds, half of them for moving. The ratio is flat at its minimum, so half as many still give it to 1e-6."""
 MANY, TOGETHER = 5, 2
 """Numbers, the frequency among them, of which any may move in one step; of more only so many do, which of nine numbers
 leaves 162 steps of 19,682. Half and twice as many at a time lead to designs as good."""
 
 SWEEPS = 3
-"""How often all numbers are taken to their ends, for a greater |S|: once is mostly enough, what still rises after three
-times the proof finds. Half and twice it find the same devices."""
+"""How often all numbers are moved to their ends, for a greater |S|. Once is mostly enough; the proof finds any
+remaining rise. Half and twice it find the same devices."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ class Worst:
 
 
 Value = Callable[[Floats], Floats]
-"""Of omega and the uncertain numbers, along the first axis."""
+"""A function of omega and the uncertain numbers, along the first axis."""
 
 
 def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Worst]:

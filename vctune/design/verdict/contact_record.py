@@ -30,12 +30,12 @@ KEYS_OF = {
     "sensor": ("force sensor", "device.force_sensor"),
     "filter": ("filter", "device.force_sensor.filter_coefficient"),
 }
-"""What each part of a latency is called, and the key that states it."""
+"""The name of each part of a latency, and the key that states it."""
 RESERVE = 1e-3
-"""By what share the contact that is proved is softer than the stiffest in double precision: what is nearer takes a
-proof of many more boxes. Half of it takes up to twice the boxes."""
+"""Share by which the proved contact is softer than the stiffest in double precision: a closer one takes many more
+boxes. Half of it takes up to twice the boxes."""
 DIGITS = 4
-"""Of the stiffest contact."""
+"""Digits of the stiffest contact."""
 
 
 def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | None:

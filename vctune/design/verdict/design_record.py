@@ -72,7 +72,7 @@ if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
 
 PROVED_BAND = "the proof of a wider band"
-"""What a time limit may cut short."""
+"""A stage that a time limit may cut short."""
 SHOWN = 200
 """Rounds and open boxes of a search that are kept."""
 

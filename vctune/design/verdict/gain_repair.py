@@ -20,8 +20,8 @@ from vctune.model.problem import Problem, Range
 from vctune.running import check_time
 
 MOST_DRAG = 10.0
-"""The greatest drag that is tried, in reference impedances: what is felt of it alone is an error of about ten. Half and
-twice leave out, or add, what nobody wants to feel."""
+"""The greatest drag that is tried, in reference impedances; its effect alone is an error of about ten. Half and twice
+leave out, or add, designs that nobody wants to feel."""
 
 
 def repair_of(change: ParameterChange, new: float, design: Judgement) -> Repair:

@@ -37,7 +37,7 @@ QUICKER = {
     "sensor": "state a quicker device.force_sensor",
     "filter": "raise device.force_sensor.filter_coefficient",
 }
-"""What shortens a part of a servo's latency."""
+"""Changes that shorten a part of a servo's latency."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,16 +52,16 @@ STATUS_OF = {
 
 
 IDLE = 0.5
-"""A mean or greatest |1 - G_he| above which the velocity loop is hardly used: without a loop it is 1, and half of what
-the operator should feel is lost at 0.5. It decides on a warning and its cures, not on a design: with half of it more
-designs are warned of; twice as much is warned of none."""
+"""A mean or greatest |1 - G_he| above which the velocity loop is hardly used: without a loop it is 1, and at 0.5 half
+of what the operator should feel is lost. It decides on a warning and its cures, not on a design. Half of it warns of
+more designs; twice warns of none."""
 
 
 PROVING = 0.85
-"""The share of the time that is left, if there is a limit, for the proof of a design; the rest is for what double
-precision says of it, a second for an uncertain device. Half leaves designs unproved, all of it ends late."""
+"""The share of the remaining time, if there is a limit, for the proof of a design. The rest is for the numbers in
+double precision, a second for an uncertain device. Half leaves designs unproved; all of it ends late."""
 CUT = " (the time limit cut its proof)"
-"""What is added to a claim whose proof the time limit ended."""
+"""Note on a claim whose proof the time limit ended."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

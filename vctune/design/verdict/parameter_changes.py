@@ -23,9 +23,9 @@ A gain that is changed too far fails again: up to a factor of 4 no window wider 
 FURTHEST = 1e6
 """How far a bound, or a gain, is moved at most: beyond any that could be built. A factor of ten is one trial."""
 SOFTEST = 1e-3
-"""How far the heaviest, most damped or stiffest hand is brought down at most: to what nobody would call a hand."""
+"""Least share to which the heaviest, most damped or stiffest hand is reduced: nobody would call less a hand."""
 FINEST, FINEST_FROM_ZERO = 1e-9, 1e-18
-"""Relative changes below which a change is none: what is smaller is lost in the digits of a file, or of a number."""
+"""Least relative changes: smaller ones are lost in the digits of a file, or of a number."""
 DIGITS = 12
 """Significant digits of a new value at most."""
 FASTER = {
@@ -37,7 +37,7 @@ FASTER = {
 }
 OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
 ONLY_UPWARDS = ("coupling.mass", "coupling.drag")
-"""What adds to Re Z_c wherever it grows: less of it makes nothing possible."""
+"""Numbers that add to Re Z_c as they grow: less of them makes nothing possible."""
 
 
 @dataclass(frozen=True, slots=True)

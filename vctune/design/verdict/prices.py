@@ -22,7 +22,7 @@ from vctune.proof.claims.whole_samples import kept_at_whole_sample, sensed_force
 from vctune.running import OutOfTimeError, check_time
 
 PRICES = "the prices of the device's numbers"
-"""What a time limit may cut short."""
+"""A stage that a time limit may cut short."""
 
 STEP = 1e-5
 """Relative change of a number over which the derivative is taken, each way: its error is about as great, and rounding
@@ -31,7 +31,7 @@ STEEPEST = 50.0
 """d log error/d log number from which on a change is a jump, as where the delay of a servo passes a whole number of
 samples, and has no slope: of slopes none is above 10. Half and twice tell the same apart."""
 BETTER = 0.01
-"""By what share a better number is better: to so much the least error is linear, but for a bend at the optimum."""
+"""Share by which a better number is better: up to this the least error is linear, except for a bend at the optimum."""
 
 
 @np.errstate(all="ignore")

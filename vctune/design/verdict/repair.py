@@ -41,15 +41,15 @@ ROUNDS = 10
 """How often a first opinion is corrected: a little more where it does not suffice, a tenth less where less does. Two or
 three times are usual; half as many leave out repairs, twice as many wait for none."""
 REPAIRS = "the repairs"
-"""What a time limit may cut short."""
+"""A stage that a time limit may cut short."""
 LONGEST = 30.0
-"""Seconds after which nothing more is tried: what takes so long is a device whose every answer takes long. Half
-leaves out repairs on a slow machine, which is said (`CUT_SHORT`); those that are listed are the same."""
+"""Seconds after which no more changes are tried; only a device whose every answer takes long needs so much. Half leaves
+out repairs on a slow machine, and says so (`CUT_SHORT`); the listed repairs are the same."""
 CUT_SHORT = Note("warn-repairs-cut-short", f"repairs were looked for during {LONGEST:g} s; there may be more of them")
 FINER = 30.0
-"""By what smaller changes are tried while even the least tried is enough; then the interval is bisected."""
+"""Factor by which smaller changes are tried while even the least one suffices; then the interval is bisected."""
 SLACK = 1e-5
-"""By what share a first opinion wants the ratio greater than its demand, as the proof of rounded gains will."""
+"""Share by which the screening requires more than the limit of the ratio, as the proof of rounded gains will."""
 
 Progress = Callable[[str], None]
 Posed = Callable[[dict[str, Any]], Problem | None]
@@ -117,11 +117,12 @@ def _seems_in_use(problem: Problem) -> bool:
 
 OF_FIXED = RepairTest(_seems_admissible, _judged, 2e-3)
 OF_FREE = RepairTest(_seems_solvable, _solved, 0.05, furthest_first=True)
-"""Of problems that fix every number, and of those that leave something free: judged in a millisecond, so that the least
-change can be found closely, or solved in a second. Half or twice the width costs one trial more or less a number."""
+"""Tests for problems that fix every number, and for those that leave something free: judged in a millisecond, so that
+the least change can be found closely, or solved in a second. Half or twice the width costs one trial more or less for
+each number."""
 OF_FIXED_IN_USE = RepairTest(_seems_in_use, lambda problem: _in_use(_judged(problem)), OF_FIXED.width)
 OF_FREE_IN_USE = RepairTest(_seems_solvable_in_use, lambda problem: _in_use(_solved(problem)), OF_FREE.width)
-"""Of the same, until their designs use the velocity loop."""
+"""The same tests, until the designs use the velocity loop."""
 
 
 def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda stage: None) -> Solved:

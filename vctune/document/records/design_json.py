@@ -138,7 +138,7 @@ class DesignRecord(Document):
         "optimality": "optimality",
         "inner_loop": "velocity loop",
     }
-    """The parts that are shown as rows, in their order, and what they are called."""
+    """The parts that are shown as rows, in their order, and their names."""
 
     problem: ProblemRecord
     status: Literal["certified", "violated", "undecided", "infeasible"]

@@ -17,12 +17,13 @@ from vctune.model.numbers.units import UNITS, Units
 
 FILE, DEVICE_FILE, EXCITATION_FILE = "identification.json", "device.toml", "excitation.csv"
 STROKE = {"to": 0.05, "speed": 0.01}
-"""Of the hand in the experiment, m and m/s; it is shorter where that would be too many samples."""
+"""Stroke and speed of the hand in the experiment, m and m/s; the stroke is shorter if it would take too many samples.
+"""
 GRIP = 0.1
 ROTARY_HAND = {"mass": 0.005, "damping": 0.3, "stiffness": 30.0}
 """Hands of a linear device so far from an axis, m: a rotary servo has no inertia to go by."""
 STEP = 1e-5
-"""What shares are rounded up to, so that the box as written holds the box as found."""
+"""Step to which shares are rounded up, so that the written box contains the identified one."""
 
 
 class NumberRecord(Part):

@@ -34,7 +34,7 @@ Index = Annotated[int, Field(ge=0)]
 Edges = Annotated[list[NotNegative], Field(min_length=2)]
 Verdict = Literal["feasible", "infeasible", "undecided"]
 Cell = Annotated[tuple[Index, Index, Index, Index, Verdict, float | None], Strict(False)]
-"""Numbers of the edges x_low, x_high, y_low, y_high; what is proved; b_c of a feasible cell where it is free."""
+"""Indices of the edges x_low, x_high, y_low, y_high; the verdict; b_c of a feasible cell if it is free."""
 
 
 class DemandsRecord(Part):

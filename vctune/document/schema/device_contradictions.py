@@ -13,10 +13,10 @@ from vctune.document.text.raw import number_at
 from vctune.model.device import NUMBERS
 
 MAX_DELAY_SAMPLES = 200
-"""Of the device's own delay and of its force sensor's."""
+"""Greatest delay of the device itself and of its force sensor, in samples."""
 FASTEST, SLOWEST = 1e3, 1e-6
-"""Between what shares of the sampling rate a bandwidth or a resonance may lie: beyond, it does nothing, or nothing else
-does anything."""
+"""Range of a bandwidth or a resonance as shares of the sampling rate: beyond it, the part has no effect, or hides all
+others."""
 
 RATES = (
     ("actuator", "bandwidth_hz"),

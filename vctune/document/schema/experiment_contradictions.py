@@ -19,7 +19,7 @@ OF_OWN_LOOP: dict[tuple[str, ...], str] = {
     ("actuator", "limit"): "the firmware commands no force",
     ("baseline",): "a regular PID commands a force, which it does not take",
 }
-"""What the experiment of a servo has not got."""
+"""Keys that do not apply to the experiment of a servo."""
 
 
 def impossible_experiments(raw: dict[str, Any]) -> Iterator[Contradiction]:

@@ -10,10 +10,10 @@ from vctune.model.experiment import Environment
 from vctune.model.problem import Problem
 
 SLOWEST = 0.1
-"""Sample time from which on it is asked whether it is in seconds, s: twice that of the slowest example."""
+"""Sample time, s, from which on vctune asks whether it is in seconds: twice that of the slowest example."""
 STIFFEST = 1e6
-"""Greatest stiffness of a hand from which on it is asked whether it is in SI units, N/m or N m/rad: ten times that of a
-stiff fixture, a thousand times that of a firm grip."""
+"""Greatest stiffness of a hand, N/m or N m/rad, from which on vctune asks whether it is in SI units: ten times that of
+a stiff fixture, a thousand times that of a firm grip."""
 FIRM = 1e3
 """Stiffness of a firm grip, N/m."""
 FINER = ((1e-6, "microseconds"), (1e-3, "milliseconds"))

@@ -19,12 +19,12 @@ from vctune.document.text.hints import CALLED, commas_meant, number_meant
 
 MAX_MISTAKES = 25
 TAGS = ("<number>", "<range>", "<text>", "<column>", "<mass>", "<spring>", "<mechanism>", "<servo>")
-"""What tells the forms of a key apart, which is no part of its path."""
+"""Tags of a key's alternative forms, which are no part of its path."""
 LONG = 60
 
 KeyPath = tuple[str | int, ...]
 Contradiction = tuple[KeyPath, str]
-"""Path of a key, and what is wrong between its value and others that are each right."""
+"""Path of a key, and the contradiction between its value and others that are valid on their own."""
 
 
 class Fault(NamedTuple):
@@ -43,9 +43,9 @@ MOVED: dict[KeyPath, str] = {
 PAIR_LISTS: dict[KeyPath, tuple[str, str]] = {
     ("uncertainty", "unmodelled"): ("[Hz, radius]", "unmodelled = [[1.0, 0.02], [100.0, 0.1]]"),
 }
-"""Keys that are lists of pairs: what a pair is, and how all of it is written."""
+"""Keys that are lists of pairs: the meaning of a pair, and how to write the list."""
 Check = Callable[[dict[str, Any]], list[Contradiction]]
-"""Finds what is wrong between values that are each right, in whatever part of a document is valid."""
+"""A function that finds contradictions between valid values, in the valid parts of a document."""
 Document = TypeVar("Document", bound=BaseModel)
 
 
@@ -145,7 +145,7 @@ def _fault(model: type[BaseModel], details: Any) -> Fault:
 
 
 Message = Callable[[Any, dict[str, Any]], str]
-"""Makes a message of a value and what was asked of it."""
+"""A function that makes a message from a value and its constraint."""
 
 
 def _range_messages(model: type[BaseModel], path: KeyPath) -> dict[str, Message]:

@@ -110,7 +110,7 @@ Code = Literal[
     "warn-yields",
     "wrong-type",
 ]
-"""A new one is added here, given to what is said, and explained in a README."""
+"""To add a code, write it here, use it in its message, and explain it in a README."""
 ENDING = re.compile(r" \[([a-z]+(?:-[a-z]+)*)\]$")
 
 

@@ -18,7 +18,7 @@ CALLED = {
     "torque_noise": "force_noise",
     "torque_sensor": "force_sensor",
 }
-"""Keys by what a rotary device's numbers are called."""
+"""Keys by the names of a rotary device's numbers."""
 WITH_COMMA = re.compile(r"([-+]?\d+),(\d+)")
 WITH_UNIT = re.compile(r"([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?) *([A-Za-zµ][\w /^²·*]*)")
 ASSIGNED = re.compile(r"=\s*([^#]*?)\s*(?:#.*)?$")

@@ -15,7 +15,7 @@ from vctune.document.text.hints import hint_on_line
 
 MAX_BYTES = 100_000
 STDIN = Path("-")
-"""What stands for standard input in the place of a file."""
+"""The name of standard input in place of a file."""
 
 KeyPath = Sequence[str | int]
 

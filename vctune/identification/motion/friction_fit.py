@@ -19,7 +19,7 @@ CLEAR = 4.0
 TRIED = 24
 """Velocities of the curve that are tried, from a hundredth of the peak speed to a half."""
 WITHIN = 12
-"""A rise that is more than so many times Coulomb's friction is none of Stribeck's."""
+"""Greatest rise, in Coulomb's friction, that counts as Stribeck's."""
 
 
 @dataclass(frozen=True, slots=True)

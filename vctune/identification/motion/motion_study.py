@@ -32,7 +32,7 @@ CLEAR = 2.0
 """Difference between the directions, in standard deviations, from which on they are two."""
 FRICTION = Note("limit-friction", "friction is not quite Coulomb's")
 MASSES = {False: (1e-4, 5e3), True: (1e-8, 5e3)}
-"""What a haptic device can weigh, kg and, if it is rotary, kg m2."""
+"""Range of masses of a haptic device, kg and, if it is rotary, kg m2."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ from vctune.identification.motion.spectral_filters import (
 from vctune.model.device import Actuator, Device
 
 WAYS = ("forwards", "backwards", "ahead", "back", "always")
-"""What friction goes with."""
+"""The regressors of friction."""
 
 ATTENUATION = 1e-4
 """Greatest share of the acceleration's power that may be the encoder's noise: it takes as much from the mass."""

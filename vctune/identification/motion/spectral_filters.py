@@ -22,7 +22,7 @@ Complex = NDArray[np.complex128]
 Response = Callable[[Floats], Any]
 """A frequency response, real or complex, of omega, rad/s."""
 HIGHEST = 0.08
-"""Greatest cut-off as a share of the sampling rate: what is left at the Nyquist frequency is 1e-6. Twice: 1 %."""
+"""Greatest cut-off as a share of the sampling rate: 1e-6 remains at the Nyquist frequency. Twice: 1 %."""
 REACH = 1.1
 """Reach of the kernel in units of 1/cut-off: beyond it is less than 1e-14 of its height."""
 LONGEST = 64

@@ -19,7 +19,7 @@ Ints = NDArray[np.int64]
 FLOOR = (1e-5, 10.0)
 """Range of the model-error floor, a share of the response."""
 EVALUATIONS = 100
-"""Of a search; what has not ended by then is no good start."""
+"""Evaluations of a search; a start that needs more is no good."""
 DECADES = 5.0
 """How far a number that cannot be 0 may go in one search, as a logarithm."""
 OUTLYING = 1.0

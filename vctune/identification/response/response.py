@@ -20,11 +20,11 @@ EXCITED = 0.05
 ABOVE_NOISE = 5.0
 """Least amplitude of an excited line in standard deviations of its mean."""
 FINER = 32
-"""Points per sample at which the direction of motion is looked at. Half and twice change the lines by a thousandth."""
+"""Points per sample for the direction of motion. Half and twice change the lines by a thousandth."""
 MOST_POINTS = 1 << 21
-"""Of half a period: fewer for each sample of a very long one."""
+"""Most points of half a period; a very long one has fewer for each sample."""
 HIGHEST_LINE = 0.45
-"""Of the sampling rate: beyond, filters against aliasing say more than the device."""
+"""Highest line as a share of the sampling rate: beyond it, anti-aliasing filters matter more than the device."""
 
 
 @dataclass(frozen=True, slots=True)

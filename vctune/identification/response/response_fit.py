@@ -22,11 +22,13 @@ CLEARER = 2.0
 """How many times smaller a second mass has to make chi2: model errors of neighbouring lines are alike, and friction
 bends a response a little everywhere, while a resonance is worth a hundred."""
 DAMPED = 0.5
-"""Damping ratio from which on a peak is none."""
+"""Damping ratio from which on a peak does not count."""
 UNKNOWN = 1e-12
-"""What is added to the information, whose diagonal is 1: what no line tells apart has a deviation, a huge one."""
+"""Amount added to the information, whose diagonal is 1, so that a number that no line determines has a huge deviation.
+"""
 BLOCKS = 8
-"""Of neighbouring lines, left out in turn: model error goes over many lines, and these intervals are made for it."""
+"""Blocks of neighbouring lines, left out in turn: model error extends over many lines, and these intervals allow for
+it."""
 
 
 @dataclass(frozen=True, slots=True)

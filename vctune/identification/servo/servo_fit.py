@@ -14,7 +14,7 @@ from vctune.identification.servo.servo_motion import modes, positions
 from vctune.identification.servo.servo_noise import Noise, exposure, jitter, likeliest, whitened
 
 BANDWIDTHS = (2e-4, 8.0)
-"""Of a low-pass, of the sampling rate: beyond these it is a lag of 800 samples, or of a fiftieth of one."""
+"""Range of a low-pass as shares of the sampling rate: from a lag of 800 samples to a fiftieth of one."""
 TRIED = 24
 """Bandwidths from which the search starts, evenly on a logarithmic axis."""
 SETTLED = 6.0
@@ -30,7 +30,7 @@ FINE = 1e-4
 WILD = 1.5
 """How many times the half-width by chi2 a deviation may say."""
 STATED = 2
-"""Numbers that are told together: delay and bandwidth."""
+"""Numbers that are stated together: delay and bandwidth."""
 
 
 @dataclass(frozen=True, slots=True)

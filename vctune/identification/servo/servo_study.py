@@ -26,7 +26,7 @@ EVIDENCE = 10.0
 UNEXPLAINED = 0.5
 """Residual, of the motion, from which on a log is refused."""
 GAINS = (0.8, 1.25)
-"""Of its command that a servo may move: beyond it is a unit, or another axis."""
+"""Range of a servo's motion relative to its command: beyond it the unit, or the axis, is wrong."""
 CLEAR = 4.0
 """Deviations from which on a gain is not 1, and a servo yields."""
 YIELDS = 0.005

@@ -127,15 +127,15 @@ class ArrayArithmetic(Arithmetic, Protocol):
 
 
 SERIES_BELOW = 0.05
-"""Where phi_2 changes from its series to its formula, whose subtraction loses a factor 2/x of the precision. Half:
-a factor 2 more is lost, and `vctune.proof.enclosures.jets.PHI_ERROR` would no longer hold. Twice: what the series of
-eight terms leaves out, 1e-17 here, would be 3e-15, no longer less than rounding."""
+"""Argument at which phi_2 changes from its series to its formula, whose subtraction loses a factor 2/x of the
+precision. Half loses another factor 2, and `vctune.proof.enclosures.jets.PHI_ERROR` would no longer hold. With twice,
+the remainder of the series of eight terms, 1e-17 here, would be 3e-15, no longer less than rounding."""
 
 
 CURVATURE_BELOW = 0.5
-"""Where sinc_curvature changes from its series to its formula, whose two subtractions lose a factor 20/x^2 of the
-precision. Half: a factor 4 more is lost. Twice: what the series of seven terms leaves out, 2e-19 here, would be 3e-15,
-no longer less than rounding."""
+"""Argument at which sinc_curvature changes from its series to its formula, whose two subtractions lose a factor 20/x^2
+of the precision. Half loses another factor 4. With twice, the remainder of the series of seven terms, 2e-19 here, would
+be 3e-15, no longer less than rounding."""
 
 
 def sinc_curvature_series(x2: Number) -> Number:

@@ -12,7 +12,7 @@ SYMBOLS = dict(zip(KEYS, ("K_v", "K_p", "b_c", "m_c", "b_0"), strict=True)) | {S
 QUANTITIES = dict(zip(KEYS, ("damping", "stiffness", "damping", "mass", "damping"), strict=True)) | {
     SPRING_KEYS[3]: "stiffness"
 }
-"""What stands for each variable in equations, and which quantity it is (`vctune.model.numbers.units`)."""
+"""The symbol of each variable in equations, and its quantity (`vctune.model.numbers.units`)."""
 
 
 def labelled(key: str, units: Units) -> str:

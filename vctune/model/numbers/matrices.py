@@ -93,8 +93,8 @@ def rows_of(matrix: Matrix | Block) -> Matrix:
 
 
 LEFT_OUT = 2.0**-10
-"""What Taylor's polynomial of e^A, A of norm at most 1/2, leaves out, as a share of rounding; it is enclosed. Half and
-twice it are the same order mostly: 15 for doubles, 29 for 128 bits."""
+"""Remainder of the Taylor polynomial of e^A, for A of norm at most 1/2, as a share of rounding; the code encloses it.
+Half and twice it mostly give the same order: 15 for doubles, 29 for 128 bits."""
 
 
 def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:

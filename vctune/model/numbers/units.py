@@ -101,7 +101,7 @@ QUANTITIES = tuple(
 """Those whose units depend on the motion."""
 UNITS: Mapping[UnitSystem, Units] = MappingProxyType({"linear": LINEAR, "rotary": ROTARY})
 WORD = re.compile(r"(?<![.\w])([Aa] )?(mass|force)(es|s)?\b(?! /)", re.IGNORECASE)
-"""What is called otherwise, with its article; keys of a file keep their names, and names in equations theirs."""
+"""Words with another name, with their articles; keys of a file keep their names, and names in equations theirs."""
 SAME = {LINEAR.of(quantity): ROTARY.of(quantity) for quantity in QUANTITIES}
 UNIT = re.compile(rf"(?:(?<=, )|^)({'|'.join(map(re.escape, sorted(SAME, key=len, reverse=True)))})(?=[.;,]|$)")
-"""A unit as descriptions have it: alone, or between a comma and the end of what it belongs to."""
+"""A unit in a description: alone, or between a comma and the end of its number."""

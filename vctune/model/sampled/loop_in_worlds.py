@@ -26,7 +26,8 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.worlds import Worlds
 
 NOTHING = 1e-30
-"""What is added to sizes that may all be 0. Any number far below them and above the square root of the least."""
+"""Amount added to sizes that may all be 0. Any number works that is far below them and above the square root of the
+least."""
 
 
 class Seen(NamedTuple):

@@ -78,8 +78,8 @@ class SampledPlant:
 
 
 SNAP = 1e-12
-"""What of a sample counts as rounding: a quotient of decimals is off by 1e-16 relative, a delay that is meant is not as
-near. Half and twice it are no different."""
+"""Share of a sample that counts as rounding: a quotient of decimals is off by 1e-16 relative, and no intended delay is
+as close. Half and twice it make no difference."""
 
 
 def split_delay(delay: Number, sample_time: Number) -> tuple[Number, Number]:

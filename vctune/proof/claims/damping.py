@@ -18,7 +18,7 @@ from vctune.proof.engine.box_tests import Margin
 from vctune.proof.engine.boxes import Cells
 
 GUARD = 1e-14
-"""Covers the rounding of what a cell asks of b_c, relative: 90 units of u = 2^-53.
+"""Bound on the relative rounding of a cell's requirement on b_c: 90 units of u = 2^-53.
 
 factor R - b_0 may cancel. It is rounded 5 times: the product is off by u factor R, 1 + `GUARD` and its product with
 b_0 by 2 u b_0, the difference and its product with 1 - `GUARD`, itself exact to u, by 3 u of the difference. The

@@ -32,22 +32,23 @@ STEP = 1.05
 """Ratio of the edges of a piece. Its square root takes a third more boxes and leaves as much of a plane open, its
 square a tenth fewer and half as much again."""
 SHARES = (0.0, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0)
-"""Shares of each range at which hands are looked at before a piece is proved. Half as many miss what is asked between
-them, so that pieces are up to a tenth higher, and of a plane twice as much stays open; twice as many take twice as
-long."""
+"""Shares of each range of the hands that are tried before a piece is proved. Half as many miss the requirement between
+them, so that pieces are up to a tenth higher and twice as much of a plane stays open; twice as many take twice as long.
+"""
 WITHIN = 5
 """Angles of a piece at which they are. Half and twice as many: the same, on average to 1e-4."""
 SLACK, RAISED = 5e-3, 4.0
-"""By how much a piece is raised above what was seen, relative, at first, and how many times as much in each attempt
-that follows. Half of either takes a third more boxes, twice a sixth fewer; of a plane half and twice the first leave
-half as much again open, of the second a tenth."""
+"""Relative amount by which a piece is first raised above the tried hands, and its growth in each further attempt. Half
+of either takes a third more boxes, twice a sixth fewer. Of a plane, half and twice the first leave half as much again
+open, of the second a tenth."""
 SMALL = 1e-4
 """Share of the greatest bound below which a piece is raised as one of so much is. Half and twice: the same."""
 ATTEMPTS = 10
-"""Attempts to prove a piece before nothing is said of it. Most take two or three; half and twice as many: the same."""
+"""Attempts to prove a piece before it stays open. Most take two or three; half and twice as many: the same."""
 MAX_HALVINGS, MAX_BOXES = 40, 250
-"""How often a box of angle and hand is halved, and how many of a piece are looked at in the first attempt, in each that
-follows twice as many. Half and twice the first: the same; of the second: as much of a plane is left open."""
+"""How often a box of angle and hand is halved, and how many boxes of a piece are tried in the first attempt; each
+further attempt doubles the number. Half and twice the first: the same; of the second: as much of a plane is left open.
+"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,18 +33,18 @@ LITTLE_PHASE = 0.5
 """Angle omega tau up to which the margin that is regular at omega = 0 is worth a look, rad. Half and twice it take as
 many boxes for the uncertain friction wheel."""
 FEW_SAMPLES = 4
-"""Whole samples of a box's delays that are looked at one by one anyway, before it is asked above which angle their
-phase does not matter. Half and twice it: time, for long uncertain delays only."""
+"""Whole samples of a box's delays that are tried one by one; beyond, the prover first finds the angle above which their
+phase does not matter. Half and twice it only change the time, for long uncertain delays."""
 ANGLES, LEAST_ANGLE = 400, 1e-6
-"""Angles at which the size of a loop is estimated, and the least of them. What the estimate says is proved then, so
-that half and twice it only cost time."""
+"""Angles at which the size of a loop is estimated, and the least of them. The prover then proves the estimate, so that
+half and twice it only cost time."""
 MAX_BOXES, MAX_BOXES_OF_CURVES = 1_600_000, 40_000
 """Boxes looked at for one claim before it is left open; a curve that is not nearly 0 anywhere takes some dozens, the
 uncertain friction wheel 27,000 for all claims, a device of two masses with seven uncertain numbers and a disc a million
 for one. Half and twice it: as long to give up."""
 FEW = 64
-"""Boxes that are halved again before they are looked at: as many take about as long as one. None: three times as long
-for the band around a proved one; four times as many: a third longer."""
+"""Boxes that are halved again before evaluation: as many take about as long as one. None: three times as long for the
+band around a proved one; four times as many: a third longer."""
 MAX_HALVINGS = 80
 """How often a box is halved at most: twenty times in each of four rows. Half and twice as often take as many boxes for
 the uncertain friction wheel."""

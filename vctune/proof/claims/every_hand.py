@@ -54,8 +54,8 @@ MAX_BOXES = 400_000
 """Boxes looked at before the claim is left open; an optimal design takes some thousand. Half and twice it: as long
 to give up."""
 EASY_BOXES = 20_000
-"""Boxes after which hands next to a sharp resonance are looked at apart: where the demand leaves room there, some
-hundred do. Half or twice as many cost half or twice as much where they were in vain: some seconds."""
+"""Boxes after which hands near a sharp resonance get boxes of their own; if the constraint leaves room there, some
+hundred suffice. If they do not, half or twice as many cost half or twice as much: some seconds."""
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
 """How far from an end of the angles, as a share of pi, a witness is looked for. Fewer: growth that takes longer to see;
 more: none that is seen."""

@@ -27,11 +27,11 @@ from vctune.proof.engine.branching import prove as prove_boxes
 ON_ARRAYS: tuple[ClaimId, ...] = "passive", "sensitivity", "stable_model", "stable"
 """The claims whose boxes are counted, in the order of `Certified.boxes`."""
 OF_CELLS: tuple[ClaimId, ...] = *ON_ARRAYS, "any_hand", "hands"
-"""The claims that are proved of cells. Where another is asked for no cell is."""
+"""The claims that can be proved for cells. If a problem requires another claim, no cell is proved."""
 HALVINGS_IN_HANDS, BOXES_IN_HANDS, TOGETHER_IN_HANDS = 4 * CELL_HALVINGS, 30_000, 128
-"""What `CELL_HALVINGS` and `MAX_BOXES` are for boxes of angle and hand, and how many cells are proved together: what is
-known of them fits into memory. Cells with room take up to 29,000 boxes, most some thousand: with half as many some
-of those next to K_p = 0 are left to smaller cells."""
+"""`CELL_HALVINGS` and `MAX_BOXES` for boxes of angle and hand, and the number of cells that are proved together, whose
+data fit into memory. Cells with room take up to 29,000 boxes, most some thousand. Half as many leave some of those next
+to K_p = 0 to smaller cells."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,15 +25,15 @@ RATIO = "stiffness of the hand over the resonant one"
 ROWS = (*HAND[:2], RATIO)
 """The numbers of a hand here."""
 SHARP = 0.03
-"""Damping ratio of hand and device below which resonance is looked at apart. Of loops at a ratio of 0.02 half of it
-takes up to two thirds fewer boxes; those at 1e-5 take 34,000 with it and more than half a million without."""
+"""Damping ratio of hand and device below which resonance gets boxes of its own. For loops at a ratio of 0.02, half of
+it takes up to two thirds fewer boxes; those at 1e-5 take 34,000 with it and more than half a million without."""
 DAMPED = 0.1
 """Damping ratio from which on a softer hand resonates no more sharply. Half and twice: as many boxes within a third."""
 AROUND = (0.5, 2.0)
-"""Which multiples of the resonant stiffness are looked at so. Half as far in the logarithm takes up to half as many
+"""Multiples of the resonant stiffness that such boxes cover. Half as far in the logarithm takes up to half as many
 boxes again, twice as far as many within a tenth."""
 WITHIN = 1e-9
-"""By what share a box lies inside at least that is left to the others, or outside that is left out: beyond rounding."""
+"""Least share by which a box lies inside if it is left to the others, or outside if it is left out: beyond rounding."""
 DEVICE_MASS = "device.mass"
 
 

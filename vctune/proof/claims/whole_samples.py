@@ -26,8 +26,8 @@ NEXT_TO = 1e-7
 """How near to a whole sample, in samples, a delay is taken: decimals tell both sides apart. Half and twice it find the
 same designs."""
 PEAK = 0.75
-"""Of the lag of a servo and its sensor, after which the sensed acceleration is greatest. Half and 4/3 of it see three
-quarters of the greatest."""
+"""Time, as a share of the lag of a servo and its sensor, at which the sensed acceleration is greatest. Half and 4/3 of
+it see three quarters of the greatest."""
 
 
 def sensed_force_jumps(device: Device, hands: Hands) -> bool:

@@ -22,8 +22,8 @@ Flags = NDArray[np.bool_]
 UNIT = 2.0**-52
 """Twice the rounding of an operation, relative (IEEE 754, to nearest)."""
 TINY = 1e-300
-"""More than what underflow can take from a sum of products: the least normal number is 2e-308. No quantity of a haptic
-device comes near it, so that half and twice it are no different."""
+"""More than underflow can take from a sum of products: the least normal number is 2e-308. No quantity of a haptic
+device comes near it, so that half and twice it make no difference."""
 SWELL = 1 + 2.0**-49
 """Covers 16 roundings of a radius, each u = 2^-53 of it. A reciprocal's takes most, 7: the difference and the sum of
 size and radius, two quotients, the sum with the value's own rounding, the product with this number, which itself is

@@ -17,10 +17,10 @@ from vctune.proof.enclosures.taylor import Taylor
 SWEEPS = 4
 """How often each row of y is moved to its best place. Half and twice: as many boxes within a hundredth."""
 ROUNDING = 2.0**-43
-"""Of a bound, relative to the sizes that it is the sum of: 1024 u, u = 2^-53. For 14 rows a product of matrices, or of
-a matrix and a vector, takes 14 roundings, as does a sum over rows. There are two of the former and eight of the latter;
-with the sum of 120 coefficients and a dozen operations beside they are 272. A rest is not among these sizes: where it
-is the greater, nothing is proved. Half would do; twice widens nothing that matters."""
+"""Rounding of a bound, relative to the sizes in its sum: 1024 u, u = 2^-53. For 14 rows a product of matrices, or of a
+matrix and a vector, takes 14 roundings, as does a sum over rows. There are two of the former and eight of the latter;
+with the sum of 120 coefficients and a dozen operations beside they are 272. A remainder is not among these sizes: where
+it is the greater, nothing is proved. Half would do; twice widens nothing that matters."""
 
 
 @dataclass(frozen=True, slots=True)

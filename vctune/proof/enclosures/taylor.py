@@ -20,10 +20,10 @@ SWOLLEN = 1 + 2.0**-44
 most: 105 coefficients of order two by rows, 14 rows, 2 for the constant, 15 rests, 8 products added up, and 8 more:
 152. Half would cover 256; twice widens a radius by 1e-13 of itself."""
 HIGHER_ERROR = 1e-13
-"""Bound on the relative rounding of f' and f''/2: 900 units of u = 2^-53. Of a reciprocal 1/m, rounded once, f''/2
-takes most: three times that, and 2 for a library's cube make 5; f' takes 3, two of them that of 1/m. Of a root f''/2
-takes 3: the root, its product with m, and the quotient. What a library's exp, sin and cos are off is in `error`, and
-so is all of sinc, whose slopes cancel. Half would do; twice is as well."""
+"""Bound on the relative rounding of f' and f''/2: 900 units of u = 2^-53. For a reciprocal 1/m, rounded once, f''/2
+takes most: three times that, and 2 for a library's cube make 5; f' takes 3, two of them from 1/m. For a root f''/2
+takes 3: the root, its product with m, and the quotient. The errors of a library's exp, sin and cos are in `error`, and
+so are all of sinc, whose slopes cancel. Half would do; twice is as well."""
 
 Times = Callable[[Floats, Floats], Floats]
 

@@ -16,9 +16,9 @@ HALVINGS = 24
 demand. Half and twice as often prove the same designs around those of problems/."""
 CELL_HALVINGS = 10
 """The same for a cell, whose own size soon blurs a curve more than the interval does. Half as often leaves cells open,
-up to half of those near the edge of what is admissible; twice as often proves no more."""
+up to half of those near the edge of the feasible ones; twice as often proves no more."""
 MAX_BOXES = 4_000
-"""Boxes of a cell that are looked at for one claim before it is left open; most take some hundred. Half and twice as
+"""Boxes of a cell that are evaluated for one claim before it is left open; most take some hundred. Half and twice as
 many prove the same cells."""
 
 

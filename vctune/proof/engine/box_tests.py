@@ -37,28 +37,28 @@ FEW = 128
 more."""
 
 NEAR_ZERO = 1e-3
-"""Share of its range below which a number that may be 0 counts as that, where nothing else is known of a box. A tenth
-takes a fifth more boxes, ten times as much as many; 0 would halve such a row again and again."""
+"""Share of its range below which a number that may be 0 counts as 0, if nothing else is known of a box. A tenth takes a
+fifth more boxes, ten times as much as many; 0 would halve such a row again and again."""
 
 FREQUENCY_FIRST = 64.0
-"""How many times its width the frequency counts where nothing is known of a box and one of several margins is to be
-positive: what vanishes in a denominator does so at single frequencies. An eighth leaves servos with a stiff coupling
-open, eight times takes as many boxes."""
+"""Weight of the width of the frequency if nothing is known of a box and one of several margins has to be positive:
+denominators vanish at single frequencies. An eighth leaves servos with a stiff coupling open; eight times takes as many
+boxes."""
 
 WIDER = 0.1
-"""Power of its relative width by which what a row loses counts: of two that lose it together the wider is halved. Half
-takes as many boxes, without an integrator up to five times as many; two and a half times a fifth more; 0 leaves some of
-the latter open."""
+"""Power of its relative width that weights the loss of a row: if two rows lose together, the prover halves the wider.
+Half takes as many boxes, without an integrator up to five times as many; two and a half times a fifth more; 0 leaves
+some of the latter open."""
 
 LOST = -1.0
 """How near a margin counts as to being proved that all that it varies by would not make positive."""
 
 Margin = Callable[[Number, Values], Number]
-"""What must be positive, of a frequency and of numbers by name, over enclosures and jets."""
+"""A function that must be positive, of a frequency and of numbers by name, over enclosures and jets."""
 Margins = Callable[[Number, Values], tuple[Number, ...]]
-"""Of which one must be positive."""
+"""Margins of which one must be positive."""
 Curve = Callable[[Number, Values], Pair]
-"""What must not be 0."""
+"""A function that must not be 0."""
 Rows = Sequence[Number]
 OfRows = Callable[[Rows], Number]
 

@@ -29,7 +29,7 @@ CHUNK = 4096
 """Boxes evaluated together: their arrays stay in the processor's cache. Half and twice it take as long."""
 
 Values = Mapping[str, Number]
-"""Numbers by name; what is not among them is a claim's own."""
+"""Numbers by name; all other numbers are a claim's own."""
 
 
 def gains_of(values: Values) -> Gains:

@@ -26,8 +26,8 @@ POINTS = 400
 NARROWER = 6.0
 """How much narrower than it is a resonance is sampled as. Half shows corners, twice is twice as long a file."""
 UNMOVED = 1e-6
-"""Share of a command below which a servo stands still, as at Nyquist where it is interpolated: felt there is what is
-rigid. Half and twice show the same curves."""
+"""Share of a command below which a servo stands still, as at Nyquist with interpolation; the hand then feels a rigid
+handle. Half and twice show the same curves."""
 SPRING, DAMPER = 200.0, 14.0
 """The paper's two environments on a linear device, sect. 5, N/m and N s/m."""
 

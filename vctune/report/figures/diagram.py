@@ -16,7 +16,7 @@ from vctune.model.numbers.units import UNITS, Units
 from vctune.report.figures.style import BLUE, GREEN, GREY, INK, STYLE, time_text
 
 SIZE = (6.28, 4.2)
-"""Of the figure, inches, so that a telephone shows all of it; all places below are in inches, too."""
+"""Size of the figure, inches, so that a telephone shows all of it; all places below are in inches, too."""
 TOP, MIDDLE, BOTTOM = 3.42, 2.02, 0.72
 """Heights of the three rows: firmware, feedback and actuator, mechanism."""
 LEFT, COUPLING, LAW, RIGHT = 0.95, 2.5, 4.05, 5.6
@@ -24,7 +24,7 @@ LEFT, COUPLING, LAW, RIGHT = 0.95, 2.5, 4.05, 5.6
 HAND = 0.43
 """Place of the hand."""
 WIDTH, HEIGHT, TALL, LINE = 1.26, 0.82, 1.1, 0.195
-"""Of a box, of one in the top row, and of a line of text in it."""
+"""Sizes of a box, of one in the top row, and of a line of text in it."""
 FITS = 21 / WIDTH
 """Letters of a line that an inch of a box has room for; a longer line is in smaller ones."""
 POSITION_AT = 4.58

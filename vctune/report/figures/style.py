@@ -21,7 +21,7 @@ LEAST_SPAN = 0.1
 """Ratios nearer to one another than this share one view."""
 FEW_DECADES = 100.0
 WIDTH = 5.2
-"""Of a figure of a design, inches: two stand side by side on a desk, one can be read on a telephone."""
+"""Width of a figure of a design, inches: two stand side by side on a desk, one can be read on a telephone."""
 STYLE: Any = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",

@@ -30,7 +30,7 @@ IDLE = {
     r'<g id="[^"]*">': "<g>",
     r' transform="rotate\(-0 [^"]*\)"': "",
 }
-"""What an SVG file of Matplotlib's says to no end, and what is said instead."""
+"""Superfluous text in Matplotlib's SVG files, and its replacement."""
 
 
 def page(

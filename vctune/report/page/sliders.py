@@ -19,7 +19,7 @@ from vctune.model.problem import Problem, Range
 from vctune.report.page.constants import frequency_model, in_hands, sampled_loop
 
 REACH = 10.0
-"""By what factor a slider goes up and down from the shipped value."""
+"""Factor between a slider's ends and the shipped value."""
 PANELS_OF = {
     "llewellyn": ("resistance", "ratio"),
     "hands": ("in_hand", "hand_ratio"),

@@ -16,9 +16,9 @@ from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
 
 LITTLE_USE = 0.75
-"""Share of the error without a loop from which on a design is of little use: what takes away less than a quarter of it
-is hardly worth a force sensor. Half would say so of designs that halve what is felt, twice of none that is worse than
-no loop."""
+"""Share of the error without a loop from which on a design is of little use: a design that removes less than a quarter
+of it is hardly worth a force sensor. Half would say so of designs that halve the error, twice of none that is worse
+than no loop."""
 LINEAR_UP_TO = 1.5
 """Error up to which the scale is linear; greater errors come ever closer to its end."""
 NOTHING = Coupling(1e-18, 1e-18, 0.0)

@@ -134,7 +134,7 @@ STATE = {
         "inertia": ("f_m", "force", "force of the environment's mass"),
     }.items()
 }
-"""What a firmware can have to remember."""
+"""The state that a firmware can have."""
 
 
 def remembered(parts: Parts) -> tuple[str, ...]:

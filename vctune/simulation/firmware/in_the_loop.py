@@ -19,10 +19,11 @@ from vctune.simulation.run import DIVERGENCE, Traces, motion_inputs, traces_of
 from vctune.simulation.scene import Scene, equilibrium
 
 REWRITTEN = 1e-9
-"""Share of the greatest command by which firmware in double precision may differ: what another order of operations
-makes is some 1e-12, a constant in seven correct digits 1e-7."""
+"""Share of the greatest command by which firmware in double precision may differ. Another order of the operations makes
+some 1e-12, a constant in seven correct digits 1e-7."""
 ROUNDED = 2.0
-"""How many times what single precision makes of the design's own commands firmware in it may differ, as in replay.c."""
+"""Factor on the effect of single precision in the design's own commands by which firmware in it may differ, as in
+replay.c."""
 
 
 class Controller(Protocol):

@@ -17,7 +17,7 @@ from vctune.simulation.scene import Scene, equilibrium
 
 LIBRARY = "vctune_controller.so"
 MOST_BYTES = 1_000_000
-"""Of a controller's memory: one that says it needs more is none."""
+"""Greatest memory of a controller; a library that claims more is none."""
 
 PRECISIONS: dict[int, Precision] = {4: "single", 8: "double"}
 """By the bytes of a number."""

@@ -19,7 +19,7 @@ from vctune.simulation.firmware.operations import FLOATS
 
 Precision = Literal["double", "single"]
 NUMBERS: dict[Precision, Callable[[Any], Any]] = {"double": float, "single": np.float32}
-"""What makes a float a number of a precision."""
+"""The functions that round a float to a precision."""
 
 
 @dataclass(frozen=True, slots=True)

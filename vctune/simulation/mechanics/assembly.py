@@ -24,7 +24,7 @@ from vctune.simulation.mechanics.plant import Transition, exponential_less_one, 
 from vctune.simulation.scene import Scene
 
 GIVEN = ("command", "friction", "push", "push_1", "push_2", "push_3")
-"""What acts on the states: the held command that has arrived, a force or the velocity of a servo, the friction's force,
+"""Inputs of the states: the held command that has arrived, a force or the velocity of a servo, the friction's force,
 the force of the hand's spring and damper if the handle stood still at 0, N, and its three derivatives."""
 
 

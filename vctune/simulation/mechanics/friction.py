@@ -18,8 +18,9 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.simulation.firmware.operations import Arithmetic
 
 SERIES_BELOW = 0.01
-"""Where phi_2 changes from its series to its formula, whose subtraction loses a factor 2/y. Here both are right to
-2e-14. Half: the formula's rounding doubles. Twice: what the series' five terms leave out is 6e-13."""
+"""Argument at which phi_2 changes from its series to its formula, whose subtraction loses a factor 2/y. Here both are
+correct to 2e-14. With half, the formula's rounding doubles; with twice, the remainder of the series' five terms is
+6e-13."""
 
 
 def relaxation(friction: Friction, velocity: Number, ops: Arithmetic) -> tuple[Number, Number]:

@@ -21,7 +21,8 @@ DECADES = 4
 """How far from the file's virtual mass and damping a stable one is looked for, each way; half and twice it change no
 answer within."""
 BISECTIONS = 30
-"""Of half a decade: to 1e-9. Half as many leave 4e-5, which shows in the fourth digit at times; twice are rounding."""
+"""Bisections of half a decade, down to 1e-9. Half as many leave 4e-5, which shows in the fourth digit at times; twice
+only reach rounding."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,12 +29,12 @@ from vctune.simulation.scene import Equilibrium, Scene, equilibrium
 CHUNK = 1024
 """Samples per call of the compiled function: progress and Ctrl-C wait for one. Half and twice it take the same time."""
 COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor", "sensed")
-"""What a step records at each sample: x, v, f_h, x_e, v_e, f_e, u, f_s; x and v are the handle's, f_s is what is sensed
-of f_h."""
+"""Recorded columns of each sample: x, v, f_h, x_e, v_e, f_e, u, f_s; x and v are the handle's, f_s is the sensed f_h.
+"""
 MOTOR_COLUMNS = ("motor_position", "motor_velocity")
-"""What it also records where the motor does not move as the handle."""
+"""Further columns if the motor does not move as the handle."""
 ANSWER = ("reference", "desired", "environment_force", "motor")
-"""What of these a firmware gives; the inputs of an open step beyond `INPUTS`."""
+"""Outputs of a firmware among these; the inputs of an open step beyond `INPUTS`."""
 INPUTS = 5
 """x_i, v_i at this sample and at the next, and the noise of the force sensor."""
 
