@@ -20,7 +20,7 @@ def raise_interrupt(number: int, frame: FrameType | None) -> None:
 
     Parameters
     ----------
-    number : of the signal
+    number : number of the signal
     frame : that it came in; of no meaning
     """
     RECEIVED.append(number)

@@ -14,8 +14,8 @@ def html_table(caption: str, rows: Iterable[Sequence[Cell]], head: Sequence[str]
     Parameters
     ----------
     caption : above it
-    rows : of texts, numbers and None
-    head : of the columns; empty for none
+    rows : rows of texts, numbers and None
+    head : heading of the columns; empty for none
     """
     top = f"<thead>{_row(head, 'th')}</thead>" if head else ""
     body = "".join(_row(row, "td") for row in rows)

@@ -36,7 +36,7 @@ class Greatest:
 
     Attributes
     ----------
-    drag : greatest R, N s/m: what a coupling needs that has drag alone
+    drag : greatest R, N s/m: the drag of a coupling without damping and mass
     omega : rad/s, where
     hand : in which
     """

@@ -158,7 +158,7 @@ def ratio_minima(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Minim
 
     Parameters
     ----------
-    problem : of the nominal device
+    problem : problem of the nominal device
     gains, coupling : a design, plain numbers
     """
     return local_minima(
@@ -195,7 +195,7 @@ def unmodelled_maxima(problem: Problem, gains: Gains) -> Minima:
 
     Parameters
     ----------
-    problem : whose device or uncertainty has a radius of what is not modelled
+    problem : its device or uncertainty has an unmodelled radius
     gains : plain numbers
 
     Returns
@@ -248,7 +248,7 @@ def error_terms(problem: Problem, gains: Gains, coupling: AnyCoupling, omega: Fl
 
     Parameters
     ----------
-    problem : of the nominal device
+    problem : problem of the nominal device
     gains, coupling : a design
     omega : rad/s, > 0
     """
@@ -279,8 +279,8 @@ def weighted_square(weights: Terms, squares: Terms) -> Floats:
 
     Parameters
     ----------
-    weights : of the three terms, without a unit
-    squares : of the terms, from `error_terms`
+    weights : weights of the three terms, without a unit
+    squares : squared terms, from `error_terms`
 
     Returns
     -------
@@ -300,7 +300,7 @@ def transparency_error(problem: Problem, gains: Gains, coupling: AnyCoupling) ->
 
     Parameters
     ----------
-    problem : of the nominal device
+    problem : problem of the nominal device
     gains, coupling : the design, plain numbers
     """
     norm = _rms if problem.transparency.norm == "rms" else _peak

@@ -58,9 +58,9 @@ class GrowingEnvironment:
     kind : "spring" or "mass"
     value : N/m or kg, >= 0; 0 for nothing at all
     damping : beside it, N s/m, >= 0
-    growth : of the motion's logarithm in that mode, 1/s, > 0
+    growth : growth of the motion's logarithm in that mode, 1/s, > 0
     omega : at which it oscillates, rad/s
-    stiffness : of a spring beside a mass, N/m, >= 0
+    stiffness : stiffness of a spring beside a mass, N/m, >= 0
     """
 
     kind: Literal["spring", "mass"]
@@ -153,7 +153,7 @@ def reaction(
     device, gains, coupling : a design, plain numbers
     hand : in which it is
     theta : omega T, rad, in (0, pi)
-    factor : what the coupling is divided by
+    factor : divisor of the coupling
     """
     plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
     if isinstance(coupling, SpringDamper):

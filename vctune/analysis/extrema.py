@@ -41,7 +41,7 @@ def frequency_grid(
     Parameters
     ----------
     omega_min, omega_max : rad/s, 0 < omega_min < omega_max
-    points_per_decade : of the logarithmic part
+    points_per_decade : points per decade of the logarithmic part
     widest : greatest step, rad/s
 
     Returns

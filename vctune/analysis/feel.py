@@ -43,7 +43,8 @@ class Feel:
     Attributes
     ----------
     mass, damping : apparent ones in free motion, at each of `FREE_HZ`, kg and N s/m
-    static_stiffness, stiffness : of the stiffest wall, at 0 and at `WALL_HZ`, N/m; inf for a servo, which stands still
+    static_stiffness, stiffness : those of the stiffest wall, at 0 and at `WALL_HZ`, N/m; inf for a servo, which
+        stands still
     force : to move the handle steadily at `SPEED`, N
     loop_latency : around the loop at low frequency, s; of a servo, from its command to its motion
     force_latency : from the hand's force to the velocity that answers it, at `WALL_HZ`, s
@@ -67,8 +68,8 @@ def feel(device: Device, gains: Gains, coupling: AnyCoupling) -> Feel:
     Parameters
     ----------
     device : plain numbers; its least operator is not counted
-    gains : of its loop, plain numbers
-    coupling : of no account without a loop: nothing of it reaches the hand then
+    gains : gains of its loop, plain numbers
+    coupling : virtual coupling; it has no effect without a loop
     """
     nyquist = 0.5 / device.sample_time
     free = [_free(device, gains, coupling, hz) if hz <= nyquist else None for hz in FREE_HZ]
@@ -98,8 +99,8 @@ def felt_impedance(
     Parameters
     ----------
     device : plain numbers
-    gains, coupling : of its design
-    omega : rad/s, > 0, or 0 of what is finite there; shape (n,)
+    gains, coupling : those of its design
+    omega : rad/s, > 0, or 0 for quantities that are finite there; shape (n,)
     environment : Z_e, of that shape; None for a rigid one
     """
     if isinstance(coupling, SpringDamper):
@@ -136,8 +137,8 @@ def impedance_at_handle(device: Device, gains: Gains, omega: Floats, beyond: Com
     Parameters
     ----------
     device : plain numbers
-    gains : of its loop
-    omega : rad/s, > 0, or 0 of what is finite there; shape (n,)
+    gains : gains of its loop
+    omega : rad/s, > 0, or 0 for quantities that are finite there; shape (n,)
     beyond : Z_c + Z_e of the coupling and an environment, of that shape; None for a rigid environment, or without a
         loop
     """

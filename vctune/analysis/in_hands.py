@@ -55,7 +55,7 @@ class LoopsInHands:
     ----------
     theta : omega T, rad, from 0 to pi, shape (n,)
     hands : their numbers, each of shape (h,)
-    loop : of shape (h, n)
+    loop : array of shape (h, n)
     """
 
     theta: Floats
@@ -83,7 +83,7 @@ class LoopsInAnyHand:
     Attributes
     ----------
     theta : omega T, rad, from 0 to pi, shape (n,)
-    answers : of the device, of shape (1, n)
+    answers : answers of the device, of shape (1, n)
     """
 
     theta: Floats
@@ -127,7 +127,7 @@ def loops_in_hands(
     ----------
     device : plain numbers
     hands : the box
-    shares : of each range at which hands are looked at
+    shares : shares of each range at which hands are tried
     per_decade : number of angles in each decade
     """
     theta = _angles(device, per_decade)
@@ -151,7 +151,7 @@ def loops_at_rest(device: Device, hands: Hands, spacing: int = 1) -> LoopsInHand
     ----------
     device : plain numbers
     hands : the box
-    spacing : of the stiffnesses that are looked at, in those of `SOFT`
+    spacing : spacing of the tried stiffnesses, in spacings of `SOFT`
     """
     low, high = hands.low, hands.high
     stiffness = np.unique(low.stiffness + (high.stiffness - low.stiffness) * np.append(0.0, SOFT[::spacing]))
@@ -198,7 +198,7 @@ def least_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[
 
     Parameters
     ----------
-    problem : of one device, with hands to be met, or any on an impedance display
+    problem : problem of one device, with a claim in hands, or in any hand on an impedance display
     gains, coupling : plain floats, in the problem's units
     """
     found: list[RatioInHand | RatioInAnyHand] = []
@@ -219,7 +219,7 @@ def least_ratios_in_hands(
     device : plain numbers
     hands : the box
     gains, coupling : a design, plain numbers
-    met : the environments, of which `needs_in_worlds` says what the ratio is; None for every passive one
+    met : the environments, whose ratio `needs_in_worlds` defines; None for every passive one
 
     Returns
     -------
@@ -254,7 +254,7 @@ def windows(
 
     Parameters
     ----------
-    problem : of one device, with hands to be met
+    problem : problem of one device, with a claim in hands
     gains, coupling : plain floats, in the problem's units
     worst : places of `least_ratios`
     """
@@ -309,7 +309,7 @@ def least_ratio_near(
     hands : the box
     gains, coupling : a design, plain numbers
     omega : rad/s
-    hand : of the box
+    hand : hand of the box
     met : the environments; None for every passive one
     """
     theta, start = np.array([omega * device.sample_time]), np.array(astuple(hand))[:, None]
@@ -321,7 +321,7 @@ def least_ratios_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling
 
     Parameters
     ----------
-    device : of an impedance display, plain numbers
+    device : an impedance display, in plain numbers
     gains, coupling : a design, plain numbers
 
     Returns
@@ -340,7 +340,7 @@ def ratio_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling, theta
 
     Parameters
     ----------
-    device : of an impedance display, plain numbers
+    device : an impedance display, in plain numbers
     gains, coupling : a design, plain numbers
     theta : omega T, rad
     """

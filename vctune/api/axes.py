@@ -50,7 +50,7 @@ class AxisDesign:
     Attributes
     ----------
     axis : its problem
-    record : of its design, or of why there is none
+    record : record of its design, or of the reason why there is none
     """
 
     axis: AxisProblem
@@ -68,7 +68,7 @@ def of_each(
     ----------
     axes : the problem file
     work : is called with an axis
-    given : what else the work on an axis depends on
+    given : other inputs of the work on an axis
 
     Returns
     -------
@@ -146,7 +146,7 @@ def write_axes(axes: AxesFile, designs: list[AxisDesign], out: Path, *, reported
     Parameters
     ----------
     axes : the problem file
-    designs : of its axes
+    designs : designs of its axes
     out : in which the folder of the problem is
     reported : whether each folder has a report or will have one
 
@@ -169,7 +169,7 @@ def gains_of_axes(axes: AxesFile, folder: Path) -> dict[str, GainsFile]:
     Parameters
     ----------
     axes : the problem file
-    folder : of the problem, in which each axis has its own
+    folder : folder of the problem, in which each axis has its own
 
     Raises
     ------
@@ -220,7 +220,7 @@ def check_parameters(
     Parameters
     ----------
     axes : the problem file
-    path : of the parameter file
+    path : path of the parameter file
     only : names of the axes to check; empty for all that the file selects
     progress : told the stage of the work
 

@@ -45,8 +45,8 @@ class Known:
 
     Attributes
     ----------
-    record : of its design
-    best : what is proved of its design today; None if it has none
+    record : record of its design
+    best : today's judgement of its design; None if it has none
     resume : where an earlier search stood; None if there was none
     """
 
@@ -62,8 +62,8 @@ class Bounded:
     Attributes
     ----------
     file : the problem
-    record : of its design, with the bound in it; `to_json()` is the object of design.json
-    judgement : of the best design known; None if none is
+    record : record of its design, with the bound in it; `to_json()` is the object of design.json
+    judgement : judgement of the best design known; None if none is
     optimality : `bound`, `gap` and `proved`; None where the problem was known to be infeasible, or time was too short
     """
 
@@ -109,7 +109,7 @@ def bound(
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem; one that leaves something free
-    design : what `solve` has found, or the path of a design.json; None to solve the problem first
+    design : the result of `solve`, or the path of a design.json; None to solve the problem first
     gap : stop when the design's error is at most 1 + gap times the bound
     jobs : threads
     time_limit : s, after which the bound reached so far is returned, solving the problem first included
@@ -159,7 +159,7 @@ def require_free(file: ProblemFile, purpose: str = "choose") -> ProblemFile:
     Parameters
     ----------
     file : the problem
-    purpose : what it is to be free for
+    purpose : purpose for which it must be free
 
     Raises
     ------
@@ -177,7 +177,7 @@ def known_design(file: ProblemFile, path: Path, *, given: bool) -> Known | None:
     Parameters
     ----------
     file : the problem
-    path : of design.json, beside which a search leaves what is left to do
+    path : path of design.json, beside which a search leaves its state
     given : whether there has to be one
 
     Raises
@@ -203,8 +203,8 @@ def write_bounded(bounded: Bounded, path: Path) -> None:
 
     Parameters
     ----------
-    bounded : what a search has proved
-    path : of the design.json; one of another name is written alone, without gains.toml
+    bounded : result of a search
+    path : path of the design.json; one of another name is written alone, without gains.toml
 
     Raises
     ------

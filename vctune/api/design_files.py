@@ -32,8 +32,8 @@ def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> 
     Parameters
     ----------
     problem : that was solved
-    solved : what came of it
-    folder : made if it is not there; what is of an earlier design in it is renamed
+    solved : its result
+    folder : made if it does not exist; files of an earlier design in it are renamed
 
     Returns
     -------
@@ -58,12 +58,12 @@ def write_solved(folder: Path, file: ProblemFile, solved: Solved) -> tuple[Desig
     ----------
     folder : one that is there
     file : the problem
-    solved : what came of it
+    solved : its result
 
     Returns
     -------
-    record : of the design, as it is written
-    renamed : files of an earlier design that were renamed, and to what
+    record : record of the design, as it is written
+    renamed : files of an earlier design that were renamed, and their new names
     """
     from vctune.design.nlp.nlp import ipopt_version
 
@@ -135,7 +135,7 @@ def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> dict[
     ----------
     folder : one that is there
     file : the problem
-    record : of its design, or of why there is none
+    record : record of its design, or of the reason why there is none
 
     Returns
     -------

@@ -90,7 +90,7 @@ def simulate(
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
-    gains : N s/m and N/m, with their coupling; or a gains file or its path; None for what `solve` finds
+    gains : N s/m and N/m, with their coupling; or a gains file or its path; None for the design of `solve`
     coupling : N s/m and kg
     experiment : the only one to simulate, by name or as it is; None for all of the problem
     controller : a compiled controller, or its path, or that of its folder, to run in the place of the design's own;
@@ -128,7 +128,7 @@ def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment,
     Parameters
     ----------
     file : the problem
-    name : of the only experiment; None for all
+    name : name of the only experiment; None for all
 
     Raises
     ------

@@ -62,7 +62,7 @@ def explain(name: str) -> ExplanationRecord:
 
     Parameters
     ----------
-    name : a code as it stands in brackets behind what was said; a key with its tables or the last part of it; a word or
+    name : a code as it stands in brackets after a message; a key with its tables or the last part of it; a word or
         a symbol; a claim's identifier or label
 
     Returns

@@ -70,8 +70,8 @@ def export(
         that the problem fixes
     coupling : N s/m and kg
     to : "c" with vectors to replay, "fmu", "json", or "ros2" for the parameters of an admittance_controller
-    precision : of the firmware's numbers
-    unproved : export what is not proved too; every file then says so at its top
+    precision : precision of the firmware's numbers
+    unproved : also export a design that is not proved; every file then says so at its top
     progress : told the stage of the work
 
     Returns
@@ -123,7 +123,7 @@ def export_parameters(
     ----------
     named : the problem by whose name the export goes
     axes : the designs, at least one
-    unproved : export what is not proved too
+    unproved : also export a design that is not proved
     progress : told the stage of the work
 
     Returns
@@ -169,7 +169,7 @@ def write_export(exported: Exported, folder: str | Path) -> Path:
     Parameters
     ----------
     exported : the files
-    folder : of the design, in which a folder is made for them
+    folder : folder of the design, in which a folder is made for them
 
     Returns
     -------

@@ -83,8 +83,8 @@ def outdated(folder: Path, record: DesignRecord) -> list[Path]:
 
     Parameters
     ----------
-    folder : of the design
-    record : of the design that takes its place
+    folder : folder of the design
+    record : record of the design that takes its place
     """
     try:
         earlier = read_design(folder / DESIGN_FILE)

@@ -40,8 +40,8 @@ class Identification:
     ----------
     found : fits, box and distances
     record : the object of identification.json
-    text : of device.toml
-    excitation : a multisine for what is still uncertain; None if it was not asked for
+    text : text of device.toml
+    excitation : a multisine for the numbers that are still uncertain; None if not requested
     """
 
     found: Identified
@@ -68,9 +68,9 @@ def identify(
     Parameters
     ----------
     logs : CSV files, plain or .gz, all of the same device
-    config : the log.toml that says what their columns are; None if the headers say it
+    config : the log.toml that assigns their columns; None if the headers do
     servo : whether they are of a servo, its command and its position
-    excitation : whether to suggest a multisine for what is still uncertain
+    excitation : whether to suggest a multisine for the numbers that are still uncertain
     progress : told the stage of the work
 
     Returns

@@ -107,9 +107,9 @@ def region(
     x, y : dotted keys of two variables that are free; None for K_v and K_p, or of an impedance display b_c and k_c.
         Where others are free, feasible means that some values of theirs within their bounds will do
     resolution : side of the smallest cell as a share of the plane's, 1/2048 to 1/8
-    solved : what `solve` has found of the problem; None to solve it first
-    time_limit : s, after which what is known is returned
-    stopped : whether to give up now; what is not decided by then is undecided
+    solved : the result of `solve` for the problem; None to solve it first
+    time_limit : s, after which the function returns the result so far
+    stopped : whether to give up now; the remaining cells are undecided
     progress : told the stage of the work
 
     Returns
@@ -187,12 +187,12 @@ def write_region(found: AdmissibleGains, folder: Path) -> tuple[Path | None, boo
 
     Parameters
     ----------
-    found : what was proved of the plane; of a search that was interrupted, an earlier region that was not is kept
+    found : the region; if its search was interrupted, an earlier complete region is kept
     folder : one that is there
 
     Returns
     -------
-    kept : what region.json of an earlier search was renamed to, None if it was not
+    kept : new name of an earlier search's region.json, None if it was not renamed
     drawn : whether the picture was
 
     Raises

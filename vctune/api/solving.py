@@ -32,8 +32,8 @@ def solve(
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
     gap : prove that no design has an error lower by more than this share
-    prices : work out what each number of the device would be worth if it were better by a hundredth
-    time_limit : s, after which what is known is returned; `cut` then says what was cut short
+    prices : compute the value of each number of the device if it were better by a hundredth
+    time_limit : s, after which the function returns the result so far; `cut` then names the missing parts
     progress : told the stage of the work
 
     Returns

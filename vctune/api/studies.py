@@ -37,8 +37,8 @@ class Swept:
 
     Attributes
     ----------
-    study : what was solved
-    table : a row a point: its axes, what became of it, error, design and least ratio
+    study : the solved study
+    table : a row for each point: its axes, status, error, design and least ratio
     dropped : torn lines of an interrupted earlier run, whose points were solved again
     """
 

@@ -26,10 +26,10 @@ class Measured:
 
     Attributes
     ----------
-    title, reading : what it is, and how the picture is read
-    rows : of one frozen dataclass
-    facts : what the rows say, a sentence each
-    panels : of the picture
+    title, reading : title of the benchmark, and how to read its picture
+    rows : rows of one frozen dataclass
+    facts : the findings, a sentence each
+    panels : panels of the picture
     """
 
     title: str
@@ -63,7 +63,7 @@ def page(name: str, measured: Measured, command: str, machine: str) -> str:
     Parameters
     ----------
     name : stem of the benchmark's files
-    measured : what it found
+    measured : its result
     command : that makes it again
     machine : on which it ran
     """
@@ -86,8 +86,8 @@ def record_of(name: str, measured: Measured, machine: str) -> BenchRecord:
 
     Parameters
     ----------
-    name : of the benchmark
-    measured : what it found
+    name : name of the benchmark
+    measured : its result
     machine : on which it ran
     """
     rows = [{key: _existing(value) for key, value in asdict(row).items()} for row in measured.rows]
@@ -105,7 +105,7 @@ def write_measured(folder: Path, name: str, measured: Measured, command: str, ma
     ----------
     folder : for the files
     name : their stem
-    measured : what was found
+    measured : the result
     command : that makes it again
     machine : on which it ran
 

@@ -38,7 +38,7 @@ class Dense:
     Attributes
     ----------
     prepared : the problem
-    structure, free, fixed : what the NLP contains, its variables, and the values of the others
+    structure, free, fixed : structure of the NLP, its variables, and the values of the others
     numbers : where to start, parameters, bounds
     """
 

@@ -37,7 +37,7 @@ class Case:
 
     Attributes
     ----------
-    mass, damping, sample_time, delay, hold : of the device
+    mass, damping, sample_time, delay, hold : those of the device
     K_v, K_p : gains
     b_c, m_c, b_0 : damping, mass and drag of the coupling
     m_h, b_h : mass and damping of the least operator
@@ -99,7 +99,7 @@ def case_of(device: Device, gains: Gains, coupling: AnyCoupling) -> Case:
     ----------
     device : plain numbers, SI units
     gains : K_v and K_p, N s/m and N/m
-    coupling : of an admittance display
+    coupling : coupling of an admittance display
 
     Returns
     -------

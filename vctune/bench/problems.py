@@ -59,7 +59,7 @@ def posed(name: str, document: dict[str, Any]) -> Problem:
 
     Parameters
     ----------
-    name : of the problem
+    name : name of the problem
     document : its tables
     """
     problem, faults = pose(document, name)

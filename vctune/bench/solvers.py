@@ -50,7 +50,7 @@ class Peer:
     Attributes
     ----------
     name, count : how it is called, and frequencies of each kind in its grid
-    work : what it does with a problem
+    work : function that solves a problem
     reserve : relative sharpening of its demands
     """
 
@@ -72,7 +72,7 @@ class Row:
     pace : vctune's time over the solver's, median of pairs measured one after the other
     starts, unstable : starts that it was run from, and how many answers it gave whose sampled loop is unstable
     succeeded : whether the solver says so of the answer that it gave
-    gap : by what share its error is above the best proved one of all solvers
+    gap : share by which its error is above the best proved one of all solvers
     error, violation, stable, verdict, consistent : see `vctune.bench.judged.Worth`
     """
 
@@ -107,7 +107,7 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
     ----------
     quick : whether on the first problem alone
     seed : not used: nothing here is random
-    tick : told what is measured next
+    tick : function that receives the next stage
 
     Returns
     -------

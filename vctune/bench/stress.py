@@ -45,10 +45,10 @@ class Row:
     ----------
     status : certified, infeasible, undecided, or failed: an exception, a number that is none, no answer in time
     seconds : processor time of the solve
-    wrong : what contradicts the verdict, "" if nothing does
+    wrong : contradiction of the verdict, "" if there is none
     float_error : largest relative error of the float formulas against 50 digits, over Re Z_c/R, |G_hh|, |1 - G_he| and
         |Z_c|; nan where no design was found
-    reason, device : what is said of a device without an answer or with a wrong one, and its numbers; else ""
+    reason, device : remark on a device without an answer or with a wrong one, and its numbers; else ""
     """
 
     number: int
@@ -66,7 +66,7 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
     Parameters
     ----------
     quick : whether only `QUICK` of them
-    seed : of the devices
+    seed : seed of the devices
     tick : told how many are done
 
     Returns
@@ -101,7 +101,7 @@ def examined(seed: int, number: int) -> Row:
 
     Parameters
     ----------
-    seed, number : of the device
+    seed, number : those of the device
 
     Returns
     -------
@@ -152,7 +152,7 @@ def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
     Parameters
     ----------
     problem : with its demands
-    judgement : of a design, of any status; only a certified one can be contradicted
+    judgement : judgement of a design, of any status; only a certified one can be contradicted
     """
     from vctune.bench import digits
 

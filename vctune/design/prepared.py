@@ -65,7 +65,7 @@ class Posed:
     hand_cases : the problem of each device whose hands are looked at: those of `cases`, and delays at which it matters
     objective : those of them whose greatest error is the objective
     box : all devices for which a design is to be proved; None for the problem's own alone
-    demands : what a design has to meet
+    demands : the constraints on a design
     span : the part of the stability band that sampling can reach, rad/s
     """
 

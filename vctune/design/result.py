@@ -33,7 +33,7 @@ class Solution:
     peak_tracked : whether the tracked peak of |S| stayed within its reach
     iterations : number of IPOPT iterations
     others : the other unknowns: log frequencies of tracked peaks, and the epigraph variable if there is one
-    multipliers : of the constraints in use, in the order of the NLP; negative where a lower bound binds
+    multipliers : multipliers of the constraints in use, in the order of the NLP; negative where a lower bound binds
     """
 
     z: Floats
@@ -69,7 +69,7 @@ class Polished:
     values : K_v, K_p, b_c, m_c, b_0
     error : transparency error
     structure, working_set, solution : the last NLP, its working set and where IPOPT stopped
-    tightening : by what share the demands were sharpened
+    tightening : relative tightening of the constraints
     rounds : history
     """
 
@@ -94,8 +94,8 @@ class Repair:
     ----------
     key : dotted key
     old, new : its values, in the unit of the file
-    change : what that means
-    needs : what the file has to say, a line of TOML
+    change : the meaning of the change
+    needs : the new text of the file, a line of TOML
     size : change relative to the greater of both values; of repairs with the same error the smallest comes first
     error : transparency error of the design that there is then
     """
@@ -123,9 +123,9 @@ class Price:
 
     Attributes
     ----------
-    key : of the number in the problem file
+    key : key of the number in the problem file
     old, new : its value and one that is better by a hundredth, in SI units and hertz
-    change : of the least error, relative to it, to first order; at most 0
+    change : change of the least error, relative to it, to first order; at most 0
     """
 
     key: str
@@ -141,9 +141,9 @@ class Alternative:
     Attributes
     ----------
     criterion : "hands" or "passive"
-    error : of its design
-    stiffness : of an impedance display's, N/m
-    drag : of an admittance display's, N s/m
+    error : error of its design
+    stiffness : stiffness of an impedance display's coupling, N/m
+    drag : drag of an admittance display's coupling, N s/m
     """
 
     criterion: Criterion
@@ -159,18 +159,19 @@ class Solved:
     Attributes
     ----------
     problem : the problem
-    judgement : of the best design, None when there is none
+    judgement : judgement of the best design, None when there is none
     polished : the local optimum it was rounded from, None when nothing was optimised
     optima : how many local optima were found
     infeasibility : why there is no design, else None
-    scanned : what the scan saw, None when nothing was scanned
+    scanned : result of the scan, None if there was none
     seconds : by stage
     optimality : how much better any design could be, None when nobody asked
-    nominal_error : of the best design for the nominal device alone, not proved, None when no device is uncertain
+    nominal_error : error of the best design for the nominal device alone, not proved, None when no device is
+        uncertain
     repairs : changes of the problem that would make a design possible, None when nobody asked
-    alternatives : what either criterion alone would allow, None when there is one or nobody asked
-    prices : what a better device would be worth, the greatest gain first, None when nobody asked or there is no optimum
-    cut : what the time limit cut short, in words
+    alternatives : error that either criterion alone would allow, None if there is one criterion or it was not requested
+    prices : values of a better device, the greatest gain first, None if not requested or without an optimum
+    cut : stages that the time limit cut short, in words
     """
 
     problem: Problem

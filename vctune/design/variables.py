@@ -50,8 +50,8 @@ class Coordinate:
 
     Attributes
     ----------
-    index : of the variable among a design's numbers
-    name : of the variable
+    index : index of the variable among a design's numbers
+    name : name of the variable
     scale : 0, or the size below which x hardly matters, so that x = 0 is an ordinary point
     low, high : bounds of z
     """

@@ -41,7 +41,7 @@ class Device(devices.Device):
     delay : s, from sampling to actuation, beyond the hold
     hold : "zoh", the exact zero-order hold, or "lag", the first-order lag 2/(2 + sT)
     operator : the least impedance that is always at the handle; None for none
-    velocity, actuator, force_sensor, structure : what an ideal device has not; None for ideal
+    velocity, actuator, force_sensor, structure : parts that an ideal device lacks; None if ideal
     units : "linear", or "rotary": kg m2, N m s/rad and the like in place of kg and N s/m
 
     Raises
@@ -97,7 +97,7 @@ def design(gains: DesignSource, coupling: AnyCoupling | None = None, kind: Displ
     ----------
     gains : a gains file or its path, or the gains of a coupling
     coupling : None with a file
-    kind : of the device that a coupling is for, if it is the coupling of such a device
+    kind : kind of the device that a coupling is for, if it is the coupling of such a device
 
     Raises
     ------

@@ -35,7 +35,7 @@ class LogMap:
     ----------
     document : as written, checked
     source : path of the file; "log.toml" where there is none
-    text : of the file, "" where there is none
+    text : text of the file, "" where there is none
     servo : whether the logs are of a servo and its command
     """
 
@@ -55,7 +55,7 @@ def read_log_map(path: Path | None, *, servo: bool = False) -> LogMap:
 
     Parameters
     ----------
-    path : of the file
+    path : path of the file
     servo : whether the logs are of a servo and its command
 
     Returns
@@ -79,8 +79,8 @@ def read_log(path: Path, known: LogMap) -> Recording:
 
     Parameters
     ----------
-    path : of a CSV file, or of one packed by gzip; separated by commas, semicolons or tabs, with a line of headers
-    known : which column is what
+    path : path of a CSV file, or of one packed by gzip; separated by commas, semicolons or tabs, with a line of headers
+    known : roles of the columns
 
     Returns
     -------

@@ -33,10 +33,10 @@ class LogTable:
 
     Attributes
     ----------
-    headers : of the columns
+    headers : headers of the columns
     numbers : shape (rows, columns), finite
     first_line : line of the file on which the first row stands
-    sha256 : of the file
+    sha256 : digest of the file
     """
 
     headers: list[str]
@@ -50,7 +50,7 @@ def read_table(path: Path) -> LogTable:
 
     Parameters
     ----------
-    path : of a CSV file, or of one packed by gzip
+    path : path of a CSV file, or of one packed by gzip
 
     Returns
     -------

@@ -26,9 +26,9 @@ class AxisProblem:
 
     Attributes
     ----------
-    name : of the axis
+    name : name of the axis
     file : its problem, named after the file's and its own name; the text is that of the merged tables
-    line : of its [[axis]]
+    line : line of its [[axis]]
     """
 
     name: str
@@ -42,7 +42,7 @@ class AxesFile:
 
     Attributes
     ----------
-    name : of the problem
+    name : name of the problem
     axes : in the file's order, at least one
     """
 
@@ -55,7 +55,7 @@ def read_axes(path: str | Path) -> AxesFile | None:
 
     Parameters
     ----------
-    path : of a TOML file
+    path : path of a TOML file
 
     Returns
     -------
@@ -82,7 +82,7 @@ def read_problem_or_axes(path: str | Path) -> ProblemFile | AxesFile:
 
     Parameters
     ----------
-    path : of a TOML file
+    path : path of a TOML file
 
     Returns
     -------
@@ -104,7 +104,7 @@ def axes_file(text: str, path: Path) -> AxesFile | None:
     Parameters
     ----------
     text : TOML
-    path : of the file, whose stem is the problem's name unless the text has one
+    path : path of the file, whose stem is the problem's name unless the text has one
 
     Raises
     ------
@@ -141,7 +141,7 @@ def merged(shared: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
 
     Parameters
     ----------
-    shared : of the file
+    shared : shared tables of the file
     own : of an axis
     """
     found = deepcopy(dict(shared))

@@ -58,7 +58,7 @@ def read_problem(path: str | Path) -> ProblemFile:
 
     Parameters
     ----------
-    path : of a TOML file
+    path : path of a TOML file
 
     Returns
     -------
@@ -79,7 +79,7 @@ def problem_file(text: str, path: Path) -> ProblemFile:
     Parameters
     ----------
     text : TOML
-    path : of the file, whose stem is the problem's name unless the text has one
+    path : path of the file, whose stem is the problem's name unless the text has one
 
     Raises
     ------
@@ -97,8 +97,8 @@ def parse_problem(text: str, source: str, default_name: str) -> Problem:
     Parameters
     ----------
     text : TOML
-    source : what messages call it
-    default_name : of the problem, unless the text has one
+    source : its name in messages
+    default_name : default name of the problem, unless the text has one
 
     Raises
     ------
@@ -119,7 +119,7 @@ def pose(
     Parameters
     ----------
     raw : tables
-    default_name : of the problem, unless they have one
+    default_name : default name of the problem, unless they have one
     yardstick : by whose band and Z_0 its designs are compared with others, unless the tables state them; None for its
         own
 
@@ -162,7 +162,7 @@ class GainsFile:
 
     Attributes
     ----------
-    kind : of display that the design is for
+    kind : kind of display of the design
     gains, coupling : the design
     sha256 : digest of the problem that it was made for, if the file says so
     units : that the numbers are in, if the file says so
@@ -192,7 +192,7 @@ def gains_file(text: str, path: Path) -> GainsFile:
     Parameters
     ----------
     text : TOML
-    path : of the file, for messages
+    path : path of the file, for messages
 
     Raises
     ------

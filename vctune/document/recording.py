@@ -25,7 +25,7 @@ class Channel:
 
     Attributes
     ----------
-    header : of the column in the file
+    header : header of the column in the file
     values : shape (n,), SI units
     scale : SI units per unit of the column
     quantum : resolution as the map states it, SI units; None if it does not
@@ -46,7 +46,7 @@ class Recording:
     Attributes
     ----------
     source : path of its file
-    sha256 : of the file
+    sha256 : digest of the file
     first_line : line of the file on which its first sample stands
     channels : by role, one of `ROLES` or `SERVO_ROLES`
     ignored : headers of columns that nothing was made of

@@ -37,7 +37,7 @@ class Admittance:
     damping_ratio : zeta
     stiffness : S, N/m; N m
     joint_damping : share of each joint's velocity that it loses beside D, 1/s
-    line : of the file, with the masses
+    line : line of the file, with the masses
     """
 
     axis: str
@@ -71,8 +71,8 @@ class AdmittanceFile:
     ----------
     axes : in the file's order, at least one
     filter_coefficient : share of each new sample in the filter of the force
-    line : of the file, with the selection
-    lines : of the file, by the dotted keys of `TUNED` or of the nearest table that is there
+    line : line of the file, with the selection
+    lines : lines of the file, by the dotted keys of `TUNED` or of the nearest table that is there
     """
 
     axes: tuple[Admittance, ...]
@@ -91,7 +91,7 @@ def read_admittance(path: Path) -> AdmittanceFile:
 
     Parameters
     ----------
-    path : of a YAML file with `NAME: ros__parameters: admittance: ...`
+    path : path of a YAML file with `NAME: ros__parameters: admittance: ...`
 
     Raises
     ------

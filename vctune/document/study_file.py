@@ -34,7 +34,7 @@ class Sample:
     Attributes
     ----------
     kind : every combination, a Latin hypercube, or the axes' lists side by side
-    n, seed : of a Latin hypercube
+    n, seed : those of a Latin hypercube
     """
 
     kind: Literal["grid", "lhs", "list"] = "grid"
@@ -48,9 +48,9 @@ class Study:
 
     Attributes
     ----------
-    name : of the study
+    name : name of the study
     document : the problem file, parsed
-    axes : what varies
+    axes : the numbers that vary
     yardstick : the objective of the problem as it is, whose band and Z_0 every point has unless an axis states others
     sample : how the axes vary
     """
@@ -138,8 +138,8 @@ def build_study(
     ----------
     problem : read or built
     axes : by dotted key: values, or `{"linear": [a, b], "n": n}`, or `{"log": [a, b], "n": n}`
-    sample : `kind`, and what it needs of `n` and `seed`; None for every combination
-    name : of the study
+    sample : `kind`, with `n` and `seed` if it needs them; None for every combination
+    name : name of the study
 
     Raises
     ------

@@ -46,7 +46,7 @@ def rendered_template(name: str, given: dict[str, Any]) -> str:
     Parameters
     ----------
     name : without .j2
-    given : what its variables are
+    given : its variables
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 

@@ -26,7 +26,7 @@ def literal(number: float, precision: Precision) -> str:
     Parameters
     ----------
     number : one of the precision
-    precision : of the constant
+    precision : precision of the constant
     """
     if number in (inf, -inf):
         return "VCTUNE_NONE" if number > 0 else "-VCTUNE_NONE"
@@ -42,8 +42,8 @@ def code(term: Term, names: Mapping[Symbol, str], precision: Precision) -> str:
     Parameters
     ----------
     term : a number, a symbol or an operation on terms
-    names : what symbols are called in C
-    precision : of constants
+    names : names of symbols in C
+    precision : precision of constants
     """
 
     def called(operator: str, operands: list[str]) -> str:

@@ -20,7 +20,7 @@ def replay_files(made: Firmware, simulated: list[Replay]) -> dict[str, str]:
     Parameters
     ----------
     made : the design as firmware
-    simulated : what it is to replay
+    simulated : the simulated runs to replay
     """
     given: dict[str, Any] = {
         **names_and_numbers(made),

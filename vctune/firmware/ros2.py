@@ -74,9 +74,9 @@ def ros2_files(name: str, axes: Sequence[RosAxis], made: Sequence[Firmware]) -> 
 
     Parameters
     ----------
-    name : of the problem
+    name : name of the problem
     axes : the designs
-    made : what `ros2_firmware` made of them
+    made : result of `ros2_firmware`
     """
     told: dict[str, list[str]] = {}
     for axis, one in zip(axes, made, strict=True):

@@ -32,7 +32,7 @@ class Replay:
     Attributes
     ----------
     experiment : its description
-    position, reference : of the motor, and x_e, where it starts, m
+    position, reference : position of the motor, and x_e, where it starts, m
     measured : position [m], velocity [m/s] and force [N] at each sample, shape (n, 3)
     command : u, N; of a servo m/s or m
     """
@@ -97,8 +97,8 @@ def vectors_text(made: list[Replay], units: Units, commanded: Commanded) -> str:
     Parameters
     ----------
     made : the vectors
-    units : of the device, which the columns name
-    commanded : what the last column is
+    units : units of the device, which the columns name
+    commanded : quantity of the last column
     """
     measured = {
         "position": units.position,
@@ -120,7 +120,7 @@ def greatest_difference(firmware: Firmware, made: list[Replay]) -> float:
     Parameters
     ----------
     firmware : in single precision
-    made : what it is to replay
+    made : the simulated runs to replay
     """
     return max(float(np.abs(commands(firmware, one) - one.command).max()) for one in made)
 
@@ -131,7 +131,7 @@ def commands(firmware: Firmware, one: Replay) -> Floats:
     Parameters
     ----------
     firmware : with its coefficients
-    one : what it is to replay
+    one : the simulated runs to replay
     """
     start = Start(one.experiment.environment, one.experiment.limit, one.position, one.reference)
     stepped = SteppedFirmware(firmware.parts, firmware.coefficients, start, firmware.precision)
@@ -143,8 +143,8 @@ def experiment_line(one: Replay, parts: Parts) -> str:
 
     Parameters
     ----------
-    one : what was simulated
-    parts : of the firmware, which say what it is told at the start: the position for a difference, and a limit
+    one : the simulated run
+    parts : parts of the firmware, which say what it is told at the start: the position for a difference, and a limit
     """
     rendered = one.experiment.environment
     numbers = [rendered.mass, rendered.damping, rendered.stiffness, rendered.zero]

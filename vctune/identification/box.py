@@ -42,7 +42,7 @@ class Estimate:
     source : which record, and how
     excess : by how much other ways to look at the record differ more than they should, below and above
     stated : whether it is the user's, and no record's
-    reason : of the excess
+    reason : reason of the excess
     """
 
     key: str
@@ -64,7 +64,7 @@ class Bounded:
     value : middle of the interval
     low, high : its ends
     sampled : half-width of the widest interval that a single estimate has by its sigma
-    limits : what the interval is made by
+    limits : sources of the interval
     estimates : that it holds
     """
 
@@ -92,7 +92,7 @@ def box(estimates: Sequence[Estimate], sample_time: float) -> tuple[Bounded, ...
 
     Parameters
     ----------
-    estimates : of any records and directions
+    estimates : estimates of any records and directions
     sample_time : s
     """
     keys = list(dict.fromkeys(estimate.key for estimate in estimates))

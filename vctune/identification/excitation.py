@@ -41,7 +41,7 @@ class Excitation:
     periods : how many to record, the first of them dropped
     peak, speed : greatest force and predicted root mean square speed, N and m/s
     spread : relative standard deviation that is predicted of the worst line
-    reasons : what it is for
+    reasons : its purpose
     """
 
     force: Floats
@@ -59,7 +59,7 @@ def excitation(found: Identified) -> Excitation:
 
     Parameters
     ----------
-    found : what is known of it so far
+    found : the estimates so far
     """
     device, T = found.device, float(found.device.sample_time)
     low = min(max(float(device.damping / device.mass) / (2 * pi), 8 / LONGEST), 0.1 * HIGHEST / T)

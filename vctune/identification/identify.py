@@ -36,15 +36,15 @@ class Identified:
 
     Attributes
     ----------
-    name : of the device
+    name : name of the device
     device : in the middle of the box
     bounds : the box
-    unmodelled : (Hz, radius) of what no device of the box has; none of slow motion alone
+    unmodelled : (Hz, radius) of the response that no device of the box has; empty for slow motion alone
     distances : relative, of each line or band to the nearest device of the box, for each record that has them
     friction : for the simulation; None where none was found
-    force_noise : of a sample of the sensed force, N; None where none was recorded
+    force_noise : noise of a sample of the sensed force, N; None if no force was recorded
     records : one for each recording
-    remarks : what the recordings do not tell, and what was done about it
+    remarks : remarks on what the recordings do not show
     """
 
     name: str
@@ -68,8 +68,8 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
     Parameters
     ----------
     recordings : at least one, all of the same device
-    known : what the user says of them
-    name : of the device
+    known : the user's statements about them
+    name : name of the device
     progress : told the stage of the work
 
     Returns

@@ -91,7 +91,7 @@ def with_known(
 
     Parameters
     ----------
-    estimates : of all recordings
+    estimates : estimates of all recordings
     known : the log.toml, which may state the delay
     T : sample time, s
     recordings : for messages

@@ -37,11 +37,11 @@ class RecordStudy:
 
     Attributes
     ----------
-    recording : as it was read; a force alone as what it was taken for
+    recording : as it was read; a force alone in the role that the fit gave it
     sample_time : s
-    motion, periodic, servo : of any motion, of a periodic excitation, or of a servo; None for the others
-    remarks : what to know of the recording
-    alike : what another reading of it says that explains it as well
+    motion, periodic, servo : study of any motion, of a periodic excitation, or of a servo; None for the others
+    remarks : remarks on the recording
+    alike : result of another reading that explains it equally well
     """
 
     recording: Recording
@@ -114,7 +114,7 @@ def record_study(recording: Recording, T: float, known: LogMap) -> RecordStudy:
     ----------
     recording : checked
     T : sample time, s
-    known : what the user says of the device
+    known : the user's statements about the device
 
     Returns
     -------

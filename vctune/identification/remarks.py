@@ -21,9 +21,9 @@ def what_is_not_told(studies: Sequence[RecordStudy], bounds: Sequence[Bounded], 
 
     Parameters
     ----------
-    studies : of all recordings
+    studies : studies of all recordings
     bounds : the box
-    known : what the user says of the device
+    known : the user's statements about the device
     """
     said = [remark for study in studies for remark in study.remarks]
     if known.servo:

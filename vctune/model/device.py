@@ -75,10 +75,11 @@ class Servo:
     Attributes
     ----------
     delay : from sampling to motion beyond the hold, s, >= 0
-    bandwidth_hz : of the low-pass from the late command to the motion, Hz, > 0
-    order : of that low-pass, 1 or 2 with damping ratio 1/sqrt(2)
+    bandwidth_hz : bandwidth of the low-pass from the late command to the motion, Hz, > 0
+    order : order of that low-pass, 1 or 2 with damping ratio 1/sqrt(2)
     command : "velocity", held over a sample, or "position", interpolated linearly over it
-    stiffness : of a spring by which the firmware pulls what it measures of the position to a reference, N/m; None
+    stiffness : stiffness of a spring by which the firmware pulls the measured position to a reference,
+        N/m; None
         without it. It passes no force sensor
     radii : (Hz, r) of a disc around 1 by which what is sensed of a command may be multiplied; straight between these on
         logarithmic axes, constant above the last, and below the first as the frequency: at rest a servo is where it was
@@ -100,9 +101,9 @@ class Structure:
     Attributes
     ----------
     handle_mass : kg, > 0, less than the device's
-    frequency_hz : of the free resonance of both masses, Hz, > 0
-    damping_ratio : of that resonance, >= 0
-    load : what moves as one with the handle; None for nothing. Frequency and damping ratio are those without it
+    frequency_hz : frequency of the free resonance of both masses, Hz, > 0
+    damping_ratio : damping ratio of that resonance, >= 0
+    load : mass that moves as one with the handle; None for nothing. Frequency and damping ratio are those without it
     """
 
     handle_mass: Number
@@ -119,7 +120,7 @@ class Unmodelled:
     ----------
     radii : (frequency in Hz, radius), increasing in frequency: r is straight between them on logarithmic axes, and
         constant beyond
-    share : of the radius, 0 <= share <= 1
+    share : share of the radius, 0 <= share <= 1
     phase : rad
     """
 
@@ -168,8 +169,8 @@ class Device:
     sample_time : s, > 0
     delay : s, >= 0, from sampling to actuation, beyond the hold
     hold : "zoh", the exact (1-e^{-sT})/(sT), or "lag", the paper's 2/(2+sT)
-    operator : what is always at the handle; None if nothing need be
-    velocity, actuator, force_sensor, structure : what an ideal device has not; None each
+    operator : the least hand at the handle; None if there is none
+    velocity, actuator, force_sensor, structure : parts that an ideal device lacks; None each
     servo : the vendor's loop of a servo; None for any other display
     unmodelled : which of the responses that are as good as its own; None for its own
     display : name of its kind (`vctune.model.display`)

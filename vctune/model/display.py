@@ -25,7 +25,7 @@ class Display:
     ----------
     name : in a problem file
     makes : input and output, in words; {force} stands for force or torque
-    keys : of the numbers of a design, in order
+    keys : keys of the numbers of a design, in order
     absent : those of `keys` that are always 0
     coupling : type of its virtual coupling
     couples : "Z_c" or "1/Z_c", the response of its coupling that the error and the conditions count
@@ -34,7 +34,7 @@ class Display:
     banded : whether any passive hand is met on a band, in the frequency model; else up to Nyquist, in the sampled loop
     band : default transparency band, Hz times the lag of the loop
     own_loop : whether its firmware closes a loop around the device, so that there is a sensitivity
-    terms : of the error, those that are not always 0
+    terms : terms of the error that are not always 0
     """
 
     name: DisplayName

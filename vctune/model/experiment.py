@@ -44,7 +44,7 @@ class Operator:
     start, end : between which places, m
     speed : greatest speed of the intended motion, m/s
     cycles : how many times to and fro
-    mass, damping, stiffness : of the hand, kg, N s/m, N/m
+    mass, damping, stiffness : those of the hand, kg, N s/m, N/m
     """
 
     motion: Motion
@@ -65,8 +65,8 @@ class Friction:
     ----------
     coulomb, stiction : sliding friction at high and at vanishing speed, N
     stribeck_velocity : speed at which one becomes the other, m/s
-    stiffness : of the bristles, N/m
-    damping : of the bristles, N s/m
+    stiffness : stiffness of the bristles, N/m
+    damping : damping of the bristles, N s/m
     """
 
     coulomb: float
@@ -82,9 +82,9 @@ class Sensors:
 
     Attributes
     ----------
-    position_resolution : of the encoder, m; 0 for none
+    position_resolution : resolution of the encoder, m; 0 for none
     force_noise : standard deviation of each force sample, N
-    seed : of the noise
+    seed : seed of the noise
     """
 
     position_resolution: float

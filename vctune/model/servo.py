@@ -16,8 +16,8 @@ class Latency:
     ----------
     hold : T/2
     interpolation : T/2 of a position command
-    delay : of the servo
-    lag : of its low-pass
+    delay : delay of the servo
+    lag : lag of its low-pass
     sensor : delay and lag of the force sensor
     filter : lag of the firmware's filter of the sensed samples
     """

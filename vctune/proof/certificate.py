@@ -43,8 +43,8 @@ class Certificate:
 
     Attributes
     ----------
-    design : what it is about
-    demands : what the design has to meet
+    design : the design that it is about
+    demands : the constraints on the design
     outcomes : verdict, boxes and witness [rad/s] of each claim, by its identifier
     without_factor : the conditions with a factor of 1 where they are not proved with the demanded one, else None
     box : the devices that it is about, None for the design's own alone

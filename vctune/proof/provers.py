@@ -36,7 +36,7 @@ class Question:
     Attributes
     ----------
     design : in plain numbers
-    demands : what it has to meet
+    demands : its constraints
     box : devices for all of which it is to be proved, None for the design's own
     """
 

@@ -22,9 +22,9 @@ def write_report(record: DesignRecord, folder: Path, simulation: SimulationRecor
 
     Parameters
     ----------
-    record : of the design
+    record : record of the design
     folder : for report.html and the figures
-    simulation : of this design; None without one
+    simulation : simulation of this design; None without one
 
     Raises
     ------
@@ -40,9 +40,9 @@ def report_files(record: DesignRecord, folder: Path, simulation: SimulationRecor
 
     Parameters
     ----------
-    record : of the design
+    record : record of the design
     folder : for the files
-    simulation : of this design; None without one
+    simulation : simulation of this design; None without one
 
     Returns
     -------
@@ -70,7 +70,7 @@ def simulation_files(simulation: SimulationRecord, folder: Path) -> dict[Path, s
 
     Parameters
     ----------
-    simulation : of any design
+    simulation : simulation of any design
     folder : for the file
 
     Returns

@@ -31,9 +31,9 @@ class Fit:
 
     Attributes
     ----------
-    value : what is felt
-    asked : what the environment says
-    standard_error : of the value, from the residual
+    value : felt value
+    asked : value of the environment
+    standard_error : standard error of the value, from the residual
     """
 
     value: float
@@ -53,9 +53,9 @@ class Metrics:
     offset : the fit's force at the origin, N
     residual : root mean square of the force about the fit, N
     ripple : greatest less least force about the fit where the handle's speed is below a tenth of its greatest, N
-    handle_energy : what the hand has put into the handle, J
-    environment_energy : what the environment has taken in, J
-    motor_energy : what the motor has put into the device, J, as commanded; None for a servo
+    handle_energy : work of the hand on the handle, J
+    environment_energy : energy absorbed by the environment, J
+    motor_energy : work of the motor on the device, J, as commanded; None for a servo
     handle_deficit, environment_deficit : the most that each has given beyond what it took, J: a passivity observer
     peak_motor : greatest |u|, the command, N; m/s or m where a velocity or a position is commanded
     saturated : share of the samples at the actuator's limit
@@ -88,11 +88,11 @@ def metrics(
 
     Parameters
     ----------
-    traces : of a run that did not diverge
+    traces : traces of a run that did not diverge
     environment : that was rendered
     operator : the hand
     limit : greatest force of the actuator, N; None for none
-    commanded : what the firmware commands
+    commanded : kind of the firmware's command
 
     Returns
     -------

@@ -26,14 +26,14 @@ class Traces:
     ----------
     time : s
     intended : position that the hand wants, m
-    position, velocity : of the handle, m, m/s; without a spring between them also the motor's
+    position, velocity : motion of the handle, m, m/s; without a spring between them also the motor's
     force : f_h, the hand's force on the handle, N
     reference, desired : x_e and v_e, of the rendered environment, m, m/s
     environment_force : f_e, N
     motor : u, the command: a force, N; of a servo a velocity, m/s, or a position, m
-    sensed : f_s, what the force sensor has of f_h, noise included, N
+    sensed : f_s, the sensed f_h, with noise, N
     diverged : when the handle left the hand's travel for good, s, and the traces end; None if it did not
-    motor_position, motor_velocity : what the firmware's encoder sees, m, m/s; None where it moves as the handle
+    motor_position, motor_velocity : motion of the firmware's encoder, m, m/s; None if it moves as the handle
     """
 
     time: Floats
@@ -93,7 +93,7 @@ def motion_inputs(scene: Scene, first: int, noise: np.random.Generator) -> Float
 
     Parameters
     ----------
-    scene : what the run consists of
+    scene : the scene of the run
     first : number of the first sample
     noise : generator of the force sensor's, advanced by `CHUNK` samples where there is any
 

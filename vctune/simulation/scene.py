@@ -22,9 +22,9 @@ class Scene:
     ----------
     device : with all its parts; its hold is always the real, zero-order one
     operator : the hand
-    friction : of the device; None for none
+    friction : friction of the device; None for none
     law : the firmware
-    force_noise, seed : of the force samples, N
+    force_noise, seed : those of the force samples, N
     """
 
     device: Device
@@ -47,7 +47,7 @@ class Equilibrium:
 
     Attributes
     ----------
-    position, bend : of the motor, and by how much the handle is ahead of it, m
+    position, bend : position of the motor, and by how much the handle is ahead of it, m
     reference : x_e, m
     motor : command: of the motor, N, or of a servo, m/s, m
     hand : force of the hand, N
@@ -101,7 +101,7 @@ def designed_scene(device: Device, gains: Gains, coupling: AnyCoupling, experime
     ----------
     device : plain numbers, SI units
     gains, coupling : the design
-    experiment : what it is tried in
+    experiment : the experiment of the run
     """
     return _scene(device, experiment, gains, 0.0, coupling, 0.0, 0.0)
 
@@ -112,7 +112,7 @@ def baseline_scene(device: Device, experiment: Experiment, pid: Baseline) -> Sce
     Parameters
     ----------
     device : plain numbers, SI units
-    experiment : what it is tried in
+    experiment : the experiment of the run
     pid : the regular controller
     """
     return _scene(device, experiment, Gains(pid.kd, pid.kp), pid.ki, None, pid.mass, pid.damping)
@@ -125,7 +125,7 @@ def designed_law(device: Device, gains: Gains, coupling: AnyCoupling | None, env
     ----------
     device : its sample time and its velocity estimate
     gains, coupling : the design
-    environment : what is rendered
+    environment : the rendered environment
     """
     estimate = device.velocity or VelocityEstimate()
     smooth = estimate.filter_hz is not None

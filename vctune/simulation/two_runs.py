@@ -21,9 +21,9 @@ class Run:
 
     Attributes
     ----------
-    traces : what was recorded
-    metrics : what that says; None if the run diverged
-    mode : of the linear sampled loop of device, hand and environment that grows the fastest
+    traces : the recorded samples
+    metrics : its measures; None if the run diverged
+    mode : mode of the linear sampled loop of device, hand and environment that grows the fastest
     """
 
     traces: Traces
@@ -40,7 +40,8 @@ class Simulated:
     experiment : its description
     baseline, design : the two runs; no baseline without one in the description
     least_virtual : least share of the baseline's virtual mass and damping that is stable; None without one
-    difference : of the commands of a firmware, where one ran in the place of the design's own, whose `mode` stays
+    difference : difference of the commands of a firmware, where one ran in the place of the design's own, whose
+        `mode` stays
     """
 
     experiment: Experiment

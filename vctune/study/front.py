@@ -66,7 +66,7 @@ def band_study(document: dict[str, Any], problem: Problem) -> Study:
     Parameters
     ----------
     document : tables of the problem file, in which the band's edges are replaced
-    problem : what they state
+    problem : stated by them
     """
     nyquist = 0.5 / problem.device.sample_time
     low = problem.stability.band.min / (2 * pi)

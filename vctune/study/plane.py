@@ -32,7 +32,7 @@ class Plane:
     Attributes
     ----------
     axes : indices of the variables x and y among `keys`
-    edges : of x and of y, SI units, 2^levels + 1 each, equally far apart in the optimiser's coordinates
+    edges : edges of x and of y, SI units, 2^levels + 1 each, equally far apart in the optimiser's coordinates
     ranges : ranges of all variables
     """
 

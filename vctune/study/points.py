@@ -41,7 +41,7 @@ def latin_hypercube(axes: tuple[Axis, ...], n: int, seed: int) -> Iterator[Value
     ----------
     axes : each with a list of values, or the ends of its range
     n : number of points
-    seed : of the random numbers
+    seed : seed of the random numbers
     """
     generator = np.random.default_rng(seed)
     shares = [(generator.permutation(n) + generator.random(n)) / n for _ in axes]

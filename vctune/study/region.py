@@ -64,7 +64,7 @@ class Region:
     ----------
     plane : the variables and their edges
     squares : the cells, shape (4, n)
-    kinds : of each cell, `Kind`
+    kinds : kind of each cell, `Kind`
     damping : for each feasible cell a b_c that serves all of it, N s/m, when the problem leaves b_c free; else nan
     interrupted : whether cells were left undecided that had not been looked at, or could have been divided
     """
@@ -98,7 +98,7 @@ def region(
     problem : one without `plane_errors` in the plane
     plane : the variables and the edges of the finest cells
     squares : cells to begin with, shape (4, n)
-    progress : told what share of the plane is decided
+    progress : function that receives the decided share of the plane
     stopped : whether to give up now; asked before each `TOGETHER` cells. The time limit ends it earlier
 
     Returns
@@ -172,7 +172,7 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
 
     Returns
     -------
-    kinds : of each cell, `Kind`, shape (n,)
+    kinds : kind of each cell, `Kind`, shape (n,)
     damping : N s/m, shape (n,); nan where the cell is not feasible, or b_c is fixed or an axis
     """
     cells, free = easiest(plane.cells(squares), plane), free_damping(plane)
@@ -234,7 +234,7 @@ def _estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> tuple
     Returns
     -------
     damping : a b_c with which the centre meets the demands of all problems; nan if there seems to be none
-    places : of each problem, where they are hardest to meet
+    places : places of each problem, where they are hardest to meet
     """
     least, most = cells.low[DAMPING].copy(), cells.high[DAMPING].copy()
     meets, places = np.ones(len(cells), bool), []

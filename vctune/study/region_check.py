@@ -41,8 +41,8 @@ class Recheck:
     region : the cells that the baseline had proved feasible, divided further where they are not as a whole
     designs : the gain sets that the baseline lists
     certified : which of them still are
-    units : of the problem
-    cut : whether the time limit has ended it: what is not proved again then is not lost
+    units : units of the problem
+    cut : whether the time limit has ended it; cells that are not proved again are then not lost
     """
 
     region: Region
@@ -64,8 +64,8 @@ def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lam
 
     Parameters
     ----------
-    problem : of today, without `plane_errors` on the baseline's axes
-    baseline : what the region file holds
+    problem : today's problem, without `plane_errors` on the baseline's axes
+    baseline : content of the region file
     progress : told the stage of the work
 
     Returns
@@ -92,8 +92,8 @@ class RegionFinding:
     Attributes
     ----------
     file : the problem of today
-    again : what was proved again
-    warnings : what the user should know
+    again : result of the new check
+    warnings : warnings for the user
     seconds : it took
     """
 
@@ -133,7 +133,7 @@ def recheck_region(
 
     Returns
     -------
-    checked : verdict, message and what became of the baseline
+    checked : verdict, message and result for the baseline
     again : the cells and gain sets themselves
 
     Raises

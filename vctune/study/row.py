@@ -50,7 +50,7 @@ def row_without_design(status: str, reason: str) -> dict[str, Any]:
 
     Parameters
     ----------
-    status : what became of the point
+    status : status of the point
     reason : why it has none
     """
     return {"status": status, "idle": False, "reason": reason, **dict.fromkeys(NUMBERS)}

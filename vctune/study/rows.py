@@ -47,7 +47,7 @@ class Rows:
 
     Attributes
     ----------
-    path, handle : of the file
+    path, handle : those of the file
     places : where the row of each key begins
     dropped : lines that were no whole rows
     """
@@ -91,10 +91,10 @@ def open_rows(path: Path, study: Study, *, restart: bool, time_limit: float = in
 
     Parameters
     ----------
-    path : of the file
+    path : path of the file
     study : whose rows they are
     restart : begin anew instead of going on
-    time_limit : of a point, s; rows that a shorter one has cut count as not there
+    time_limit : time limit of a point, s; rows that a shorter one has cut count as not there
 
     Returns
     -------

@@ -20,7 +20,7 @@ def summary(study: Study, table: Table) -> SweepRecord:
 
     Parameters
     ----------
-    study : what was solved
+    study : the solved study
     table : a row a point
     """
     certified, error = table.certified, table.numbers["error"]

@@ -39,7 +39,7 @@ class Table:
     idle : which designs are certified and hardly use their velocity loop
     numbers : error, terms, design, ratio, what is felt and the yardstick (`vctune.document.records.rows_json.COLUMNS`),
         nan where there is none
-    system : of units, the problem's
+    system : system of units, the problem's
     """
 
     axes: dict[str, Floats]
@@ -115,7 +115,7 @@ def table_of(study: Study, rows: Rows, keys: list[str]) -> Table:
     ----------
     study : the study
     rows : its rows, one for each point
-    keys : of each point's row, in the order of the points
+    keys : keys of each point's row, in the order of the points
     """
     values = np.array(list(points(study)), dtype=float).reshape(-1, len(study.axes))
     numbers = {name: np.full(len(keys), nan) for name in _columns(study)}
@@ -174,7 +174,7 @@ def table_files(table: Table, folder: Path, stem: str) -> dict[Path, str | bytes
     ----------
     table : a row a point
     folder : for the files
-    stem : of their names
+    stem : stem of their names
 
     Returns
     -------

@@ -40,7 +40,7 @@ class _Sweep:
 
     Attributes
     ----------
-    time_limit : of a point, s
+    time_limit : time limit of a point, s
     pending : points that workers have
     retries : points to try again alone, whose worker died, or one that shared its pool
     """
@@ -61,11 +61,11 @@ def sweep(
 
     Parameters
     ----------
-    study : what to solve
-    rows : what is there, and where to put the rest
+    study : the study to solve
+    rows : the existing rows, and the place for the others
     pool : the workers
     on_done : called once a point
-    time_limit : of a point, s
+    time_limit : time limit of a point, s
 
     Raises
     ------

@@ -22,7 +22,7 @@ def print_axes(name: str, designs: Mapping[str, DesignRecord], folder: Path) -> 
 
     Parameters
     ----------
-    name : of the problem
+    name : name of the problem
     designs : by the name of the axis
     folder : named at the end
     """

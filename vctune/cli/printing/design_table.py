@@ -34,8 +34,8 @@ def page(least_width: int, folder: Path) -> Iterator[Console]:
 
     Parameters
     ----------
-    least_width : of a line, characters, even where the terminal is narrower
-    folder : of the files
+    least_width : least width of a line, characters, even where the terminal is narrower
+    folder : folder of the files
 
     Returns
     -------
@@ -60,7 +60,7 @@ def print_design(record: DesignRecord, folder: Path) -> None:
 
     Parameters
     ----------
-    record : of the design, or of why there is none
+    record : record of the design, or of the reason why there is none
     folder : named at the end
     """
     with page(WIDE, folder) as console:
@@ -91,7 +91,7 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
 
     Parameters
     ----------
-    record : of the simulation
+    record : record of the simulation
     folder : named at the end
     """
     from vctune.api.experiments import HEADINGS, measured_rows
@@ -235,7 +235,7 @@ def print_comparison(found: ComparisonRecord) -> None:
 
     Parameters
     ----------
-    found : of both designs, as `vctune compare --json` prints it
+    found : results of both designs, as `vctune compare --json` prints it
     """
     console = Console(highlight=False, width=WIDEST)
     table = Table(box=None, pad_edge=False)

@@ -25,7 +25,7 @@ def out_option(holds: str = "NAME/", default: str | None = "results") -> Added:
 
     Parameters
     ----------
-    holds : what the folder holds
+    holds : content of the folder
     default : the folder; None if the command determines it
     """
     path, text = click.Path(path_type=Path), f"Folder for OUT/{holds}." if holds else "Output folder."

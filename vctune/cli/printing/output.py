@@ -37,8 +37,8 @@ def warn(code: Code, text: str) -> None:
 
     Parameters
     ----------
-    code : what it is an instance of
-    text : what is said
+    code : its code
+    text : the text
     """
     click.echo(coded(printable(text), code), err=True)
 

@@ -38,7 +38,7 @@ class SampledConditions:
 
     Attributes
     ----------
-    offer : of the couplings there
+    offer : offer of the couplings there
     required : R, of an impedance display R/s^2
     """
 

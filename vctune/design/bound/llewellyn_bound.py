@@ -25,7 +25,7 @@ class LlewellynConditions:
 
     Attributes
     ----------
-    offer : of the couplings there
+    offer : offer of the couplings there
     D2, C2, P, resistance : |D|^2, |C|^2, Re(C conj D) and the loop's resistance, rounded up
     operator_relief : 2 b_h Re(C conj N), rounded up; None without an operator
     D2_low, C2_low : rounded down

@@ -34,7 +34,7 @@ class Quadratic:
     ----------
     constant : shape (points,)
     linear, square : of K_v and of K_p, each of that shape; None for 0
-    cross : of that shape; None where the contributions of K_v and K_p are at right angles to each other
+    cross : cross of that shape; None where the contributions of K_v and K_p are at right angles to each other
     """
 
     constant: Floats
@@ -167,7 +167,7 @@ class BoundedQuotient:
     ----------
     above : rounded down
     below : rounded up
-    scale : of the quotient, rounded down
+    scale : scale of the quotient, rounded down
     """
 
     above: Quadratic

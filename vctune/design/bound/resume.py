@@ -37,7 +37,7 @@ def resume_bytes(sha256: str, state: ResumeState) -> bytes:
     Parameters
     ----------
     sha256 : digest of the problem file, by which `read_resume` recognises it
-    state : of the search
+    state : state of the search
 
     Returns
     -------
@@ -62,7 +62,7 @@ def read_resume(path: Path, sha256: str) -> ResumeState | None:
 
     Parameters
     ----------
-    path : of the file
+    path : path of the file
     sha256 : digest of the problem file
 
     Returns

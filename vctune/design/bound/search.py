@@ -96,9 +96,9 @@ class Optimality:
     incumbent : error of the best design known, inf if none is
     proved : whether the bound is within the gap that was asked for
     improved : a better design than the one given, if the search has met one
-    terms : of the error, those that it counts; none where it counts all
-    history : of the search, the last of it now
-    resume : what is left to do; no open node when it is proved
+    terms : terms of the error that it counts; empty if it counts all
+    history : history of the search, the last entry now
+    resume : the remaining work; no open node if it is proved
     """
 
     bound: float

@@ -43,7 +43,8 @@ class Halved:
     Attributes
     ----------
     nodes : two for each box
-    along_gains : of these, which were halved along K_v or K_p, so that their loops may have become provably stable
+    along_gains : along gains of these, which were halved along K_v or K_p, so that their loops may have become
+        provably stable
     worked_out : lower bounds that it took
     """
 
@@ -71,7 +72,7 @@ def halved(
     Parameters
     ----------
     relaxed : the relaxed problem
-    axes : of its designs, in the order of the rows of `DesignBoxes`
+    axes : axes of its designs, in the order of the rows of `DesignBoxes`
     parents : n open boxes
     incumbent : error of the best design known; inf if there is none
     pool : threads that share the lower bounds

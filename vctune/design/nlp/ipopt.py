@@ -85,7 +85,7 @@ def numbers_of(
     Parameters
     ----------
     posed : dimensionless
-    structure : of the NLP
+    structure : structure of the NLP
     free : its n variables
     start : the five numbers to start from; those that are not free stay
     box : least and greatest coordinates, each of shape (n,)
@@ -110,7 +110,7 @@ def solve(structure: NlpStructure, given: NlpNumbers) -> Solution:
 
     Parameters
     ----------
-    structure : of the NLP
+    structure : structure of the NLP
     given : its numbers, of `numbers_of` for the same structure
 
     Returns
@@ -146,9 +146,9 @@ def lagrangian(structure: NlpStructure, given: NlpNumbers, solution: Solution) -
 
     Parameters
     ----------
-    structure : of the NLP
+    structure : structure of the NLP
     given : its numbers; the free variables are those of the guess
-    solution : of an NLP of the same structure, with as many constraints in use
+    solution : solution of an NLP of the same structure, with as many constraints in use
 
     Returns
     -------
@@ -208,7 +208,7 @@ def unmodelled_radius(posed: Posed, point: ConstraintPoint) -> float:
 
     Parameters
     ----------
-    posed : dimensionless, with a disc of what is not modelled
+    posed : dimensionless, with an unmodelled disc
     point : its frequency counts, rad per sample time
 
     Returns

@@ -111,7 +111,7 @@ def device_of(structure: NlpStructure, numbers: dict[str, Any], operator: Any) -
 
     Parameters
     ----------
-    structure : of the NLP
+    structure : structure of the NLP
     numbers : by the names of `common_layout` and, of more weight, of `frequency_layout`
     operator : damping of the least operator; None without one
     """
@@ -137,7 +137,7 @@ def plant_of(structure: NlpStructure, rows: dict[str, Sequence[Any]]) -> Sampled
 
     Parameters
     ----------
-    structure : of the NLP
+    structure : structure of the NLP
     rows : by the names of `plant_layout`
     """
     return SampledPlant(
@@ -191,7 +191,7 @@ def unpacked(layout: Layout, column: Any) -> dict[str, Any]:
 
     Parameters
     ----------
-    layout : of the column's table
+    layout : layout of the column's table
     column : with a row for each of the layout's
     """
     ends = np.cumsum([*layout.values()]).tolist()
@@ -203,7 +203,7 @@ def packed(parts: dict[str, Table], numbers: dict[str, dict[str, Any]]) -> Float
 
     Parameters
     ----------
-    parts : of `tables`
+    parts : parts of `tables`
     numbers : for each table that has columns, and each of its names, an array of shape (columns,) or (rows, columns);
         columns that are not used repeat the last one, those of a table without numbers are 0
     """

@@ -32,7 +32,7 @@ class NlpStructure:
 
     Attributes
     ----------
-    kind : of the device
+    kind : kind of the device
     rigid : whether b_c is infinite
     worlds : whether the environments are those of a box
     free : (index among a design's numbers, whether it may be 0) for each variable
@@ -43,8 +43,8 @@ class NlpStructure:
     capacities : how many constraints of each of `DEMANDS` there is room for
     tracked_peaks : number of peaks of |S| whose frequencies are variables
     operator_damping : whether the damping of an operator eases the conditions
-    parts : what the device has beside an ideal one, fields of `DeviceResponse`
-    order : of the sampled device, 1 if ideal
+    parts : parts of the device that an ideal one lacks, fields of `DeviceResponse`
+    order : order of the sampled device, 1 if ideal
     differenced, low_passes : whether the velocity is a difference of positions; how many low-passes it goes through
     uncertain : whether the demands are posed at several devices, whose numbers then come with each frequency
     objective_devices : number of devices the greatest of whose errors is the objective, for "rms"
@@ -94,7 +94,7 @@ def nlp_structure(
     posed : dimensionless
     free : its variables
     working_set : where the demands are posed
-    panels : of the quadrature of the error
+    panels : panels of the quadrature of the error
     integrator : whether K_p > 0
     """
     problem, weights = posed.problem, posed.problem.transparency.weights

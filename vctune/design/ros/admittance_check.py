@@ -56,7 +56,7 @@ def check_admittance(
     Parameters
     ----------
     problem : the device, with its velocity loop: the gains are fixed
-    path : of the parameter file
+    path : path of the parameter file
     given : its selected axes
     only : names of the axes to check; empty for all
     progress : told the stage of the work

@@ -33,7 +33,7 @@ class RenderedAxis:
     ----------
     axis : one of `AXES`
     device : a servo
-    coupling : of the design; its damping is left out
+    coupling : coupling of the design; its damping is left out
     """
 
     axis: str
@@ -70,7 +70,7 @@ def parameters_of(designs: Sequence[RenderedAxis], source: str) -> AdmittanceFil
     Parameters
     ----------
     designs : at least one
-    source : what messages call the problem
+    source : name of the problem in messages
 
     Raises
     ------

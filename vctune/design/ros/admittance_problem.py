@@ -27,7 +27,7 @@ def device_tables(document: dict[str, Any]) -> dict[str, Any]:
 
     Parameters
     ----------
-    document : of the problem
+    document : document of the problem
     """
     tables = {key: value for key, value in document.items() if key not in ("experiment", "coupling")}
     return {**tables, "stability": {**tables.get("stability", {}), "criterion": "hands"}}
@@ -95,7 +95,7 @@ def coupling_of_admittance(axis: Admittance, sample_time: float, *, servo: bool 
 
     Parameters
     ----------
-    axis : what is rendered
+    axis : the rendered environment
     sample_time : T, s
     servo : whether a servo follows, whose measured position the spring pulls; else the spring is lossless
 

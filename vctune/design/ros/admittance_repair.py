@@ -29,8 +29,8 @@ def repairs_of_axis(
     ----------
     document : the tables of the device and of the parameter file (`document_of_both`)
     problem : that they state
-    judgement : of the axis
-    progress : told what is tried
+    judgement : judgement of the axis
+    progress : function that receives the current stage
 
     Returns
     -------
@@ -55,7 +55,7 @@ def remedy(repairs: Sequence[Repair], source: str) -> str:
 
     Parameters
     ----------
-    repairs : of an axis
+    repairs : repairs of an axis
     source : the problem file
     """
     words = [

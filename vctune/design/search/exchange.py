@@ -78,7 +78,7 @@ def polish(
     ----------
     posed : dimensionless
     start : from the scan
-    scanned : what the scan saw, which decides which demands the NLP begins with
+    scanned : result of the scan, which decides with which constraints the NLP begins
     incumbent : give up once the error cannot get below this: more frequencies only raise it
     tightening : relative sharpening of the demands
     witnesses : points that a proof has refuted, to begin with
@@ -136,7 +136,7 @@ class _Search:
     warm_start : where IPOPT starts
     radius : half the box's width in log coordinates
     known, known_error : the best admissible design that is known, an answer or the start
-    missed : by what the last answer missed the demands at most
+    missed : greatest violation of the last answer
     start_examined : whether the start was looked at for that
     unstable : whether the last answer was: one cut may do, after two in a row the box is too wide
     """

@@ -41,7 +41,7 @@ class GainLimits:
     ----------
     corner, below : which of the grid's corners, and its last K_v below the limit there
     velocity : the limits
-    scores : of the designs there, shape (corners, 1, time constants, drags)
+    scores : scores of the designs there, shape (corners, 1, time constants, drags)
     """
 
     corner: NDArray[np.intp]
@@ -79,7 +79,7 @@ def gain_limits(problem: Problem, samples: Samples, grid: Axes, loops: LoopFeasi
     problem : dimensionless
     samples : where to look
     grid : one grid of designs
-    loops : what its loops miss, shape (velocities, corners)
+    loops : violations of its loops, shape (velocities, corners)
 
     Returns
     -------

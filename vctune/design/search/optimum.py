@@ -71,11 +71,12 @@ class Optimum:
 
     Attributes
     ----------
-    judgement : of the best design that is proved, or failing that of one that is undecided; None if there is neither
+    judgement : judgement of the best design that is proved, or failing that of one that is undecided; None if there
+        is neither
     polished : the local optimum it was rounded from
     optima : how many local optima were found
-    seconds : of polishing and of proving
-    cut : what the time limit cut short
+    seconds : seconds of polishing and of proving
+    cut : stages that the time limit cut short
     """
 
     judgement: Judgement | None
@@ -90,8 +91,8 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
 
     Parameters
     ----------
-    prepared : of a problem that leaves something free
-    scanned : what a scan of it saw, dimensionless
+    prepared : prepared problem that leaves something free
+    scanned : result of its scan, dimensionless
     progress : told the stage of the work
     """
     began = perf_counter()
@@ -174,7 +175,7 @@ def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | 
 
     Parameters
     ----------
-    prepared : of a problem that leaves something free
+    prepared : prepared problem that leaves something free
     gains : where to look, SI units; any coupling is looked for beside them
     incumbent : `Judgement.compared` to fall below
     """
@@ -198,10 +199,10 @@ def local_optima(
 
     Parameters
     ----------
-    prepared : of a problem that leaves something free
+    prepared : prepared problem that leaves something free
     scanned : starts of it, dimensionless
     progress : told the stage of the work
-    worth : by what factor a start's error may exceed the least that is known
+    worth : factor by which a start's error may exceed the least known
 
     Returns
     -------

@@ -29,7 +29,7 @@ def minima_of(problem: Problem, scores: Scores) -> list[Index]:
     Parameters
     ----------
     problem : whose weights say whether the coupling costs anything
-    scores : of one grid, shape (K_v, corner, tau_c, b_0)
+    scores : scores of one grid, shape (K_v, corner, tau_c, b_0)
     """
     ranks = scores.ranks()
     if problem.transparency.weights.coupling > 0:

@@ -54,13 +54,13 @@ class Samples:
     ----------
     device : the one whose loops are looked at
     integrator : whether the law has its K_p/s term
-    band : of stability
-    nodes, averages : of the transparency band's quadrature
+    band : band of stability
+    nodes, averages : nodes and weights of the transparency band's quadrature
     circles : the return differences of the sampled loops on the unit circle, first the device's let go; none of a
         device whose loops are another's
-    radius : of what is not modelled, on the first circle; None where there is none
+    radius : unmodelled radius on the first circle; None without one
     in_hand : the loop in some hands, and in springs at angle 0, or in any; none where no hands are to be met
-    objective : of how many devices the greatest error is the objective
+    objective : number of devices whose greatest error is the objective
     others : the other devices at which the demands are posed, with the same frequencies
     """
 

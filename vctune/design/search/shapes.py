@@ -83,7 +83,7 @@ def scale_limits(problem: Problem, time_constant: Floats) -> tuple[Floats, Float
     Parameters
     ----------
     problem : whose bounds hold
-    time_constant : of the coupling, in the problem's unit of time, shape (n,)
+    time_constant : time constant of the coupling, in the problem's unit of time, shape (n,)
 
     Returns
     -------

@@ -58,7 +58,7 @@ def stable(problem: Problem, gains: Gains) -> bool:
 
     Parameters
     ----------
-    problem : of one device
+    problem : problem of one device
     gains : in the problem's units
     """
     return all(_loop_stable(device, gains) for device in problem.device.loops)
@@ -76,7 +76,7 @@ def add_stability_cut(problem: Problem, working_set: WorkingSet, inside: Gains, 
 
     Parameters
     ----------
-    problem : of one device, dimensionless
+    problem : problem of one device, dimensionless
     working_set : that the tangent is added to
     inside, outside : stable and unstable gains
     """

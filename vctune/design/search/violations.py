@@ -219,7 +219,7 @@ def least_resistance(problem: Problem, gains: Gains) -> Minima:
 
     Parameters
     ----------
-    problem : of one device
+    problem : problem of one device
     gains : plain floats, in the problem's units
 
     Returns

@@ -96,9 +96,9 @@ class WorkingSet:
 
         Parameters
         ----------
-        changed : what becomes of a device, in the units that the set has
+        changed : function that converts a device, in the units of the set
         time : their sample time, of which the new set has its times in units
-        held : what becomes of a hand, in the units that the set has
+        held : function that converts a hand, in the units of the set
         """
 
         def moved(points: list[ConstraintPoint], stretch: float = 1.0) -> list[ConstraintPoint]:

@@ -23,8 +23,8 @@ def check_message(
 
     Parameters
     ----------
-    judgement : of the design
-    repairs : of a refuted one, None if not looked for
+    judgement : judgement of the design
+    repairs : repairs of a refuted one, None if not looked for
     changed : the numbers that were edited since the design was solved, with limits where they were
     together : those of them that pass only if all are taken back
     """
@@ -54,7 +54,7 @@ def line_to_change(text: str, repairs: Sequence[Repair] | None, together: Sequen
 
     Parameters
     ----------
-    text : of the file that states the design
+    text : text of the file that states the design
     repairs, together : as of `check_message`
     """
     lines = toml.Lines(text)

@@ -44,7 +44,7 @@ def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | No
     Parameters
     ----------
     problem : with every default filled in, SI units
-    judgement : of the design
+    judgement : judgement of the design
     """
     hands = problem.hands_met
     if problem.device.servo is None or hands is None:
@@ -92,7 +92,7 @@ def _stiffest(
 
     Parameters
     ----------
-    problem, judgement : of the design
+    problem, judgement : those of the design
     hands : to be met, of which a certified design bears all
     bears : the stiffest contact in double precision
     """

@@ -83,7 +83,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
     Parameters
     ----------
     file : the problem and its text
-    solved : what came of it
+    solved : its result
     ipopt : IPOPT's version if it took part (`vctune.design.nlp.nlp.ipopt_version`)
 
     Returns
@@ -100,7 +100,7 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
     Parameters
     ----------
     file : the problem and its text
-    solved : what came of it
+    solved : its result
     ipopt : IPOPT's version; None if it took no part
     date : on which it is written (`vctune.document.text.date.today`); None where that is nobody's business
     """
@@ -199,7 +199,7 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
     Parameters
     ----------
     problem, judgement : the design
-    cures : of an idle design, the changes after which it is not, the least error first; None if not looked for
+    cures : cures of an idle design, the changes after which it is not, the least error first; None if not looked for
     """
     found = []
     for key, side in _touched(problem, point(judgement.gains, judgement.coupling)):

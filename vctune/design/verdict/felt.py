@@ -16,7 +16,7 @@ def felt_record(device: Device, gains: Gains, coupling: AnyCoupling) -> FeltReco
     Parameters
     ----------
     device : plain numbers; its least operator is not counted
-    gains, coupling : of its design
+    gains, coupling : those of its design
     """
     felt = feel(device, gains, coupling)
     return FeltRecord(

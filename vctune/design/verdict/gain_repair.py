@@ -29,7 +29,7 @@ def repair_of(change: ParameterChange, new: float, design: Judgement) -> Repair:
 
     Parameters
     ----------
-    change : of the number
+    change : change of the number
     new : its new value
     design : the certified design that it leads to
     """
@@ -43,7 +43,7 @@ def edits(problem: Problem, judgement: Judgement, solved: Mapping[str, float]) -
     Parameters
     ----------
     problem : that the design is of
-    judgement : of the numbers as they are
+    judgement : judgement of the numbers as they are
     solved : the numbers of the solved design by their keys, or none
     """
     given = design_numbers(judgement.kind, judgement.gains, judgement.coupling)
@@ -56,7 +56,7 @@ def undone(pasted: dict[str, Any], changed: Sequence[ParameterChange], test: Rep
     Parameters
     ----------
     pasted : the problem's document with the numbers as they are
-    changed : what was edited
+    changed : the edited numbers
     test : how changed problems are tried
     """
     found = []
@@ -82,8 +82,8 @@ def solved_numbers(stated: dict[str, Any], judgement: Judgement, test: RepairTes
 
     Parameters
     ----------
-    stated : the problem's document; what it fixes is free
-    judgement : of a design
+    stated : the problem's document; its fixed numbers become free
+    judgement : judgement of a design
     test : how a problem with free numbers is solved
     """
     problem = _with_free(stated, judgement, *design_numbers(judgement.kind, judgement.gains, judgement.coupling))
@@ -100,7 +100,7 @@ def best_values(stated: dict[str, Any], judgement: Judgement, test: RepairTest) 
     Parameters
     ----------
     stated : the problem's document
-    judgement : of the design
+    judgement : judgement of the design
     test : how problems with one free number are tried
 
     Raises

@@ -60,7 +60,7 @@ def check_files(
 
     Parameters
     ----------
-    paths : of the files
+    paths : paths of the files
     progress : told the stage of the work
     begun : told each problem before the work on it
 

@@ -47,7 +47,7 @@ class Infeasibility:
     Attributes
     ----------
     cause : which demand fails, where and by how much
-    advice : what may repair it
+    advice : its possible repair
     proved : whether it follows from a theorem or from a search that has emptied every box of gains, not from one that
         found nothing
     """

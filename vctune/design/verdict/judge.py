@@ -73,13 +73,13 @@ class Judgement:
     gains, coupling : the design
     transparency : its error and the three terms, on the nominal device
     error : the objective: that error, or the greatest at the vertices of a box of devices
-    compared : the same of the terms alone that can differ between designs: what a bound is about
+    compared : the same for the terms that can differ between designs, to which a bound applies
     min_ratio, worst : least Re Z_c / R on the band and where, rad/s (0 or inf at an end of the axis)
     tightest : the device on which it is least, of the nominal one and those of a box
     in_hand : the least Re Z_c / R in the hands to be met, and in which; None where none are
     in_any_hand : the least Re(1/Z_c)/R of an impedance display in any passive hand, if any is to be met
     peak_sensitivity, worst_sensitivity : greatest |S| of these devices up to Nyquist and where, rad/s
-    certificate : what is proved
+    certificate : the proved claims
     cut : whether the time limit ended its proof, or left devices of a box unlooked at in hands
     """
 
@@ -304,7 +304,7 @@ def least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[
 
     Parameters
     ----------
-    problem : of a device that is known exactly
+    problem : problem of a device that is known exactly
     gains, coupling : a design, plain floats
 
     Returns

@@ -50,7 +50,7 @@ class ParameterChange:
     Attributes
     ----------
     path : where it stands in the file
-    meaning : what changing it means
+    meaning : meaning of the change
     old : the value that the file, or a default, gives it
     limit : the furthest value worth trying, above `old` or below it
     scale : natural size, where `old` is 0 or infinite
@@ -114,7 +114,7 @@ class ParameterChange:
         Parameters
         ----------
         new : value after the whole change
-        share : of it, 0 < share <= 1
+        share : share of it, 0 < share <= 1
         """
         return new / share if self.old == inf else self.old + share * (new - self.old)
 
@@ -322,7 +322,7 @@ def change_of_gain(problem: Problem, key: str, old: float, limit: float) -> Para
     Parameters
     ----------
     problem : that the design is of
-    key : of the number
+    key : key of the number
     old, limit : the value that it has, and the furthest one
     """
     table, name = key.split(".")

@@ -40,7 +40,7 @@ def with_prices(solved: Solved) -> Solved:
 
     Parameters
     ----------
-    solved : what came of a problem
+    solved : the result of a problem
     """
     judgement, polished = solved.judgement, solved.polished
     if judgement is None or judgement.status is not Status.CERTIFIED or polished is None:
@@ -87,7 +87,7 @@ class _OfHands:
 
     Attributes
     ----------
-    name : of what they have
+    name : name of the hand's number
     end : "min", "max", or "" for both
     """
 
@@ -147,7 +147,7 @@ class _Changed:
 
     Attributes
     ----------
-    lagrangian : of the last NLP, whose objective is the logarithm of the error
+    lagrangian : Lagrangian of the last NLP, whose objective is the logarithm of the error
     others2 : sum of the squares of the terms of the error that are the same for every design, and not in the NLP
     """
 

@@ -131,7 +131,7 @@ def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda 
     Parameters
     ----------
     file : the problem
-    solved : what came of it
+    solved : its result
     progress : told the stage of the work
     """
     problem, judgement, began = file.problem, solved.judgement, perf_counter()
@@ -163,10 +163,10 @@ def repairs_of_design(
     Parameters
     ----------
     stated : the problem's document
-    judgement : of the design
+    judgement : judgement of the design
     changed : the numbers that were edited since the design was solved, with limits where they were; where none are
         known the problem is solved, and a design that differs from its own in one number was edited there
-    progress : told what is tried
+    progress : function that receives the current stage
 
     Returns
     -------
@@ -202,7 +202,7 @@ def find_cures(document: dict[str, Any], problem: Problem, progress: Progress = 
     ----------
     document : parsed TOML
     problem : that it states, whose own design does not
-    progress : told what is tried
+    progress : function that receives the current stage
     """
     test = OF_FIXED_IN_USE if problem.bounds.fixed else OF_FREE_IN_USE
     return find_repairs(document, changes_of_demands(document, problem), test, progress)
@@ -237,7 +237,7 @@ def find_repairs(
     document : parsed TOML
     changes : the numbers that may be changed
     test : how changed problems are tried
-    progress : told what is tried
+    progress : function that receives the current stage
     posed : the problem that a document states, or None
 
     Returns

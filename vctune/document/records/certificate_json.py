@@ -182,7 +182,7 @@ class WorldRecord(Part):
         Parameters
         ----------
         hz : where it binds; None to leave that out
-        units : of its numbers
+        units : units of its numbers
         """
         place = "" if hz is None else f" at {text(hz)} Hz"
         small = units.mass == "kg" and self.mass < GRAMS

@@ -74,10 +74,10 @@ class Side:
 
     Attributes
     ----------
-    source : what it is called
+    source : its name
     record : the design
     problem : that it was made for, on the yardstick on which it was
-    felt : what it does; None where there is no design
+    felt : how the design feels; None without a design
     measured : its error on the yardstick of both, or on that of A and on that of B; None where there is none
     """
 

@@ -163,7 +163,7 @@ def device_text(record: IdentificationRecord) -> str:
 
     Parameters
     ----------
-    record : of the identification
+    record : record of the identification
     """
     device = dict(record.device)
     document: dict[str, Any] = {"name": record.name}

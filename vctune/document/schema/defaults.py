@@ -55,7 +55,7 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Transparenc
     Parameters
     ----------
     document : the tables of a problem file, in its units
-    default_name : of the problem, where the document states none
+    default_name : default name of the problem, where the document states none
     yardstick : whose band and Z_0 replace the defaults of the objective; None for those of the device. The bounds have
         the scales of the device in either case
     """
@@ -98,7 +98,7 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
     ----------
     document : which states some
     device : whose scales the others have
-    lag : of its loop, s
+    lag : lag of its loop, s
     Z_0, middle : N s/m and rad/s, of the device's own transparency band unless they are stated
     """
     gains, coupling = document.gains, document.coupling

@@ -56,8 +56,8 @@ def validated(model: type[Document], text: str, source: str, check: Check) -> Do
     ----------
     model : class of the document
     text : TOML
-    source : what messages call it
-    check : finds what is wrong between values that are each right
+    source : its name in messages
+    check : function that finds contradictions between valid values
 
     Raises
     ------
@@ -77,7 +77,7 @@ def examined(model: type[Document], raw: dict[str, Any], check: Check) -> tuple[
     ----------
     model : class of the document
     raw : tables
-    check : finds what is wrong between values that are each right
+    check : function that finds contradictions between valid values
     """
     between = [Fault(path, message, "contradiction") for path, message in check(raw)]
     try:
@@ -95,7 +95,7 @@ def refusal(faults: list[Fault], text: str | None, source: str) -> InputError:
     ----------
     faults : at least one
     text : that was read; None if there is no file
-    source : what the message calls it
+    source : its name in the message
     """
     lines = toml.Lines(text) if text is not None else None
     listed = faults[:MAX_MISTAKES]
@@ -266,8 +266,8 @@ def _unknown(model: type[BaseModel], path: KeyPath) -> str:
 
     Parameters
     ----------
-    model : of the document
-    path : of the key, with the tags of the forms on its way
+    model : class of the document
+    path : path of the key, with the tags of the forms on its way
     """
     table = _table_at(model, path[:-1])
     known = [field.alias or name for name, field in table.model_fields.items()] if table else ["min", "max"]

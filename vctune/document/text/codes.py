@@ -119,8 +119,8 @@ def coded(text: str, code: Code) -> str:
 
     Parameters
     ----------
-    text : what is said
-    code : what it is an instance of
+    text : the text
+    code : its code
     """
     return f"{text} [{code}]"
 
@@ -130,7 +130,7 @@ def has_code(line: str | None, code: Code) -> bool:
 
     Parameters
     ----------
-    line : what is said, if anything
+    line : the text, if any
     code : looked for
     """
     found = ENDING.search(line or "")
@@ -143,8 +143,8 @@ class Note:
 
     Attributes
     ----------
-    code : what it is an instance of
-    text : what is said
+    code : its code
+    text : the text
     """
 
     code: Code

@@ -48,7 +48,7 @@ def hint_on_line(line: str) -> str:
 
     Parameters
     ----------
-    line : of the file
+    line : line of the file
     """
     assigned = ASSIGNED.search(line)
     return number_meant(assigned[1]) if assigned else ""
@@ -59,7 +59,7 @@ def commas_meant(values: list[object]) -> str:
 
     Parameters
     ----------
-    values : of the list
+    values : values of the list
     """
     if len(values) != 4 or not all(type(value) is int for value in values):
         return ""

@@ -67,8 +67,8 @@ def parse(text: str, source: str) -> dict[str, Any]:
 
     Parameters
     ----------
-    text : of a file
-    source : what messages call it
+    text : text of a file
+    source : its name in messages
 
     Returns
     -------

@@ -76,7 +76,7 @@ def joint_factor(count: int) -> float:
 
     Parameters
     ----------
-    count : of numbers in the box
+    count : count of numbers in the box
     """
     each = TOGETHER ** (1 / max(count, 1))
     low, high = 0.0, 10.0

@@ -43,8 +43,8 @@ def friction_of(signals: Signals, fit: MotionFit, known: dict[str, float]) -> Fr
 
     Parameters
     ----------
-    signals : of the recording
-    fit : of its motion, the same both ways
+    signals : signals of the recording
+    fit : fit of its motion, the same both ways
     known : delays that need not be found
     """
     coulomb = fit.value("coulomb")

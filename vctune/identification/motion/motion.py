@@ -40,7 +40,7 @@ class MotionFit:
 
     Attributes
     ----------
-    names : of the numbers, in the order of `values`; the delays last
+    names : names of the numbers, in the order of `values`; the delays last
     values : shape (p,), SI units
     covariance : shape (p, p), of correlated residuals
     cutoff_hz : of the low-pass on both sides
@@ -75,7 +75,7 @@ class FittedSamples:
     rows : their places among every `stride` sample of the log
     step : from one of these to the next, s
     measured, fitted : N
-    sensitivity : of the fitted force to each number, shape (samples, p)
+    sensitivity : sensitivity of the fitted force to each number, shape (samples, p)
     """
 
     rows: NDArray[np.int64]
@@ -172,8 +172,8 @@ class PlacedScores:
     Attributes
     ----------
     sensitivity, residual : at the samples that count
-    places : of those, rising
-    count : of all samples
+    places : places of those, rising
+    count : count of all samples
     """
 
     sensitivity: Floats

@@ -25,8 +25,8 @@ class Check:
 
     Attributes
     ----------
-    code : of the way
-    name : of the number and of the way
+    code : code of the way
+    name : name of the number and of the way
     value : SI units
     sigma : standard deviation that this way has; None if it has none of its own
     """
@@ -42,8 +42,8 @@ def bootstrap(fit: MotionFit, samples: FittedSamples) -> Check | None:
 
     Parameters
     ----------
-    fit : of the motion
-    samples : what it was made of
+    fit : fit of the motion
+    samples : data of the fit
     """
     length = max(1, round(MEMORY / samples.step))
     count = samples.rows.size // length
@@ -66,9 +66,9 @@ def instrumental(signals: Signals, fit: MotionFit, samples: FittedSamples) -> Ch
 
     Parameters
     ----------
-    signals : of the recording
-    fit : of its motion, each way
-    samples : what it was made of
+    signals : signals of the recording
+    fit : fit of its motion, each way
+    samples : data of the fit
     """
     if signals.reference is None:
         return None

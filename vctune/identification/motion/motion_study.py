@@ -42,7 +42,7 @@ class MotionStudy:
     Attributes
     ----------
     directional, symmetric : fits with friction each way, and the same both ways
-    samples : of the directional one
+    samples : samples of the directional one
     others : directional fits at other cut-offs
     force_noise : standard deviation of a sample of the sensed force, N; None without one
     checks : other ways to the mass
@@ -72,8 +72,8 @@ class MotionStudy:
 
         Parameters
         ----------
-        hertz : of the bins, evenly spaced from 0
-        sample_time : of the log, s
+        hertz : frequencies of the bins, evenly spaced from 0
+        sample_time : sample time of the log, s
         """
         omega = 2 * np.pi * hertz
         share = smooth(omega, self.directional.cutoff_hz) * omega**2 * abs(self.directional.value("mass"))

@@ -41,10 +41,10 @@ class Signals:
     reference : position that was asked for, m; None without
     sample_time : s
     is_command : whether the force is a command, held between samples
-    actuator : of a held command, where it is known
+    actuator : actuator behind a held command, if it is known
     noise : standard deviation of a position sample, m
     velocity : behind the highest cut-off that its noise bears, m/s: says which way the device moves
-    spectra : of position, command and hand, the command's behind hold and actuator, and of what `WAYS` names
+    spectra : spectra of position, command and hand, the command's behind hold and actuator, and of what `WAYS` names
     """
 
     position: Floats
@@ -81,7 +81,7 @@ def signals(
     velocity : m/s
     hand, reference : N and m; None without
     is_command : whether the force is a command, held between samples
-    actuator : of a held command, where it is known
+    actuator : actuator behind a held command, if it is known
     """
     columns = {"position": position - position.mean()} | ways(velocity)
     columns |= {} if hand is None else {"hand": hand}
@@ -147,7 +147,7 @@ def acceleration_noise(signals: Signals, cutoff_hz: float) -> float:
 
     Parameters
     ----------
-    signals : of the recording
+    signals : signals of the recording
     cutoff_hz : of the low-pass, Hz
     """
     omega = np.linspace(0, np.pi / signals.sample_time, 4096)

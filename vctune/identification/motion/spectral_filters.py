@@ -39,7 +39,7 @@ class Spectrum:
     Attributes
     ----------
     lines : shape (size // 2 + 1,)
-    samples, size : of the column, and with its zeros
+    samples, size : those of the column, and with its zeros
     sample_time : s
     """
 
@@ -100,7 +100,7 @@ def filtered(column: Spectrum, response: Response, every: int = 1) -> Floats:
     Parameters
     ----------
     column : its spectrum
-    response : of omega, rad/s
+    response : function of omega, rad/s
     every : which samples are returned; a power of two, at most `LONGEST`
     """
     omega = column.omega(every)

@@ -32,7 +32,7 @@ class FitTask:
 
     Attributes
     ----------
-    measured, candidate, actuator : what is fitted by what
+    measured, candidate, actuator : the measured response, its candidate, and the actuator before it
     left_out : lines that are not looked at; None for none
     aliased : the sampled response of the command over the continuous one
     """
@@ -89,7 +89,7 @@ class FitTask:
         Parameters
         ----------
         at : numbers of the candidate as `point` has them, shape (n,)
-        model_errors : of each output, relative, shape (outputs,)
+        model_errors : model errors of each output, relative, shape (outputs,)
         """
         errors, spread, owners = self.errors(at)
         weighed = errors * sqrt(2) / np.hypot(spread, np.maximum(model_errors, FLOOR[0])[owners])
@@ -112,9 +112,9 @@ def solved_from(task: FitTask, start: Floats, model_errors: Floats) -> Floats:
 
     Parameters
     ----------
-    task : what is fitted to what
+    task : the response and its candidate
     start : as `point` has it, shape (n,)
-    model_errors : of each output, relative, shape (outputs,)
+    model_errors : model errors of each output, relative, shape (outputs,)
     """
     from scipy.optimize import least_squares
 
@@ -137,7 +137,7 @@ def scale_of(at: Floats, names: tuple[str, ...], measured: Response) -> Floats:
     Parameters
     ----------
     at : as `point` has it, shape (n,)
-    names : of the numbers, n of them
+    names : names of the numbers, n of them
     measured : the response, whose frequencies and friction set the units
     """
     numbers = dict(zip(names, at, strict=True))

@@ -62,7 +62,7 @@ def periodic_estimates(study: PeriodicStudy, source: str, T: float) -> list[Esti
 
     Parameters
     ----------
-    study : of the recording
+    study : study of the recording
     source : its name, for the reader
     T : sample time, s
     """
@@ -109,7 +109,7 @@ def behind_force(
 
     Parameters
     ----------
-    study : of the recording
+    study : study of the recording
     T : sample time, s
     device, bounds : from the command on
     """

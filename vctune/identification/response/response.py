@@ -34,7 +34,7 @@ class Lines:
     Attributes
     ----------
     omega : shape (n,), rad/s
-    ratio : of output to input, mean over periods, shape (n,)
+    ratio : ratio of output to input, mean over periods, shape (n,)
     spread : relative standard deviation of that mean, both parts together, shape (n,)
     coherence : between periods, shape (n,)
     """
@@ -53,7 +53,7 @@ class Response:
     ----------
     period : samples
     periods : how many were averaged
-    input : "force" or "command", what position and handle are divided by
+    input : "force" or "command", the divisor of position and handle
     position, handle : m/N; no handle where it was not recorded
     drive : from command to force, where both were recorded
     friction : lines of Coulomb friction over those of the input, 1/N, for 1 N

@@ -39,15 +39,16 @@ class ResponseFit:
     ----------
     candidate : its structure
     numbers : by name, SI units
-    names : of the free numbers in the order of `covariance`
-    covariance : shape (p, p), diagonal: the larger of what correlated and independent residuals give
-    model_errors : of position and of handle, shares of the response with which chi2/dof is 1; 0 where noise
+    names : names of the free numbers in the order of `covariance`
+    covariance : shape (p, p), diagonal: the larger of those from correlated and independent residuals
+    model_errors : model errors of position and of handle, shares of the response with which chi2/dof is 1; 0 where
+        noise
         alone explains the residual
     chi2 : with the noise alone, over degrees of freedom
     lines : how many, of all outputs
     speed : root mean square of the motor's, m/s
-    device : what the numbers make
-    position, handle : of the model at the lines, m/N
+    device : device with the fitted numbers
+    position, handle : those of the model at the lines, m/N
     """
 
     candidate: Candidate

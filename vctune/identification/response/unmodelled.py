@@ -32,7 +32,7 @@ def distances(device: Device, bounds: Sequence[Bounded], measured: Response, cou
 
     Parameters
     ----------
-    device : in the middle of the box, without what is before the recorded force
+    device : in the middle of the box, without the parts before the recorded force
     bounds : the box; numbers that the device has not got are not looked at
     measured : averaged response of a periodic recording
     coulomb : friction, N
@@ -122,7 +122,7 @@ def within(hertz: Floats, needed: Floats, stated: Sequence[tuple[float, float]])
 
     Parameters
     ----------
-    hertz : of the lines, Hz, shape (n,)
+    hertz : frequencies of the lines, Hz, shape (n,)
     needed : radius of each, relative, shape (n,)
     stated : (Hz, radius) of a device file, straight between them on logarithmic axes
     """

@@ -31,7 +31,7 @@ class Bands:
     ratio : measured over fitted response
     spread : relative standard deviation of it
     fitted : response of the fit, from commanded velocity to that between samples
-    share : of the motion's power, root mean square
+    share : share of the motion's power, root mean square
     """
 
     hertz: Floats

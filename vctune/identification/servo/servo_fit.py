@@ -39,7 +39,7 @@ class ServoLog:
 
     Attributes
     ----------
-    time : of the rows, s
+    time : time of the rows, s
     velocity : commanded, held from each row to the next, m/s
     position : measured, m
     sample_time : s
@@ -71,18 +71,18 @@ class ServoFit:
 
     Attributes
     ----------
-    order : of the low-pass
+    order : order of the low-pass
     delay, bandwidth : s and Hz; the ends hold both at once
     gain, gain_sigma : how many times its command it moves, and its standard deviation
-    lag : of its low-pass at rest, s
+    lag : lag of its low-pass at rest, s
     jitter : standard deviation of its delay from command to command, s
     noise : Noise, as the likelihood has it
     exposed : by which variance jitter goes into each row, over that of the delay
     first : row from which on it was fitted
     unlikely : -2 log likelihood
-    inflation : how many times the residuals' correlation makes a variance what white ones would have
+    inflation : factor by which the residuals' correlation increases a variance
     left : steps of the position that the fit leaves, m
-    left_share : of the way in as many rows as the servo is late by, root mean square
+    left_share : residual motion in as many rows as the servo is late by, root mean square
     told : whether the bandwidth ends below the highest that is looked at
     """
 

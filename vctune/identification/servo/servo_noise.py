@@ -26,8 +26,8 @@ class Noise:
 
     Attributes
     ----------
-    encoder : of a position sample, m
-    link : of the delay from command to command, s
+    encoder : noise of a position sample, m
+    link : jitter of the delay from command to command, s
     """
 
     encoder: float
@@ -42,7 +42,7 @@ def exposure(velocity: Floats, *, is_position: bool, late: int, lag: float) -> F
     velocity : commanded, per row, m/s
     is_position : whether the command was a position
     late : rows by which the servo is late
-    lag : of its low-pass, rows
+    lag : lag of its low-pass, rows
     """
     from scipy.signal import lfilter
 
@@ -80,7 +80,7 @@ def likeliest(
 
     Parameters
     ----------
-    steps : what a fit leaves, m
+    steps : residuals of a fit, m
     near : where it is looked for
     least : deviation of a position sample, m
     T : sample time, s
@@ -112,7 +112,7 @@ def jitter(left: Floats, encoder: float, lag: float, exposed: Floats, *, is_posi
     ----------
     left : steps that a fit leaves, m
     encoder : deviation of a position sample, m
-    lag : of the servo, in rows of the log
+    lag : lag of the servo, in rows of the log
     exposed, is_position : as for `whitened`
     """
     window = max(ceil(2 * lag) + 2, 4)

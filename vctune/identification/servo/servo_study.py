@@ -41,7 +41,7 @@ class Yielding:
     Attributes
     ----------
     compliance, mobility : m/N and m/(N s), with their standard deviations
-    share : of the motion, root mean square, that the clearer of the two makes
+    share : share of the motion, root mean square, that the clearer of the two makes
     clear : whether each of the two is there
     """
 
@@ -58,10 +58,10 @@ class ServoStudy:
     Attributes
     ----------
     seen : the log as it was fitted
-    fit : of the order that explains it best
-    other : of the other order
+    fit : fit of the order that explains it best
+    other : fit of the other order
     told : whether chi2 tells the orders apart
-    yielding : what goes with the force; None where none was recorded
+    yielding : part of the motion that follows the force; None if no force was recorded
     bands : measured response
     """
 
@@ -91,7 +91,7 @@ class ServoStudy:
 
         Parameters
         ----------
-        fit : of either order
+        fit : fit of either order
         noise : Noise
         """
         white, _ = whitened(fit.left, noise, fit.exposed, is_position=self.seen.is_position)
@@ -112,7 +112,7 @@ def likelier_order(studies: Sequence[ServoStudy]) -> int:
 
     Parameters
     ----------
-    studies : of one servo
+    studies : studies of one servo
     """
     gain = 0.0
     for study in studies:
@@ -134,8 +134,8 @@ def servo_study(recording: Recording, sample_time: float) -> ServoStudy:
 
     Parameters
     ----------
-    recording : of position and command, checked by its caller; of a force too, if the servo may yield
-    sample_time : of the servo's commands, s
+    recording : recording of position and command, checked by its caller; of a force too, if the servo may yield
+    sample_time : sample time of the servo's commands, s
 
     Returns
     -------
@@ -253,9 +253,9 @@ def servo_notes(name: str, study: ServoStudy, units: Units) -> list[Note]:
 
     Parameters
     ----------
-    name : of the recording
-    study : of the recording
-    units : of its numbers
+    name : name of the recording
+    study : study of the recording
+    units : units of its numbers
     """
     fit, T, said = study.fit, study.seen.sample_time, []
     if not study.told:

@@ -40,7 +40,7 @@ def servo_distances(device: Device, bounds: Sequence[Bounded], study: ServoStudy
     Parameters
     ----------
     device, bounds : the box
-    study : of a log
+    study : study of a log
     """
     found = study.bands
     return _nearest(tried(device, bounds, study), 2 * pi * found.hertz, found.ratio * found.fitted)
@@ -52,7 +52,7 @@ def off_other_order(device: Device, bounds: Sequence[Bounded], study: ServoStudy
     Parameters
     ----------
     device, bounds : the box
-    study : of a log
+    study : study of a log
     """
     assert device.servo is not None
     T, other = device.sample_time, study.of_order(3 - device.servo.order)
@@ -67,7 +67,7 @@ def tried(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> list[
     Parameters
     ----------
     device, bounds : the box
-    study : of a log
+    study : study of a log
     """
     assert device.servo is not None
     ends = {each.key: (each.value * (1 - each.share), each.value * (1 + each.share)) for each in bounds}

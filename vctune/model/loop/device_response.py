@@ -41,9 +41,9 @@ class Spring:
 
     Attributes
     ----------
-    mass, damping : of the handle with what it is loaded with, kg and N s/m; None without a load
+    mass, damping : those of the handle with its load, kg and N s/m; None without a load
     y_c, y_k : c/(k^2 + (omega c)^2) and k/(k^2 + (omega c)^2), s m/N and m/N
-    total, own_mass : of the device and of its handle, without a load, kg
+    total, own_mass : those of the device and of its handle, without a load, kg
     bent, bent_im : g = omega^2 mu/(k + j omega c), in which no mass is: real and imaginary part; y = j g/(omega mu)
     """
 
@@ -63,10 +63,10 @@ class DeviceResponse(NamedTuple):
     Attributes
     ----------
     omega : rad/s
-    mass, damping : of the motor's part, all of the device if it is rigid, kg and N s/m
+    mass, damping : those of the motor's part, all of the device if it is rigid, kg and N s/m
     drive : A H
     estimate : F, from the motor's velocity to the firmware's; None for 1
-    sensor : F_s, from the hand's force to what is sensed; None for 1
+    sensor : F_s, from the hand's force to the sensed force; None for 1
     spring : between motor and handle; None if rigid
     operator : b_h, the damping of the least operator, N s/m; None without one
     factor : x = 1 + delta, by which the mechanism's response is multiplied; None for 1
@@ -92,8 +92,8 @@ class Mechanism:
     Attributes
     ----------
     motor, handle : kg
-    damping : of the handle, N s/m, None for none; the motor's is the device's
-    stiffness, viscosity : of the spring between them, N/m and N s/m
+    damping : damping of the handle, N s/m, None for none; the motor's is the device's
+    stiffness, viscosity : those of the spring between them, N/m and N s/m
     """
 
     motor: Number

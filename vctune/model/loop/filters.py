@@ -17,7 +17,7 @@ class FilterResponse:
 
     Attributes
     ----------
-    re : Re, which vanishes far above a low-pass, while what it takes away does so far below it
+    re : Re, which vanishes far above a low-pass, while its loss vanishes far below it
     curvature : (1 - Re)/omega^2, s^2
     lag : -Im/omega, s
     """

@@ -213,8 +213,8 @@ def _on_spring(
 
     Parameters
     ----------
-    spring, omega, scale : of the device there
-    C_0, W : of the motor
+    spring, omega, scale : those of the device there
+    C_0, W : those of the motor
     miss, turned : Z_1 + C_f - C_0 and Im(C_0 conj W), scaled
     """
     flexed = Pair(omega * spring.y_c, spring.y_k)  # y/omega

@@ -21,7 +21,7 @@ def labelled(key: str, units: Units) -> str:
     Parameters
     ----------
     key : a design variable's key in the problem file, one of `KEYS` or `SPRING_KEYS`
-    units : of the problem, linear or rotary
+    units : units of the problem, linear or rotary
 
     Returns
     -------

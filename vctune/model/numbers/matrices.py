@@ -29,7 +29,7 @@ class Block:
 
     Attributes
     ----------
-    entries : of shape (n, m, ...)
+    entries : array of shape (n, m, ...)
     nonzero : which of them are not 0 by structure
     ops : arithmetic of the entries
     """
@@ -43,7 +43,7 @@ class Block:
 
         Parameters
         ----------
-        entries : of the result, shape (n, m, ...)
+        entries : entries of the result, shape (n, m, ...)
         other : the second operand of the same shape; an entry is 0 by structure if it is so in both
 
         Returns
@@ -210,7 +210,7 @@ def minors(rows: Sequence[Sequence[Number]]) -> dict[int, Number]:
 
     Parameters
     ----------
-    rows : of numbers that can be added and multiplied; None for 0
+    rows : rows of numbers that can be added and multiplied; None for 0
     """
     width = len(rows) + 1
     found: dict[int, Number] = {0: None}
@@ -240,7 +240,7 @@ def characteristic(psi: Matrix) -> tuple[Vector, list[Matrix]]:
 
     Returns
     -------
-    coefficients : of x^0 to x^(n-1); that of x^n is 1
+    coefficients : coefficients of x^0 to x^(n-1); that of x^n is 1
     adjugate : matrices that are its coefficients, of x^0 to x^(n-1)
     """
     n = len(psi)
@@ -323,7 +323,7 @@ def dot(a: Iterable[Number], b: Iterable[Number]) -> Number:
 
     Parameters
     ----------
-    a, b : of the same length
+    a, b : arrays of the same length
 
     Returns
     -------
@@ -394,7 +394,7 @@ def scaled(matrix: AnyMatrix, factor: Number) -> AnyMatrix:
     Parameters
     ----------
     matrix : A
-    factor : of the arithmetic of the entries, or a plain number
+    factor : factor of the arithmetic of the entries, or a plain number
 
     Returns
     -------
@@ -430,7 +430,7 @@ def column(matrix: Matrix, index: int) -> Vector:
     Parameters
     ----------
     matrix : n x m
-    index : of the column; a negative one counts from the last
+    index : index of the column; a negative one counts from the last
 
     Returns
     -------

@@ -22,10 +22,11 @@ class Units:
 
     Attributes
     ----------
-    mass_name, force_name : what mass and force are called
-    mass, damping, stiffness, integral_gain, mobility, compliance : of what moves, of impedances and of one over them
-    force, position, position_integral, speed : of signals
-    time, frequency : of anything
+    mass_name, force_name : names of mass and force
+    mass, damping, stiffness, integral_gain, mobility, compliance : units of masses, of impedances and of one
+        over them
+    force, position, position_integral, speed : those of signals
+    time, frequency : units of time and frequency
     """
 
     mass_name: str
@@ -53,7 +54,7 @@ class Units:
 
         Parameters
         ----------
-        text : of ours, not of a user
+        text : our own text, not a user's
         """
         if self == LINEAR:
             return text

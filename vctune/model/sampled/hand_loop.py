@@ -61,7 +61,7 @@ class CommandInHand(NamedTuple):
     ----------
     size : > 0
     seen : regular at theta = 0
-    blur : by what -odd/2 may be more in a disc of responses, `Servo.radii`; 0 without one
+    blur : amount by which -odd/2 may be greater in a disc of responses, `Servo.radii`; 0 without one
     """
 
     size: Number
@@ -177,9 +177,9 @@ def _answers(
     Parameters
     ----------
     number : makes complex numbers even + j s odd
-    states : what the states are times the determinant, and it, of b_1
+    states : the states times the determinant, and those of b_1
     moved : d times the position's unit
-    grip : what is felt of a position of that unit
+    grip : sensed force of a position of that unit
     """
 
     def of_states(shares: Vector, first: Any) -> Any:
@@ -236,7 +236,7 @@ def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
 
     Parameters
     ----------
-    loop : of a device in a hand, at one or several angles
+    loop : loop of a device in a hand, at one or several angles
     gains : K_v and K_p, N s/m and N/m; a servo has none, and its loop does not look at them
 
     Returns
@@ -255,7 +255,7 @@ def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> Seen:
 
     Parameters
     ----------
-    loop : of an admittance display or a servo, at one or several angles
+    loop : loop of an admittance display or a servo, at one or several angles
     gains : in its numbers
     """
     required = required_in_hand(loop, gains)

@@ -30,7 +30,7 @@ class PlantLetGo:
     ----------
     rates, step : A and Q
     push, older : b and b_1, None for 0
-    lead : what the motor's velocity has of the rate of bending beside the velocity of the centre of mass; None if rigid
+    lead : coefficient of the rate of bending in the motor's velocity, beside the centre of mass; None if rigid
     whole_samples : N, of the delay
     sample_time, mass : T and m, of the units
     difference : whether the velocity is that of the position

@@ -112,7 +112,7 @@ def disjuncts(
     offered : by the coupling
     worlds : the box, in numbers of the arithmetic; a limit that is infinite is a plain float
     sample_time : T, s
-    seen : of the loop in a hand
+    seen : impedance of the loop in a hand
     factor : g, >= 1
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of all of these
@@ -161,7 +161,7 @@ def room_of(terms: tuple[Number, ...], absolute: Callable[[Number], Number]) -> 
 
     Parameters
     ----------
-    terms : of the margin
+    terms : terms of the margin
     absolute : returns the size of a number
     """
     return 2 * sum_of(terms) / (sum_of(tuple(map(absolute, terms))) + NOTHING)

@@ -48,7 +48,7 @@ class Delays:
     loop : N, of the device's delay
     loop_fractional : whether there is an older force in a sample
     felt : the same of the sum with the force sensor's delay
-    felt_fractional : whether there is an older force in what is felt
+    felt_fractional : whether the sensed force contains an older command
     """
 
     loop: Number
@@ -70,13 +70,13 @@ class Mechanism(NamedTuple):
 
     Attributes
     ----------
-    names : of the states
+    names : names of the states
     inertia : diagonal of E, by state; 1 where it is not named
-    sensed : what else is in E, of the handle's acceleration, by the row of the sensor's filter
+    sensed : additional entries of E, of the handle's acceleration, by the row of the sensor's filter
     rates : rows of A
     push : b
-    felt : what is sensed of x, by state
-    felt_inertia : what is sensed of the handle's acceleration; None with a filter
+    felt : sensed part of x, by state
+    felt_inertia : sensed part of the handle's acceleration; None with a filter
     handle : state that is the handle's velocity
     """
 
@@ -97,9 +97,9 @@ class PlantInHand:
     Attributes
     ----------
     rates, step : A and Q
-    push, older, felt_older : b, b_1 of the loop, and b_1 of what is felt, whose delay is longer; None where it is 0
-    felt : what is sensed of the states, -G_f is with the handle's inertia
-    felt_inertia : row of what is sensed of d x, and what of d b_1 u; None with a filter
+    push, older, felt_older : b, b_1 of the loop, and b_1 of the sensed force, whose delay is longer; None where it is 0
+    felt : sensed part of the states; -G_f includes the handle's inertia
+    felt_inertia : row of the sensed part of d x, and that of d b_1 u; None with a filter
     delays : whole samples
     sample_time, mass : T and m, of the units
     difference : whether the velocity is that of the position

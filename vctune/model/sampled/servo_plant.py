@@ -60,7 +60,7 @@ class ServoPlant:
     interpolated : whether the command is a position: all is times cos(theta/2)
     sample_time : T, s
     pull : the firmware's own spring; None without it
-    radii : of a disc of responses, `Servo.radii`
+    radii : radii of a disc of responses, `Servo.radii`
     """
 
     size: Vector

@@ -264,7 +264,7 @@ def sensitivity_abs2(parts: ReturnDifference, gains: Gains) -> Number:
 
     Parameters
     ----------
-    parts : of F, at one or several points of the unit circle
+    parts : parts of F, at one or several points of the unit circle
     gains : K_v and K_p, N s/m and N/m
 
     Returns

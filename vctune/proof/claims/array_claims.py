@@ -201,7 +201,7 @@ def hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, 
 
     Parameters
     ----------
-    demands : what is to be met
+    demands : the constraints
     uncertain : numbers of the device that the margins take from among their values
     delays : whole samples, the same for all of them
     ops : arithmetic of theta and the values
@@ -287,7 +287,7 @@ def limp_hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Del
 
     Parameters
     ----------
-    demands : what is to be met
+    demands : the constraints
     uncertain : numbers of the device that the margins take from among their values
     delays : whole samples, the same for all of them
     """

@@ -36,7 +36,7 @@ class Encirclements:
 
     Attributes
     ----------
-    number : of the model's curve, if it counts, and the sampled loop's, for each of the device's loops: 0 where
+    number : turns of the model's curve, if it counts, and of the sampled loop's, for each of its loops: 0 where
         stable, nan where not settled or not the same throughout the cell; one row each, shape (rows, n)
     boxes : pairs looked at, at the centres, for the model and for the sampled loop, shape (2, n)
     throughout : the same to see that no pole crosses over within a cell, of both, shape (n,)

@@ -59,7 +59,7 @@ class Envelope:
     ----------
     low, high : edges of the pieces, rad, shape (n,)
     offset, slope : N s/m, and by rad, shape (n,); of an impedance display of R/s^2. inf where there is no bound
-    boxes : what it took
+    boxes : number of boxes
     """
 
     low: Floats

@@ -57,7 +57,7 @@ class RobustDesign:
     Attributes
     ----------
     design : with the nominal device
-    box : of devices
+    box : box of devices
     demands : on each of them
     """
 
@@ -338,7 +338,7 @@ def part_over_band(
     Parameters
     ----------
     robust : the design and the box
-    test : of boxes of a frequency and of the uncertain numbers
+    test : test of boxes of a frequency and of the uncertain numbers
     low, high : edges of the band, in the test's unit of frequency
     max_boxes : boxes after which the proof stays open
     at_ends : whether to replace a box by the face at which its margin is least; not for curves

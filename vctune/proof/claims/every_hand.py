@@ -230,8 +230,8 @@ def _proved_over(
     ----------
     uncertain, hand_rows : numbers of device and hand that are rows of the boxes
     ends : their least and greatest, the hand's first
-    tests : of a part of the boxes, and of the values that are no rows
-    max_boxes : of each part, before it is left open
+    tests : tests of a part of the boxes, and of the values that are no rows
+    max_boxes : greatest number of boxes of each part, before it is left open
     near : where the hands are those next to resonance
     """
     names = hand_rows + tuple(map(row_of, uncertain))
@@ -322,8 +322,8 @@ class _Part:
 
         Parameters
         ----------
-        test : of boxes with these rows
-        names : of the rows, but the frequency
+        test : test of boxes with these rows
+        names : names of the rows, but the frequency
         """
         rows = [1 + index for index, name in enumerate(names) if name in DELAY_ROWS]
         if not rows:

@@ -41,7 +41,7 @@ class Certified:
     Attributes
     ----------
     proved : the cells all of whose designs meet all demands
-    boxes : what it took to prove each claim of `ON_ARRAYS`, 0 for what is not demanded; shape (4, n)
+    boxes : number for each claim of `ON_ARRAYS`, 0 for claims that are not made; shape (4, n)
     """
 
     proved: Flags

@@ -265,7 +265,7 @@ def limp_hand_margin(
     plant : the device in the hand, over a sample
     design : with K_p = 0, in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
-    share : of the hand's stiffness in rho, in [0, 1] (`seen_in_limp_hand`); `hand_margin` is positive if this
+    share : share of the hand's stiffness in rho, in [0, 1] (`seen_in_limp_hand`); `hand_margin` is positive if this
         margin is positive for every share
     factor : least Re Z_c / R
     ops : arithmetic of the other arguments
@@ -320,7 +320,7 @@ def any_hand_margin(
 
     Parameters
     ----------
-    design : of an impedance display, in numbers of the arithmetic
+    design : design of an impedance display, in numbers of the arithmetic
     delay : whole samples of its device's delay
     theta : omega T, rad, in [0, pi]
     factor : least Re(1/Z_c)/R
@@ -328,7 +328,7 @@ def any_hand_margin(
 
     Returns
     -------
-    margin, size : of the shape of theta
+    margin, size : arrays of the shape of theta
     """
     hand = any_hand(design.device, delay.whole_samples, theta, ops, fractional=delay.fractional)
     required = hand.required(design.gains)

@@ -72,8 +72,8 @@ class Resonance:
 
         Parameters
         ----------
-        test : of boxes with the rows of `HAND`
-        names : of the boxes' rows, without the frequency
+        test : test of boxes with the rows of `HAND`
+        names : names of the boxes' rows, without the frequency
 
         Returns
         -------
@@ -104,8 +104,8 @@ class Resonance:
 
         Parameters
         ----------
-        test : of boxes with the rows of `ROWS`
-        names : of the boxes' rows, without the frequency
+        test : test of boxes with the rows of `ROWS`
+        names : names of the boxes' rows, without the frequency
 
         Returns
         -------

@@ -39,7 +39,7 @@ def sensed_force_jumps(device: Device, hands: Hands) -> bool:
 
     Parameters
     ----------
-    device : of any display; only an admittance display senses force
+    device : a device of any display; only an admittance display senses force
     hands : the box of hands; without mass nothing jumps
 
     Returns
@@ -128,7 +128,7 @@ def next_to_whole_samples(box: DeviceBox) -> list[Device]:
 
     Parameters
     ----------
-    box : of devices
+    box : box of devices
     """
     found: dict[Device, None] = {}
     T = box.nominal.sample_time

@@ -32,7 +32,7 @@ class LowerBound:
     bound : no value in the box is below it; -inf where nothing is known
     estimate : about the value at `at`
     at : where the value is about least, of each row between -1 and 1, shape (k, n)
-    cost : what the bound loses by each row, shape (k, n)
+    cost : loss of the bound by each row, shape (k, n)
     """
 
     bound: Floats

@@ -35,7 +35,7 @@ class Taylor:
     ----------
     rows : k
     poly : coefficients of 1, of each e_i and of each e_i e_j, i <= j; shape (1 + k + k (k + 1)/2, ..., n)
-    rest : radius of what is left out, by the row that it is due to, and last that of rounding; shape (k + 1, ..., n)
+    rest : radius of the remainder, by the row that causes it, and last that of rounding; shape (k + 1, ..., n)
     """
 
     __slots__ = ("_sizes", "poly", "rest", "rows")

@@ -31,7 +31,7 @@ def cells_over_band(
 
     Parameters
     ----------
-    test : of boxes of frequency and cell
+    test : test of boxes of frequency and cell
     cells : n cells of designs
     low, high : edges of the band, in the test's unit of frequency
     measure : number of each proved box that is added up for its cell, such as the angle of a turn; None for none

@@ -254,7 +254,7 @@ def next_to_zero(rows: Sequence[int], sufficient: Sequence[Margin], fixed: Value
     sufficient : margins any of which proves as much there, the more so the narrower these rows are; where they are
         negative, or least, says nothing of the claim's
     fixed : the values that are not among a box's rows
-    test : of the other boxes
+    test : test of the other boxes
     """
     both = list(rows)
 
@@ -282,10 +282,10 @@ def any_positive(margins: Margins, slopes: Margins, fixed: Values, spans: Floats
 
     Parameters
     ----------
-    margins : of a frequency and of values, over `vctune.proof.enclosures.taylor`
+    margins : margins of a frequency and of values, over `vctune.proof.enclosures.taylor`
     slopes : the same over jets
     fixed : the values that are not among a box's rows
-    spans : of the whole range of each row but the frequency, shape (rows - 1, 1)
+    spans : spans of the whole range of each row but the frequency, shape (rows - 1, 1)
     """
 
     def of(boxes: Boxes) -> tuple[Number, ...]:
@@ -320,7 +320,7 @@ def any_of(tests: Sequence[Test]) -> Test:
 
     Parameters
     ----------
-    tests : of one margin each
+    tests : tests of one margin each
     """
     return lambda boxes: _nearest([test(boxes) for test in tests])
 

@@ -83,7 +83,7 @@ class Boxes:
 
     Attributes
     ----------
-    names : of the rows, `FREQUENCY` first
+    names : names of the rows, `FREQUENCY` first
     low, high : edges, shape (rows, n)
     owner : which of several proofs each box belongs to, shape (n,)
     whole_samples : N, of the delay, where that is uncertain, shape (n,)
@@ -198,7 +198,7 @@ def over_band(
 
     Parameters
     ----------
-    names : of the rows beside the frequency
+    names : names of the rows beside the frequency
     low, high : edges of each owner in these rows, shape (names, owners)
     band : lower and upper edges of m intervals, from `band_of`
     whole_samples : N of the delay, the same for all boxes

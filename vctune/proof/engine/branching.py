@@ -30,7 +30,7 @@ class Decided:
     proved : where the claim holds throughout
     fails : where it does not hold at `point`
     point : a point of each box, shape (rows, n)
-    cost : what each row contributes to the uncertainty of each box, of the same shape
+    cost : contribution of each row to the uncertainty of each box, of the same shape
     known : where that is more than the row's width: nothing is known of the slopes elsewhere
     side : end of each row at which the margin is least, -1 and 1, whatever the others; 0 where that is not known
     room : how near the test is to proving the claim, greater than 1 where it does, of several tests of one kind
@@ -58,7 +58,7 @@ class Proofs:
     failing : a point at which it does not hold, nan where none was met, shape (rows, owners)
     open : a point of a box that stays open, nan where there is none, of the same shape
     boxes : how many boxes were looked at
-    total : sum of what was measured over the proved boxes
+    total : sum of the measure over the proved boxes
     """
 
     proved: Flags

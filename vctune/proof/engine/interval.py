@@ -64,8 +64,8 @@ class Outcome:
     verdict : proved, refuted, or undecided at the resolution limit
     boxes : boxes looked at
     witness : where it is refuted or undecided, if at a certain place, rad/s
-    device : of a box of devices, the one that is refuted or undecided
-    hand : of a box of hands, the one in which it is
+    device : device of the box that is refuted or undecided
+    hand : hand of the box in which it is
     cut : whether it is undecided because the time limit ended the proof
     """
 

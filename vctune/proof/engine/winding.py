@@ -23,7 +23,7 @@ def turned_angle(curve: Curve, low: float, high: float) -> tuple[Outcome, float]
 
     Parameters
     ----------
-    curve : of a ball
+    curve : curve of a ball
     low, high : ends of its parameter, 0 <= low <= high
 
     Returns

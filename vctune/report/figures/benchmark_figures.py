@@ -33,7 +33,7 @@ class Panel:
     Attributes
     ----------
     title, x, y : labels
-    series : what is drawn
+    series : the drawn series
     floor : where values at or below it are drawn, on a dotted line; None if there are none
     """
 

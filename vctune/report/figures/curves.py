@@ -96,7 +96,7 @@ def nyquist(problem: Problem, gains: Gains) -> Nyquist:
     Parameters
     ----------
     problem : the device
-    gains : of the velocity loop
+    gains : gains of the velocity loop
     """
     top = problem.nyquist / (2 * pi)
     hz = _closer(problem.device, np.geomspace(top * 1e-5, top, 4 * POINTS))

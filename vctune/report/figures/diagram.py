@@ -39,7 +39,7 @@ def loop_figure(device: Device, gains: Gains, coupling: AnyCoupling) -> Figure:
     Parameters
     ----------
     device : its parts are the blocks
-    gains, coupling : of the design
+    gains, coupling : those of the design
     """
     with rc_context(STYLE):
         figure = Figure(figsize=SIZE)

@@ -77,8 +77,8 @@ def legend_above(axes: Axes, columns: int, **options: Any) -> None:
     Parameters
     ----------
     axes : with labelled lines
-    columns : of the legend
-    options : of `Axes.legend`
+    columns : columns of the legend
+    options : options of `Axes.legend`
     """
     close = {"borderaxespad": 0.2, "columnspacing": 1.1, "handlelength": 1.7, "handletextpad": 0.5, "fontsize": 8.5}
     axes.legend(loc="lower left", bbox_to_anchor=(-0.03, 1.0), ncols=columns, **close, **options)
@@ -124,7 +124,7 @@ def around_one(axes: Axes, factor: float, least: float | None, worst_hz: float |
 
     Parameters
     ----------
-    axes : of a ratio
+    axes : axes of a ratio
     factor : the safety factor
     least, worst_hz : the least ratio and where it is, Hz; None for inf
     """
@@ -160,7 +160,7 @@ def shade(axes: Axes, band: Band, colour: str, label: str, hatch: str = "") -> N
     ----------
     axes : whose limits are set, Hz
     band : rad/s
-    colour, label : of the shade and in the legend
+    colour, label : those of the shade and in the legend
     hatch : over the shade
     """
     low, high = axes.get_xlim()

@@ -26,7 +26,7 @@ def sweep_figure(table: Table, *, grid: bool) -> Figure | None:
 
     Parameters
     ----------
-    table : of the sweep
+    table : table of the sweep
     grid : whether the points are every combination of the axes' values
     """
     finite = np.logical_and.reduce([np.isfinite(column) for column in table.axes.values()])

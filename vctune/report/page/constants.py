@@ -50,8 +50,8 @@ def frequency_model(problem: Problem, record: DesignRecord) -> dict[str, Any]:
 
     Parameters
     ----------
-    problem : of the design
-    record : of the design, whose bands are shown
+    problem : problem of the design
+    record : record of the design, whose bands are shown
     """
     wanted, axis = problem.transparency.band, frequencies(problem)
     nodes, weights = log_quadrature(wanted.min, wanted.max, PANELS)
@@ -121,7 +121,7 @@ def sampled_loop(device: Device, record: DesignRecord) -> dict[str, Any] | None:
     Parameters
     ----------
     device : let go
-    record : of the design, whose frequencies are shown
+    record : record of the design, whose frequencies are shown
     """
     if not device.kind.own_loop:
         return None
@@ -146,7 +146,7 @@ def in_hands(device: Device, met: list[Hand | None], worst: list[float]) -> dict
 
     Parameters
     ----------
-    device : of the design
+    device : device of the design
     met : the hands; None for any passive one
     worst : frequencies of the least ratios, rad/s
     """

@@ -44,11 +44,11 @@ def page(
 
     Parameters
     ----------
-    record : of the design, which the page embeds as the object of design.json
+    record : record of the design, which the page embeds as the object of design.json
     problem : the problem that the record's text states
     drawn : figures as SVG, by name
-    places : of the axes in which tried curves are drawn (`vctune.report.page.sliders.overlays`)
-    simulation : of this design, if there is one
+    places : places of the axes in which tried curves are drawn (`vctune.report.page.sliders.overlays`)
+    simulation : simulation of this design, if there is one
     """
     translated, display = problem.units.translated, problem.device.display
     shown = [
@@ -137,7 +137,7 @@ def figure_file(figure: Figure, folder: Path, stem: str) -> dict[Path, str]:
     ----------
     figure : drawn
     folder : for the file
-    stem : of its name
+    stem : stem of its name
 
     Returns
     -------

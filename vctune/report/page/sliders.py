@@ -36,9 +36,9 @@ def sliders(problem: Problem, gains: Gains, coupling: AnyCoupling, record: Desig
 
     Parameters
     ----------
-    problem : of the nominal device
+    problem : problem of the nominal device
     gains, coupling : the shipped design
-    record : of it; where its extrema are belongs to the samples
+    record : record of the claim; the samples contain the places of its extrema
     """
     stability, transparency, operator = problem.stability, problem.transparency, problem.device.operator
     band, worst = problem.stability.band.hz, least_ratios(problem, gains, coupling)

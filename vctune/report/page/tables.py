@@ -181,7 +181,7 @@ def claim_lines(record: DesignRecord, problem: Problem) -> list[ClaimLine]:
 
     Parameters
     ----------
-    record : of the design
+    record : record of the design
     problem : that it states
     """
     proof, loop, design = record.certificate, record.inner_loop, record.design

@@ -23,7 +23,7 @@ def coupling_coefficients(
     ----------
     coupling : damping b_c and mass m_c in series, drag b_0 beside them; or stiffness and damping; None for none
     sample_time : T, s
-    smoothing, low_passes : of the velocity that the damping of an impedance display acts on
+    smoothing, low_passes : those of the velocity that the damping of an impedance display acts on
 
     Returns
     -------
@@ -78,7 +78,7 @@ def environment_coefficients(environment: Environment, sample_time: float) -> di
 
     Parameters
     ----------
-    environment : what is rendered
+    environment : the rendered environment
     sample_time : T, s
     """
     lossless = environment.rule == "trapezoid"

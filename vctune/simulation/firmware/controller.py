@@ -35,13 +35,13 @@ class Law:
     coupling : damping b_c and mass m_c in series and the drag b_0 beside them, or of an impedance display a stiffness
         beside a damping; None for no coupling
     virtual_mass, virtual_damping : beside the environment, kg, N s/m
-    environment : what is rendered
-    position_resolution : of the encoder, m; 0 for none
+    environment : the rendered environment
+    position_resolution : resolution of the encoder, m; 0 for none
     difference : whether the velocity is the backward difference of the measured position; measured itself if not
     smoothing : a of the low-passes y += a (x - y) that the velocity goes through; None for none
     low_passes : how many of them, up to 2
     limit : greatest force, N; None for none. Behind it the integral parts of the law do not wind up
-    command : what is commanded; where it is no force there is no law, and nothing of it is limited
+    command : kind of command; without a force there is no law and no limit
     """
 
     sample_time: float
@@ -77,7 +77,7 @@ class State:
     ----------
     reference, desired : x_e and v_e, position and velocity of the rendered environment, m, m/s
     coupling : force of the coupling's damper and mass, N
-    integral : of the position error, m s
+    integral : integral of the position error, m s
     measured : position at the sample before, m
     filtered, twice_filtered : velocity behind the first low-pass and behind the second, m/s
     inertia : force of the environment's mass, N; of the trapezoidal rule alone
@@ -113,8 +113,8 @@ def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -
     Parameters
     ----------
     law : the numbers of the firmware
-    state : what it remembers from the sample before
-    measurement : what its sensors say
+    state : its state after the previous sample
+    measurement : its measurement
     ops : arithmetic of state and measurement
 
     Returns

@@ -100,7 +100,7 @@ def choice(above: Term, limit: Term, yes: Term, no: Term) -> Operation:
 
     Parameters
     ----------
-    above, limit : what is compared
+    above, limit : the compared values
     yes : where `above` is the greater
     no : where it is not
     """

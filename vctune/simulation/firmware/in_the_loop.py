@@ -48,7 +48,7 @@ class Difference:
     force : the greatest difference, N
     time : when, s
     tolerance : the greatest difference that passes, N
-    precision : of the firmware
+    precision : precision of the firmware
     """
 
     force: float

@@ -28,9 +28,9 @@ class CompiledController:
 
     Attributes
     ----------
-    path : of the library
+    path : path of the library
     problem_sha256 : digest of the problem that it was made for
-    precision : of its numbers
+    precision : precision of its numbers
     """
 
     def __init__(self, path: Path) -> None:
@@ -38,7 +38,7 @@ class CompiledController:
 
         Parameters
         ----------
-        path : of the library, or of the folder in which `make shared` made it
+        path : path of the library, or of the folder in which `make shared` made it
 
         Raises
         ------

@@ -28,9 +28,9 @@ class Start:
 
     Attributes
     ----------
-    environment : what it renders
+    environment : its environment
     limit : greatest force, N; None for none
-    position, reference : of the motor as the encoder has it, and x_e, m
+    position, reference : position of the motor from the encoder, and x_e, m
     """
 
     environment: Environment
@@ -59,10 +59,10 @@ class SteppedFirmware:
 
         Parameters
         ----------
-        parts : what the firmware consists of; positions come as the encoder has them
-        coefficients : of the controller, by their names in `equations.COEFFICIENTS`
-        start : what it renders, and where it begins
-        precision : of every number; coefficients are rounded to it first
+        parts : parts of the firmware; positions come from the encoder
+        coefficients : coefficients of the controller, by their names in `equations.COEFFICIENTS`
+        start : its environment and start
+        precision : precision of every number; coefficients are rounded to it first
         """
         self._number = number = NUMBERS[precision]
         blocks = (equations.estimate, equations.drive, equations.environment, equations.law)

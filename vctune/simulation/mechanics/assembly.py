@@ -37,10 +37,10 @@ class Assembly:
     states : position and velocity of the motor first; bend and handle_velocity, drive and its rate, the rate of a
         servo's velocity, sensed and its rate where the device has the part
     rates : over states and given
-    units : of states and given, with which all rates are about as large as what they mean for a sample
+    units : units of states and given, with which all rates are about as large as what they mean for a sample
     position, velocity : rows of the handle's, m, m/s
-    force : row of f_h, N, what the hand does to the handle
-    sensed : row of what the force sensor has of it, its delay apart, N
+    force : row of f_h, N, the force of the hand on the handle
+    sensed : row of the sensor's force, without its delay, N
     """
 
     states: tuple[str, ...]
@@ -163,9 +163,9 @@ def _assembled(
     states : names, those of the sensor too
     of : unit row of each of states and given
     rates : rows of those that change
-    units : of states and given
+    units : units of states and given
     seen : rows of the handle's position and velocity and of f_h
-    sensor : None for what senses f_h
+    sensor : None for a sensor of f_h
     """
     position, velocity, force = seen
     if sensor is not None and sensor.bandwidth_hz is not None:

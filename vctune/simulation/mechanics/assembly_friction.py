@@ -55,7 +55,7 @@ def friction_step(moving: Assembly, length: float) -> FrictionStep:
 
     Parameters
     ----------
-    moving : what moves
+    moving : the moving masses
     length : h, s
     """
     return FrictionStep(length, moving.changed(length), moving.size + GIVEN.index("friction"))
@@ -68,7 +68,7 @@ def assembly_step(
 
     Parameters
     ----------
-    step : what the assembly does in it
+    step : step of the assembly
     friction : that acts on the motor
     at : states and bristles at the beginning
     foreseen : velocity at which the friction's rate is taken, m/s

@@ -47,7 +47,7 @@ def friction_force(friction: Friction, velocity: Number, deflection: Number, ops
     ----------
     friction : its parameters
     velocity : m/s
-    deflection : of the bristles, m
+    deflection : deflection of the bristles, m
     ops : arithmetic of velocity and deflection
     """
     rate, damping = relaxation(friction, velocity, ops)
@@ -85,7 +85,7 @@ def slide(step: SlideStep, at: Slide, push: Callable[[float], Number], h: float,
 
     Parameters
     ----------
-    step : of length h
+    step : step of length h
     at : state at the beginning
     push : force of motor and hand, N, of the time since the beginning, s
     h : length of a step, s
@@ -125,7 +125,7 @@ def slide_step(
 
     Parameters
     ----------
-    carriage : what slides
+    carriage : the sliding mass
     friction : that acts on it
     at : state at the beginning
     foreseen : velocity at which the friction's rate is taken, m/s

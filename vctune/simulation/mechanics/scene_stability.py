@@ -76,7 +76,7 @@ def least_virtual(device: Device, experiment: Experiment, pid: Baseline) -> floa
     Parameters
     ----------
     device : plain numbers, SI units
-    experiment : what it is tried in
+    experiment : the experiment of the run
     pid : the regular controller, with the mass and the damping that are varied
 
     Returns

@@ -73,7 +73,7 @@ def build(scene: Scene, stretch: Stretch = fixed_steps) -> Step:
 
     Parameters
     ----------
-    scene : what the run consists of
+    scene : the scene of the run
     stretch : of no meaning without friction
 
     Returns
@@ -100,7 +100,7 @@ def build_open(scene: Scene, stretch: Stretch = fixed_steps) -> OpenStep:
 
     Parameters
     ----------
-    scene : what the run consists of; of its law only the encoder
+    scene : the scene of the run; of its law only the encoder
     stretch : of no meaning without friction
 
     Returns

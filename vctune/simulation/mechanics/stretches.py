@@ -52,7 +52,7 @@ def default_substeps(scene: Scene, friction: Friction) -> int:
 
     Parameters
     ----------
-    scene : what moves, with its sample time
+    scene : the moving masses, with their sample time
     friction : with the bristles' stiffness, N/m
     """
     mass = scene.carriage.mass if scene.device.structure is None else scene.device.motor_mass
@@ -72,7 +72,7 @@ def fixed_steps(
 
     Parameters
     ----------
-    scene, friction : what moves
+    scene, friction : the moving masses
     begin, length : where in the sample the stretch begins, and how long it is, s
     substeps : per sample; None for `default_substeps`
     theta : where in a step its forces are taken, see `friction.slide`; of no meaning for an `assembly`
