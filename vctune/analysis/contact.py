@@ -20,7 +20,8 @@ from vctune.model.sampled.hand_loop import offered
 from vctune.model.sampled.servo_in_hand import Demand, demand_of, vertices
 
 LOWEST = 1e-3
-"""Least angle beside 0: below, a demand is that at rest to a millionth. Half and twice change nothing that is shown."""
+"""Least angle beside 0: below, a constraint is that at rest to a millionth. Half and twice change nothing that is
+shown."""
 PER_DECADE = 120
 """Angles: neighbours are 2 % apart, eight on a sample of each of ten samples of latency at Nyquist. Half may step over
 a contact's narrowest place, twice costs twice as long."""
@@ -91,7 +92,7 @@ def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupl
     Returns
     -------
     float
-        Less than the least of the box where no stiffness is small enough, inf where any is.
+        Less than the least of the box where no stiffness is small enough, inf if any is.
     """
     return min(_stiffest(device, hands, coupling, factor) for device in devices)
 
@@ -99,7 +100,7 @@ def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupl
 def _stiffest(device: Device, hands: Hands, coupling: AnyCoupling, factor: float) -> float:
     """Return the least stiffness over the angles at which the requirement, linear in it, equals the coupling's offer.
 
-    In a disc of responses the demand is convex in it, and the stiffness is halved to.
+    In a disc of responses the constraint is convex in it, and the stiffness is halved to.
     """
     if device.servo is not None and device.servo.radii:
         return _stiffest_in_disc(device, hands, coupling, factor)

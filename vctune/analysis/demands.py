@@ -55,7 +55,7 @@ def response(device: Device, gains: Gains, omega: Floats) -> LoopResponse:
 
 
 def stability_ratio(device: Device, gains: Gains, coupling: AnyCoupling, omega: Floats) -> Floats:
-    """Return Re Z_c / R; -inf where the loop's resistance is not positive, inf where R <= 0.
+    """Return Re Z_c / R; -inf if the loop's resistance is not positive, inf if R <= 0.
 
     See model/README.md, section 4.
 
@@ -131,7 +131,7 @@ def towards_zero(problem: Problem) -> Floats:
 
 
 def demand_grid(device: Device, low: float, high: float) -> Floats:
-    """Return a grid for the demands of a device, fine enough for the ripple of its delays and for its resonance.
+    """Return a grid for the constraints of a device, fine enough for the ripple of its delays and for its resonance.
 
     Hold "lag" without delay has no ripple, and its bands no end.
 

@@ -1,7 +1,7 @@
 """The passive environment that makes a refuted loop grow in a hand (model/README.md, section 14).
 
 Where Re(Z_c + Z_seen) < 0, the spring or mass that cancels the imaginary part, with a damper of as much as is missing
-beside it, holds a pole on the unit circle. It is followed while the damper is taken away. Of a demand that is just
+beside it, holds a pole on the unit circle. It is followed while the damper is taken away. Of a constraint that is just
 missed the pole goes outwards; where much is missed it may come back, and some of the damper is left. The functions of a
 hand's loop are analytic in theta, z = e^(j theta), so that the same formulas tell where the pole goes.
 
@@ -30,8 +30,7 @@ from vctune.model.sampled.plant_in_hand import AnyPlantInHand, delays_of, plant_
 from vctune.model.worlds import Worlds
 
 LEAST = 1e-7
-"""Least angle omega T at which a spring is looked for: at 0 none is soft enough. Half and twice it find the same
-growth."""
+"""Least angle omega T at which a spring is sought: at 0 none is soft enough. Half and twice it find the same growth."""
 NYQUIST = 1e-6
 """Angle next to pi at which no environment has a reactance and none is needed. Half and twice it, too."""
 FIRST, LAST = 0.125, 1e-4
@@ -84,13 +83,13 @@ def destabilising(
     Parameters
     ----------
     device, gains, coupling : a design, plain numbers
-    hand : in which the demand is not met
+    hand : in which the constraint is not met
     omega : where it is not, rad/s, from 0 to pi/T
 
     Returns
     -------
     GrowingEnvironment or None
-        Lossless if that grows; None where no growing motion is found, as where the demand is met.
+        Lossless if that grows; None if no growing motion is found, as where the constraint is met.
     """
     T, plant = device.sample_time, plant_in_hand(device, hand, delays_of(device), FLOATS)
 
@@ -110,14 +109,14 @@ def growing_in_worlds(
     Parameters
     ----------
     device, gains, coupling : a design, plain numbers
-    hand : in which the demand is not met
+    hand : in which the constraint is not met
     omega : where it is not, rad/s, from 0 to pi/T
     worlds : the box
 
     Returns
     -------
     GrowingEnvironment or None
-        With the least damping of the box if that grows; None where no member is found to.
+        With the least damping of the box if that grows; None if no member is found to.
     """
     T, low = device.sample_time, worlds.low
     theta = min(max(omega * T, LEAST), pi - NYQUIST)
@@ -176,7 +175,7 @@ def growing_with(
     Returns
     -------
     GrowingEnvironment or None
-        Lossless if that grows; None where no growing motion is found.
+        Lossless if that grows; None if no growing motion is found.
     """
     theta = min(max(theta, LEAST), pi)
     reactance, at = alone(theta).imag if theta < pi - NYQUIST else 0.0, _warped(theta, sample_time).real
@@ -224,7 +223,7 @@ def _outwards(unbalance: Callable[..., complex], theta: float) -> tuple[float, f
 
 
 def _dual(compliance: float, mobility: float, damping: float, growth: float, omega: float) -> GrowingEnvironment | None:
-    """Return the environment with 1/k = compliance or 1/m = mobility; None where a damper in a row with it is left."""
+    """Return the environment with 1/k = compliance or 1/m = mobility; None if a damper in a row with it is left."""
     if damping > 0 or compliance == mobility == 0:  # no experiment has the one, and the other is a rigid wall
         return None
     if compliance > 0:

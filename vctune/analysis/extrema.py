@@ -47,7 +47,7 @@ def frequency_grid(
     Returns
     -------
     array of float
-        Increasing, read-only: it is shared by all who ask for the same grid.
+        Increasing, read-only: it is shared by all who require the same grid.
     """
     decades = np.log10(omega_max / omega_min)
     grid = np.geomspace(omega_min, omega_max, max(9, int(np.ceil(decades * points_per_decade)) + 1))

@@ -90,7 +90,7 @@ class LoopsInAnyHand:
     answers: AnyHand
 
     def required(self, gains: Gains) -> Floats:
-        """Return R/s^2, of shape (1, n), inf where some hand makes the loop of K_v alone unstable.
+        """Return R/s^2, of shape (1, n), inf if some hand makes the loop of K_v alone unstable.
 
         Of the gains' shape before it if they are arrays (..., 1, 1).
         """
@@ -168,7 +168,7 @@ class RatioInHand:
 
     Attributes
     ----------
-    ratio : inf where nothing is required
+    ratio : inf if nothing is required
     omega : rad/s
     hand : in which it is least
     """
@@ -184,7 +184,7 @@ class RatioInAnyHand:
 
     Attributes
     ----------
-    ratio : inf where nothing is required
+    ratio : inf if nothing is required
     omega : rad/s
     """
 
@@ -250,7 +250,7 @@ def windows(
 ) -> list[RatioInHand]:
     """Return the ends of the windows of angles in which a box of environments is not met, about the worst places.
 
-    Between them one margin has to do where another ceases to: a demand in the middle alone moves the window along.
+    Between them one margin has to do where another ceases to: a constraint in the middle alone moves the window along.
 
     Parameters
     ----------

@@ -76,7 +76,7 @@ def growing_in_any_hand(
     Returns
     -------
     tuple or None
-        The hand without what is always held; None where nothing grows, as where the demand is met.
+        The hand without what is always held; None if nothing grows, as where the constraint is met.
     """
     with np.errstate(all="ignore"):
         places = list(_places(device, gains, coupling))

@@ -47,7 +47,7 @@ class Phases:
 
 
 def crossover(device: Device, gains: Gains) -> float | None:
-    """Return the highest frequency at which the sampled loop has |L| = 1, rad/s; None where it has none.
+    """Return the highest frequency at which the sampled loop has |L| = 1, rad/s; None if it has none.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
 
 
 def sensor_miss(device: Device, omega: Floats) -> Floats | None:
-    """Return |1 - F_s|, by how much the sensed force misses the hand's; None where it is the same.
+    """Return |1 - F_s|, by how much the sensed force misses the hand's; None if it is the same.
 
     Parameters
     ----------

@@ -134,7 +134,7 @@ def makes_no_turn(F: Pair) -> NDArray[np.bool_]:
 
 
 def clearly_stable(device: Device, gains: Gains) -> bool | None:
-    """Return whether neither loop makes a turn around 0, or None where one comes too close to it to tell.
+    """Return whether neither loop makes a turn around 0, or None if one comes too close to it to tell.
 
     Parameters
     ----------
@@ -171,8 +171,8 @@ class Cut:
 def stability_cut(device: Device, inside: Gains, outside: Gains, level: float) -> Cut | None:
     """Return the tangent to the stability boundary between a stable and an unstable pair of gains.
 
-    On the boundary F(theta) = 0 for some theta; moving along it changes theta, so that its tangent is where
-    dF is parallel to dF/dtheta. Both the sampled loop and the frequency model are looked at.
+    On the boundary F(theta) = 0 for some theta; moving along it changes theta, so that its tangent is where dF is
+    parallel to dF/dtheta. Both the sampled loop and the frequency model are examined.
 
     Parameters
     ----------

@@ -227,7 +227,7 @@ def check_parameters(
     Returns
     -------
     list of Checked
-        One for each axis that was looked at.
+        One for each axis that was examined.
 
     Raises
     ------
@@ -309,7 +309,7 @@ def export_axes(
     Raises
     ------
     NotCertifiedError
-        If a design is not certified, and `unproved` was not asked for; an `InputError` as well.
+        If a design is not certified, and `unproved` is not set; an `InputError` as well.
     InputError
         If an axis has no design, or cannot be exported.
     """

@@ -64,7 +64,7 @@ class Bounded:
     file : the problem
     record : record of its design, with the bound in it; `to_json()` is the object of design.json
     judgement : judgement of the best design known; None if none is
-    optimality : `bound`, `gap` and `proved`; None where the problem was known to be infeasible, or time was too short
+    optimality : `bound`, `gap` and `proved`; None if the problem was known to be infeasible, or time was too short
     """
 
     file: ProblemFile
@@ -104,7 +104,7 @@ def bound(
     stopped: Callable[[], bool] = lambda: False,
     progress: Progress = lambda stage: None,
 ) -> Bounded:
-    """Prove a lower bound on the error of every admissible design of a problem.
+    """Prove a lower bound on the error of every feasible design of a problem.
 
     Parameters
     ----------
@@ -119,8 +119,8 @@ def bound(
     Returns
     -------
     Bounded
-        The bound is valid whenever the search ends. `optimality` is None where the time limit cut the
-        proof of the design, or ended before the search could begin.
+        The bound is valid whenever the search ends. `optimality` is None if the time limit cut the proof of the design,
+        or ended before the search could begin.
 
     Raises
     ------

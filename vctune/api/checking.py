@@ -51,8 +51,8 @@ def check(
     Returns
     -------
     Checked
-        `result`, `message` in one line, `warnings`; `finding.judgement` is what is proved, `finding.repairs` what
-        would mend a violated design.
+        `result`, `message` in one line, `warnings`; `finding.judgement` is proved, `finding.repairs` what would mend a
+        violated design.
 
     Raises
     ------

@@ -75,7 +75,8 @@ def _alike(a: Problem, b: Problem) -> bool:
 
 
 def _same(a: Transparency, b: Transparency) -> bool:
-    """Return whether two yardsticks are one, but for the last digits of numbers that are stated here, default there."""
+    """Return whether two yardsticks are one, except for the last digits of numbers that are stated here, default
+    there."""
     numbers = [(each.band.min, each.band.max, each.reference_impedance) for each in (a, b)]
     close = all(isclose(*pair, rel_tol=SAME) for pair in zip(*numbers, strict=True))
     return close and (a.norm, a.weights) == (b.norm, b.weights)

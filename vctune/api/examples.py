@@ -39,7 +39,7 @@ def example_text(name: str) -> str:
 
 
 def write_example(name: str, folder: Path) -> Path:
-    """Write a problem file, in the place of no other.
+    """Write a problem file; it never replaces another file.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ class Simulation:
     file : the problem
     gains, coupling : the design
     experiments : each with the runs of the design and of the regular PID: `traces`, `metrics`, `mode`
-    controller, made_for : name of the compiled controller that ran in the place of the design's own, and digest of the
+    controller, made_for : name of the compiled controller that ran instead of the design's own, and digest of the
         problem that it was made for; None for none
     """
 
@@ -93,8 +93,8 @@ def simulate(
     gains : N s/m and N/m, with their coupling; or a gains file or its path; None for the design of `solve`
     coupling : N s/m and kg
     experiment : the only one to simulate, by name or as it is; None for all of the problem
-    controller : a compiled controller, or its path, or that of its folder, to run in the place of the design's own;
-        each experiment then has its `difference`
+    controller : a compiled controller, or its path, or that of its folder, to run instead of the design's own; each
+        experiment then has its `difference`
     tolerance : greatest difference of its commands from the design's that passes, in their unit; None for what rounding
         explains
     progress : told the stage of the work

@@ -81,10 +81,10 @@ def export(
     Raises
     ------
     NotCertifiedError
-        If the design is not certified, and `unproved` was not asked for; an `InputError` as well.
+        If the design is not certified, and `unproved` is not set; an `InputError` as well.
     InputError
-        If there is no design, or it is for another kind of device than the problem's, or an FMU is asked for where
-        there is no C compiler.
+        If there is no design, or it is for another kind of device than the problem's, or an FMU is required where there
+        is no C compiler.
     """
     for name, value, known in (("to", to, Format), ("precision", precision, Precision)):
         if value not in get_args(known):
@@ -134,7 +134,7 @@ def export_parameters(
     Raises
     ------
     NotCertifiedError
-        If a design is not certified, and `unproved` was not asked for; an `InputError` as well.
+        If a design is not certified, and `unproved` is not set; an `InputError` as well.
     InputError
         If the controller cannot render them.
     """

@@ -26,7 +26,7 @@ def solve(
     time_limit: float = inf,
     progress: Progress = lambda stage: None,
 ) -> Solved:
-    """Find the most transparent admissible design and prove it; judge it when every number is fixed.
+    """Find the most transparent feasible design and prove it; judge it when every number is fixed.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def solve(
     Solved
         `status`; `judgement`, the best design and what is proved of it, None if there is none; else `reason` and
         `repairs`, the changes of one number after which there is one, the least error first. `prices`, the greatest
-        gain first, where they were asked for.
+        gain first, where they were required.
 
     Raises
     ------

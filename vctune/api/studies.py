@@ -67,7 +67,7 @@ class Fronts:
     Attributes
     ----------
     terms : in |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0
-    band : in error and upper edge of the stability band; None where hands are to be met at every frequency, no others
+    band : in error and upper edge of the stability band; None if hands are required at every frequency, no others
     """
 
     terms: Table
@@ -103,11 +103,11 @@ def sweep(
         or `{"log": [a, b], "n": n}`, in the units of the problem file
     sample : `{"kind": "grid"}`, every combination, the default; `{"kind": "lhs", "n": n, "seed": seed}`, a Latin
         hypercube; or `{"kind": "list"}`, the axes' lists side by side
-    folder : for rows, table and picture, where an interrupted sweep goes on; None to keep nothing
+    folder : for rows, table and picture, where an interrupted sweep continues; None to keep nothing
     jobs : number of workers; None for the cores that there are
     executor : "serial" for this process alone; "processes", which a script starts from under `if __name__ ==
         "__main__":`; "dask" or "dask:ADDRESS"
-    restart : begin anew instead of going on
+    restart : begin again instead of going on
     time_limit : s of a point, whose row is undecided where it is not enough
     on_done : called once a point
 

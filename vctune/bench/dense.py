@@ -51,14 +51,14 @@ class Dense:
     def values(self, z: Floats) -> tuple[Floats, Floats]:
         """Return the objective, log error, and the constraints beyond their levels: >= 0 where a design meets them.
 
-        Where Re G_hh <= 0 there is no logarithm: such a demand is missed by `MISSED`.
+        Where Re G_hh <= 0 there is no logarithm: such a constraint is missed by `MISSED`.
         """
         f, g = functions(self.structure).values(z, self.numbers.parameters)
         beyond = np.nan_to_num(np.array(g).ravel()[self.posed] - self.levels, nan=-MISSED, neginf=-MISSED)
         return np.nan_to_num(np.array(f).ravel(), nan=MISSED, posinf=MISSED), beyond
 
     def slopes(self, z: Floats) -> tuple[Floats, Floats]:
-        """Return the gradient of the objective and the Jacobian of the demands."""
+        """Return the gradient of the objective and the Jacobian of the constraints."""
         df, dg = functions(self.structure).slopes(z, self.numbers.parameters)
         return np.array(df).ravel(), np.array(dg)[self.posed]
 
@@ -69,7 +69,7 @@ class Dense:
 
     @property
     def levels(self) -> Floats:
-        """The least values of the demands."""
+        """The least values of the constraints."""
         return self.numbers.least[self.posed]
 
     def design(self, z: Floats) -> tuple[Gains, AnyCoupling]:
@@ -108,7 +108,7 @@ def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> Dense
     prepared : the problem
     start : where to begin; decides whether the law has an integrator
     count : frequencies of each kind
-    reserve : relative sharpening of the demands
+    reserve : relative tightening of the constraints
 
     Returns
     -------

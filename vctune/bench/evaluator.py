@@ -22,7 +22,7 @@ from vctune.model.problem import Problem
 Floats = NDArray[np.float64]
 
 POINTS = 20_001
-"""Frequencies looked at in each band; odd, for Simpson's rule."""
+"""Frequencies examined in each band; odd, for Simpson's rule."""
 ENDLESS = 1e-6
 """Where a band from 0 begins, and the reciprocal of where one to inf ends, relative to the other frequencies."""
 WHOLE = 1e-12
@@ -150,7 +150,7 @@ def coupling_impedance(case: Case, s: Any) -> Any:
 
 
 def required(case: Case, omega: Any) -> Any:
-    """Return R = (|q| - Re q)/(2 Re h11) - Re h22, the least admissible Re Z_c (paper eq. 19).
+    """Return R = (|q| - Re q)/(2 Re h11) - Re h22, the least feasible Re Z_c (paper eq. 19).
 
     The two-port has absorbed the operator's damping: h11 = 1/(W + C), h22 = b_h C/(W + C),
     q = -h12 h21 = C (Z_d + C)/(W + C)^2 with W = Z_d + b_h. |q| - Re q is (Im q)^2/(|q| + Re q) where Re q > 0, and
@@ -164,7 +164,7 @@ def required(case: Case, omega: Any) -> Any:
     Returns
     -------
     array of float
-        N s/m, shape (k,), or (n, k) for n cases; inf where Re h11 <= 0.
+        N s/m, shape (k,), or (n, k) for n cases; inf if Re h11 <= 0.
     """
     Z_d, C = impedances(case, 1j * omega)
     W = Z_d + case.b_h
@@ -187,7 +187,7 @@ def stability_ratio(case: Case, omega: Any) -> Any:
     Returns
     -------
     array of float
-        Shape (k,), or (n, k) for n cases; inf where R <= 0, -inf where Re h11 <= 0.
+        Shape (k,), or (n, k) for n cases; inf if R <= 0, -inf if Re h11 <= 0.
     """
     R = required(case, omega)
     with np.errstate(divide="ignore"):
@@ -361,15 +361,16 @@ def squared_error(problem: Problem, case: Case, omega: Any) -> Any:
 
 
 def violation(problem: Problem, case: Case, extra: Sequence[float] = ()) -> float:
-    """Return the log of how much one case misses the demand on Re Z_c/R or |S| that it misses most; 0 if it meets both.
+    """Return the log of how much one case misses the constraint on Re Z_c/R or |S| that it misses most; 0 if it meets
+    both.
 
     Looked at are dense grids, and extra frequencies, rad/s, that someone has pointed at.
 
     Parameters
     ----------
-    problem : the demands
+    problem : the constraints
     case : one case, of the problem's device
-    extra : rad/s; those beyond a demand's band are left out of it
+    extra : rad/s; those beyond a constraint's band are left out of it
 
     Returns
     -------

@@ -21,7 +21,7 @@ class Worth:
     Attributes
     ----------
     error : transparency error, by the independent evaluator
-    violation : by how much the demands are missed at the worst, relative; also where the prover pointed
+    violation : by how much the constraints are missed at the worst, relative; also where the prover pointed
     stable : whether the sampled loop is stable, by its eigenvalues
     verdict : the prover's
     consistent : whether prover and evaluator do not contradict each other
@@ -39,7 +39,7 @@ def worth(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Worth:
 
     Parameters
     ----------
-    problem : with its demands
+    problem : with its constraints
     gains, coupling : the answer
 
     Returns

@@ -51,7 +51,7 @@ class Peer:
     ----------
     name, count : how it is called, and frequencies of each kind in its grid
     work : function that solves a problem
-    reserve : relative sharpening of its demands
+    reserve : relative tightening of its constraints
     """
 
     name: str

@@ -47,7 +47,7 @@ class Row:
     seconds : processor time of the solve
     wrong : contradiction of the verdict, "" if there is none
     float_error : largest relative error of the float formulas against 50 digits, over Re Z_c/R, |G_hh|, |1 - G_he| and
-        |Z_c|; nan where no design was found
+        |Z_c|; nan if no design was found
     reason, device : remark on a device without an answer or with a wrong one, and its numbers; else ""
     """
 
@@ -151,7 +151,7 @@ def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
 
     Parameters
     ----------
-    problem : with its demands
+    problem : with its constraints
     judgement : judgement of a design, of any status; only a certified one can be contradicted
     """
     from vctune.bench import digits
@@ -188,9 +188,9 @@ def _floats(problem: Problem, judgement: Judgement, omega: float) -> tuple[float
 
 
 def feasible(problem: Problem) -> str | None:
-    """Scan gains and couplings with the independent evaluator; return a design that meets every demand, or None.
+    """Scan gains and couplings with the independent evaluator; return a design that meets every constraint, or None.
 
-    m_c and b_0 are at their upper bounds, which ease the demands; b_c is scanned.
+    m_c and b_0 are at their upper bounds, which ease the constraints; b_c is scanned.
     """
     bounds, stability = problem.bounds, problem.stability
     omega = np.geomspace(*demands.sampled_span(problem), SCAN_FREQUENCIES)

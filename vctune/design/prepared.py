@@ -55,14 +55,14 @@ class Posed:
     """A problem and the devices at which its constraints are imposed.
 
     What lies between the vertices of a box is the prover's business: a device of it that is refuted joins them. Two are
-    the same only if they are one, so that what is worked out of one can be kept for it.
+    the same only if they are one, so that what is computed of one can be kept for it.
 
     Attributes
     ----------
     problem : in SI or in the optimiser's units
     cases : the problem of each device, known exactly: the nominal one and, if it is uncertain, its box's vertices; the
-        same of other delays for which the demands hold too
-    hand_cases : the problem of each device whose hands are looked at: those of `cases`, and delays at which it matters
+        same of other delays for which the constraints hold too
+    hand_cases : the problem of each device whose hands are examined: those of `cases`, and delays at which it matters
     objective : those of them whose greatest error is the objective
     box : all devices for which a design is to be proved; None for the problem's own alone
     demands : the constraints on a design

@@ -61,7 +61,7 @@ class Round:
 
 @dataclass(frozen=True, slots=True)
 class Polished:
-    """A local optimum in dimensionless units that meets the demands at every frequency, in double precision.
+    """A local optimum in dimensionless units that meets the constraints at every frequency, in double precision.
 
     Attributes
     ----------

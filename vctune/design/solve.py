@@ -47,7 +47,7 @@ bound reached."""
 def solve(
     problem: Problem, progress: Progress = lambda stage: None, *, gap: float | None = None, exhaustive: bool = True
 ) -> Solved:
-    """Find the most transparent admissible design and prove it; judge it when every number is fixed.
+    """Find the most transparent feasible design and prove it; judge it when every number is fixed.
 
     Where the optimiser finds none, a search over all designs (`vctune.design.bound`) finds one, or proves that there is
     none, or gives up. Where the device is uncertain, the nominal device alone is solved for too: its design is a start,
@@ -63,8 +63,8 @@ def solve(
     Returns
     -------
     Solved
-        The design with its certificate, or why there is none; SI units. Repairs are not looked for. At the end of
-        the time limit it is the best design by then with what is proved of it, and `cut` says what was cut short.
+        The design with its certificate, or why there is none; SI units. Repairs are not sought. At the end of the time
+        limit it is the best design by then with what is proved of it, and `cut` says what was cut short.
     """
     began = perf_counter()
     if problem.bounds.fixed:
@@ -130,7 +130,7 @@ def _found(problem: Problem, progress: Progress, gap: float | None, *, exhaustiv
 
 
 def _early(prepared: Prepared) -> Optimality:
-    """Search the boxes for a short while: where the scan met no admissible point there may be nothing to polish."""
+    """Search the boxes for a short while: where the scan met no feasible point there may be nothing to polish."""
     from vctune.design.bound.search import bound
 
     share = EARLY_BOXES / SEARCH_BOXES

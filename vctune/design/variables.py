@@ -11,7 +11,7 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.problem import Problem, Range
 
 Point = tuple[float, ...]
-"""K_v, K_p, b_c, m_c, b_0; of an impedance display K_v, K_p, which is 0, b_c, k_c."""
+"""K_v, K_p, b_c, m_c, b_0; for an impedance display K_v, K_p, which is 0, b_c, k_c."""
 
 
 def keys_for(problem: Problem) -> tuple[str, ...]:

@@ -34,8 +34,8 @@ class LogMap:
     Attributes
     ----------
     document : as written, checked
-    source : path of the file; "log.toml" where there is none
-    text : text of the file, "" where there is none
+    source : path of the file; "log.toml" if there is none
+    text : text of the file, "" if there is none
     servo : whether the logs are of a servo and its command
     """
 
@@ -136,7 +136,7 @@ def _columns(path: Path, headers: list[str], known: LogMap) -> dict[str, ColumnT
 
 
 def _stood_for(stated: Mapping[str, ColumnTable]) -> tuple[str, ...]:
-    """Return the roles that need not be looked for: a servo is sent one command."""
+    """Return the roles that need not be sought: a servo is sent one command."""
     return SERVO_COMMANDS if set(SERVO_COMMANDS) & set(stated) else ()
 
 

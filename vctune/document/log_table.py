@@ -22,7 +22,7 @@ GZIP, ZIP, OLE = b"\x1f\x8b", b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 """How packed files, new workbooks and old ones begin."""
 SEPARATORS = (",", ";", "\t")
 LOOKED_AT = 10
-"""Rows in which decimal commas are looked for."""
+"""Rows in which decimal commas are sought."""
 WHOLE = re.compile(r'"?[+-]?\d+(e[+-]?\d+)?"?', re.IGNORECASE)
 COMMA = re.compile(r'"?[+-]?\d+,\d+(e[+-]?\d+)?"?', re.IGNORECASE)
 

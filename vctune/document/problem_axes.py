@@ -60,7 +60,7 @@ def read_axes(path: str | Path) -> AxesFile | None:
     Returns
     -------
     AxesFile
-        None where the file has no [[axis]], or is no TOML: `read_problem` reads it then.
+        None if the file has no [[axis]], or is no TOML: `read_problem` reads it then.
 
     Raises
     ------

@@ -35,7 +35,7 @@ class ProblemFile:
     ----------
     problem : every default filled in
     text : TOML
-    source : the path of its file; "problem" where there is none
+    source : the path of its file; "problem" if there is none
     """
 
     problem: Problem
@@ -167,7 +167,7 @@ class GainsFile:
     sha256 : digest of the problem that it was made for, if the file says so
     units : that the numbers are in, if the file says so
     text : the file's text
-    source : the path of the file; "design" where there is none
+    source : the path of the file; "design" if there is none
     solved : the numbers of the design that it was made of, by key; none if the file does not say so
     """
 

@@ -74,5 +74,5 @@ class Recording:
         return next((channel.values.size for channel in self.channels.values()), 0)
 
     def values(self, role: str) -> Floats | None:
-        """Return a column by its role; None where the log has not got it."""
+        """Return a column by its role; None if the log has not got it."""
         return self.channels[role].values if role in self.channels else None

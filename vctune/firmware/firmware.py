@@ -111,7 +111,7 @@ def judged(problem: Problem, design: tuple[Gains, AnyCoupling]) -> Judgement:
 
     Parameters
     ----------
-    problem : the device and the demands, SI units
+    problem : the device and the constraints, SI units
     design : gains and coupling as the firmware has them
     """
     return judge_all(problem, [design])[0]

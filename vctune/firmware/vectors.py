@@ -34,7 +34,7 @@ class Replay:
     experiment : its description
     position, reference : position of the motor, and x_e, where it starts, m
     measured : position [m], velocity [m/s] and force [N] at each sample, shape (n, 3)
-    command : u, N; of a servo m/s or m
+    command : u, N; for a servo m/s or m
     """
 
     experiment: Experiment

@@ -255,7 +255,7 @@ class Device:
         return self.damping if self.operator is None else self.damping + self.operator.damping
 
     def number(self, key: str) -> Number:
-        """Return one of its numbers by its key; None where it has not got that."""
+        """Return one of its numbers by its key; None if it has not got that."""
         of: Any = self
         for name in key.split("."):
             of = getattr(of, name) if of is not None else None

@@ -57,7 +57,7 @@ class SpringDamper:
 
 
 AnyCoupling = Coupling | SpringDamper
-"""The coupling of a device with the virtual world: of an admittance display, or of an impedance display."""
+"""The coupling of a device with the virtual world: for an admittance display, or of an impedance display."""
 
 
 def series_coupling(coupling: AnyCoupling) -> Coupling:

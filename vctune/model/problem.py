@@ -24,7 +24,7 @@ HUMAN_HANDS = Hands(Hand(0.0, 0.0, 0.0), Hand(0.5, 30.0, 3000.0))
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Admissible values of a variable; one with min = max is fixed."""
+    """Feasible values of a variable; one with min = max is fixed."""
 
     min: float
     max: float
@@ -85,7 +85,8 @@ class Transparency:
 
 @dataclass(frozen=True, slots=True)
 class Stability:
-    """The demands (design/README.md, section 1): band of Llewellyn's conditions, least ratio, greatest |S|, hands."""
+    """The constraints (design/README.md, section 1): band of Llewellyn's conditions, least ratio, greatest |S|,
+    hands."""
 
     band: Band
     safety_factor: float
@@ -103,10 +104,10 @@ class Demands:
     band : rad/s, of Llewellyn's conditions; may be (0, inf)
     factor : least Re Z_c / R
     max_sensitivity : greatest |S| of the sampled loop
-    passive : whether any passive hand is to be met on the band
-    any_hand : whether any passive hand is to be met on an impedance display, at every frequency
-    hands : the hands that are to be met at every frequency of the sampled loop; None for none
-    worlds : the environments that are to be met in them; None for every one that is passive as it runs
+    passive : whether any passive hand is required on the band
+    any_hand : whether any passive hand is required on an impedance display, at every frequency
+    hands : the hands that are required at every frequency of the sampled loop; None for none
+    worlds : the environments that are required in them; None for every one that is passive as it runs
     """
 
     device: Device
@@ -151,7 +152,7 @@ class Problem:
 
     See design/README.md, section 1; document/README.md, section 1.
 
-    The demands hold for the device alone, or with `uncertainty` for every device of a box around it; with every
+    The constraints hold for the device alone, or with `uncertainty` for every device of a box around it; with every
     environment that is passive as it runs, or with every one of `worlds`.
     """
 
@@ -173,17 +174,17 @@ class Problem:
 
     @property
     def passive(self) -> bool:
-        """Whether any passive hand is to be met on an admittance display, on the band."""
+        """Whether any passive hand is required on an admittance display, on the band."""
         return self.stability.criterion != "hands" and self.device.kind.banded
 
     @property
     def any_hand(self) -> bool:
-        """Whether any passive hand is to be met on an impedance display, at every frequency."""
+        """Whether any passive hand is required on an impedance display, at every frequency."""
         return self.stability.criterion != "hands" and not self.device.kind.banded
 
     @property
     def hands_met(self) -> Hands | None:
-        """The hands that are to be met in the sampled loop; None if none are.
+        """The hands that are required in the sampled loop; None if none are.
 
         On an impedance display they are among any passive ones, which are met in the same loop.
         """
@@ -191,7 +192,7 @@ class Problem:
 
     @property
     def worlds_met(self) -> WorldsMet | None:
-        """The environments that are to be met in these hands; None for every one that is passive as it runs."""
+        """The environments that are required in these hands; None for every one that is passive as it runs."""
         return None if self.worlds is None else WorldsMet(self.worlds, self.stability.safety_factor)
 
     @property

@@ -59,7 +59,7 @@ def loop_terms(loop: LoopResponse, at: DeviceResponse, kind: Display) -> LoopTer
     Returns
     -------
     LoopTerms
-        admittance : |G_hh|^2, (m/(N s))^2, of an impedance display 1/|G_hh|^2; tracking : dimensionless.
+        admittance : |G_hh|^2, (m/(N s))^2, for an impedance display 1/|G_hh|^2; tracking : dimensionless.
     """
     if not kind.inverse:
         return LoopTerms(G_hh_abs2(loop), tracking_abs2(loop))
@@ -87,7 +87,7 @@ def quotient_terms(at: LoopConstants, kind: Display) -> tuple[Quotient, Quotient
 
     Returns
     -------
-    admittance, tracking : N/D and (D - C_0)/D; of an impedance display D/N and (N - A H)/N
+    admittance, tracking : N/D and (D - C_0)/D; for an impedance display D/N and (N - A H)/N
     """
     if not kind.inverse:
         return Quotient(at.numerator, at.D), Quotient(at.miss, at.D)
@@ -103,8 +103,8 @@ def squared_terms(of_loop: LoopTerms, coupling: Pair, reference: float) -> Terms
     Parameters
     ----------
     of_loop : squares of the two terms of the loop, at some frequencies
-    coupling : Z_c there, N s/m; of an impedance display 1/Z_c, m/(N s)
-    reference : Z_0, N s/m; of an impedance display 1/Z_0 (`Display.reference`)
+    coupling : Z_c there, N s/m; for an impedance display 1/Z_c, m/(N s)
+    reference : Z_0, N s/m; for an impedance display 1/Z_0 (`Display.reference`)
 
     Returns
     -------

@@ -70,7 +70,7 @@ class Certificate:
 
     @property
     def boxes(self) -> int:
-        """Boxes looked at for all claims."""
+        """Boxes examined for all claims."""
         return sum(outcome.boxes for outcome in self.outcomes.values())
 
     @property
@@ -85,7 +85,7 @@ class Certificate:
 
     @property
     def proved_band(self) -> tuple[float, float] | None:
-        """The widest band around the demanded one with ratio >= 1, rad/s, proved on demand; None unless that is."""
+        """The widest band around the demanded one with ratio >= 1, rad/s, proved on constraint; None unless that is."""
         bands = [self._own_band, *(each.proved_band for each in self.beside)]
         known = [band for band in bands if band is not None]
         return (max(low for low, _ in known), min(high for _, high in known)) if len(known) == len(bands) else None
@@ -117,7 +117,7 @@ class Certificate:
 
 
 def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> Certificate:
-    """Prove that a design meets its demands (proof/README.md).
+    """Prove that a design meets its constraints (proof/README.md).
 
     The proof is about the decimals that the numbers are written as: 0.4 means 2/5.
 
@@ -198,7 +198,7 @@ def _in_time(proof: Callable[[], Outcome]) -> Outcome:
 
 
 def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | None = None) -> list[Certificate]:
-    """Prove that several designs of one device meet its demands, as `certify` does for each.
+    """Prove that several designs of one device meet its constraints, as `certify` does for each.
 
     Arrays prove most designs together. Arb decides about the others. With a box of devices or with hands, each design
     is proved by itself.

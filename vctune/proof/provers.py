@@ -51,7 +51,7 @@ class Question:
 
     @property
     def robust(self) -> RobustDesign | None:
-        """The design on a box of devices; None where they are one, or all alike.
+        """The design on a box of devices; None if they are one, or all alike.
 
         Without a loop a mechanism is passive whatever its numbers are, but not if its response is another.
         """

@@ -21,7 +21,7 @@ N_POSITIONS = 400
 """Positions at which loading and unloading are compared, finer than a figure. Half as many follow the curves still;
 twice as many say no more."""
 SATURATED = 1 - 1e-9
-"""Share of the limit from which on a force counts as at it: the limit but for rounding. Half and twice the allowance
+"""Share of the limit from which on a force counts as at it: the limit except for rounding. Half and twice the allowance
 count the same samples."""
 
 

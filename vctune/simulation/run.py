@@ -30,7 +30,7 @@ class Traces:
     force : f_h, the hand's force on the handle, N
     reference, desired : x_e and v_e, of the rendered environment, m, m/s
     environment_force : f_e, N
-    motor : u, the command: a force, N; of a servo a velocity, m/s, or a position, m
+    motor : u, the command: a force, N; for a servo a velocity, m/s, or a position, m
     sensed : f_s, the sensed f_h, with noise, N
     diverged : when the handle left the hand's travel for good, s, and the traces end; None if it did not
     motor_position, motor_velocity : motion of the firmware's encoder, m, m/s; None if it moves as the handle
@@ -58,7 +58,7 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
     ----------
     scene : device, operator, friction and firmware
     progress : told the share of the samples that is done
-    stretch : how friction is integrated; not looked at without friction, where the device moves on exactly
+    stretch : how friction is integrated; skipped without friction, where the device moves on exactly
 
     Returns
     -------

@@ -48,7 +48,7 @@ def simulation_record(
     file : the problem and its text
     gains, coupling : the design, SI units
     simulated : the experiments
-    controller : name of the firmware that ran in the place of the design's own; None for none
+    controller : name of the firmware that ran instead of the design's own; None for none
     """
     also: dict[str, Any] = {} if controller is None else {"controller": controller}
     device = file.problem.device

@@ -40,8 +40,7 @@ class Simulated:
     experiment : its description
     baseline, design : the two runs; no baseline without one in the description
     least_virtual : least share of the baseline's virtual mass and damping that is stable; None without one
-    difference : difference of the commands of a firmware, where one ran in the place of the design's own, whose
-        `mode` stays
+    difference : difference of the commands of a firmware, where one ran instead of the design's own, whose `mode` stays
     """
 
     experiment: Experiment
@@ -68,7 +67,7 @@ def simulate(
     gains, coupling : the design
     experiment : one of the problem's, or any other
     progress : told the stage of the work
-    controller : a firmware in the place of the design's own; None for none
+    controller : a firmware instead of the design's own; None for none
     tolerance : greatest difference of its commands from the design's that passes, in their unit; None for what rounding
         explains
 

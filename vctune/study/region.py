@@ -40,7 +40,7 @@ LOOPS_AT_ONCE = 16
 speed."""
 DAMPING = KEYS.index("coupling.damping")
 EASING = "coupling.mass", "coupling.drag"
-"""Variables of which more eases the demands."""
+"""Variables of which more eases the constraints."""
 
 Progress = Callable[[str], None]
 
@@ -66,7 +66,7 @@ class Region:
     squares : the cells, shape (4, n)
     kinds : kind of each cell, `Kind`
     damping : for each feasible cell a b_c that serves all of it, N s/m, when the problem leaves b_c free; else nan
-    interrupted : whether cells were left undecided that had not been looked at, or could have been divided
+    interrupted : whether cells were left undecided that had not been examined, or could have been divided
     """
 
     plane: Plane
@@ -90,8 +90,8 @@ def region(
     """Divide cells of a plane of gains until each is decided or as small as the plane's edges allow.
 
     Where b_c, m_c or b_0 are free and not on an axis, feasible means that some values within their bounds will do. The
-    demands ease as m_c and b_0 grow, so that their upper bounds decide. Coarse cells come before fine ones, so that a
-    search that is stopped has decided most of the plane that it could in its time.
+    constraints ease as m_c and b_0 grow, so that their upper bounds decide. Coarse cells come before fine ones, so that
+    a search that is stopped has decided most of the plane that it could in its time.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def with_damping(cells: Cells, damping: Floats) -> Cells:
     Parameters
     ----------
     cells : boxes of the variables, n of them
-    damping : b_c, N s/m, shape (n,); nan where the cell keeps its range
+    damping : b_c, N s/m, shape (n,); nan if the cell keeps its range
     """
     low, high = cells.low.copy(), cells.high.copy()
     given = np.isfinite(damping)
@@ -173,7 +173,7 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
     Returns
     -------
     kinds : kind of each cell, `Kind`, shape (n,)
-    damping : N s/m, shape (n,); nan where the cell is not feasible, or b_c is fixed or an axis
+    damping : N s/m, shape (n,); nan if the cell is not feasible, or b_c is fixed or an axis
     """
     cells, free = easiest(plane.cells(squares), plane), free_damping(plane)
     damping, places = _estimate(problems, cells, free=free)
@@ -218,7 +218,7 @@ class _Asked:
 
     Attributes
     ----------
-    omega : rad/s, at which the coupling is met, of an impedance display theta, rad, shape (places,)
+    omega : rad/s, at which the coupling is met, for an impedance display theta, rad, shape (places,)
     needed : the least Re Z_c there, N s/m, or Re(1/Z_c)/s^2, shape (n, places)
     place : the place of each cell as `Places` has it, from one of these numbers each
     """
@@ -233,7 +233,7 @@ def _estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> tuple
 
     Returns
     -------
-    damping : a b_c with which the centre meets the demands of all problems; nan if there seems to be none
+    damping : a b_c with which the centre meets the constraints of all problems; nan if there seems to be none
     places : places of each problem, where they are hardest to meet
     """
     least, most = cells.low[DAMPING].copy(), cells.high[DAMPING].copy()
@@ -248,7 +248,7 @@ def _estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> tuple
 
 @dataclass(frozen=True, slots=True)
 class _Hardest:
-    """Where the demands on n cells are hardest to meet.
+    """Where the constraints on n cells are hardest to meet.
 
     Attributes
     ----------

@@ -58,7 +58,7 @@ class Recheck:
 
 
 def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lambda stage: None) -> Recheck:
-    """Prove again, for today's problem, the cells and the gain sets that a baseline had proved to be admissible.
+    """Prove again, for today's problem, the cells and the gain sets that a baseline had proved to be feasible.
 
     The axes keep the baseline's edges; fixed numbers and bounds of the other variables are today's.
 

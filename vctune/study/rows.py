@@ -93,7 +93,7 @@ def open_rows(path: Path, study: Study, *, restart: bool, time_limit: float = in
     ----------
     path : path of the file
     study : whose rows they are
-    restart : begin anew instead of going on
+    restart : begin again instead of going on
     time_limit : time limit of a point, s; rows that a shorter one has cut count as not there
 
     Returns

@@ -51,7 +51,7 @@ def _yardstick(study: Study) -> ObjectiveRecord:
 
 
 def _edges(study: Study, table: Table) -> list[float | None] | None:
-    """Return the least and the greatest upper edge of the points' own stability bands; None where all have one."""
+    """Return the least and the greatest upper edge of the points' own stability bands; None if all have one."""
     varied = any(axis.path[:2] == ("stability", "band_hz") for axis in study.axes)
     stated = varied or "band_hz" in study.document.get("stability", {})
     edges = table.numbers["stability_high_hz"][table.certified]

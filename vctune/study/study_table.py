@@ -38,7 +38,7 @@ class Table:
     status, reason : texts; a certified point has no reason, ""
     idle : which designs are certified and hardly use their velocity loop
     numbers : error, terms, design, ratio, what is felt and the yardstick (`vctune.document.records.rows_json.COLUMNS`),
-        nan where there is none
+        nan if there is none
     system : system of units, the problem's
     """
 
@@ -152,7 +152,7 @@ def csv_text(table: Table) -> str:
 
 
 def parquet_bytes(table: Table) -> bytes | None:
-    """Return a table as a Parquet file, or None where pyarrow is not installed."""
+    """Return a table as a Parquet file, or None if pyarrow is not installed."""
     try:
         import pyarrow as pa
         import pyarrow.parquet as pq

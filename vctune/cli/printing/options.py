@@ -76,7 +76,7 @@ def _style(context: click.Context, parameter: click.Parameter, value: str) -> st
 
 
 def time_limit_option(of: str = "") -> Added:
-    """Return the option `--time-limit`, given to a command as `time_limit`, inf where it is absent.
+    """Return the option `--time-limit`, given to a command as `time_limit`, inf if it is absent.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ def warn_of_doubts(*problems: Problem, quiet: bool) -> None:
 
     Parameters
     ----------
-    *problems : valid ones; what several have in common is said once
+    *problems : valid ones; what several have in common is reported once
     quiet : whether people are told nothing
     """
     from vctune.api.messages import doubts

@@ -82,7 +82,7 @@ class SeriesCouplings:
     Attributes
     ----------
     problem : in SI units
-    omega : rad/s, where the error is looked at; None for its mean
+    omega : rad/s, where the error is examined; None for its mean
     """
 
     problem: Problem

@@ -34,12 +34,12 @@ NO_GAINS = Gains(0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class SampledConditions:
-    """The demand on the coupling in the sampled loop at some places, those of one device after another.
+    """The constraint on the coupling in the sampled loop at some places, those of one device after another.
 
     Attributes
     ----------
     offer : offer of the couplings there
-    required : R, of an impedance display R/s^2
+    required : R, for an impedance display R/s^2
     """
 
     offer: Offer
@@ -59,7 +59,7 @@ class SampledConditions:
 
 
 def conditions_in_hands(devices: Sequence[Device], places: Floats) -> SampledConditions:
-    """Return the demand on the coupling in hands at some places, for each of several devices.
+    """Return the constraint on the coupling in hands at some places, for each of several devices.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def conditions_in_hands(devices: Sequence[Device], places: Floats) -> SampledCon
 
 
 def conditions_in_any_hand(devices: Sequence[Device], omega: Floats) -> SampledConditions:
-    """Return the demand on the coupling in any passive hand, for each of several impedance displays.
+    """Return the constraint on the coupling in any passive hand, for each of several impedance displays.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def _angles(device: Device, omega: Floats) -> Floats:
 def _conditions(
     devices: Sequence[Device], angles: list[Floats], each: list[tuple[Coefficients, Coefficients]]
 ) -> SampledConditions:
-    """Return the demand from the coefficients of R's numerator and denominator on each device."""
+    """Return the constraint from the coefficients of R's numerator and denominator on each device."""
     lost, size = (joined([coefficients[k] for coefficients in each]) for k in (0, 1))
     offer: Offer
     if devices[0].kind.inverse:

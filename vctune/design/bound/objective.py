@@ -54,7 +54,7 @@ class Objective:
     ----------
     admittance, tracking : those of the loop
     couplings : whose share is the third
-    omega : rad/s, where the error is looked at for norm "peak"; None for "rms"
+    omega : rad/s, where the error is examined for norm "peak"; None for "rms"
     devices : number of devices the greatest of whose errors is the objective; their terms follow one another
     """
 
@@ -121,7 +121,7 @@ def _compliance(device: Device, omega: Number, ops: Arithmetic) -> Term:
 def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) -> list[Term]:
     """Return the terms of the mean over log frequency, by Cauchy and Schwarz on each of several equal intervals.
 
-    Those that are not wanted are not worked out: their numbers are 1.
+    Those that are not wanted are not computed: their numbers are 1.
     """
     exact, first = device_ball(device.bare), ball(band.min).log()
     length = ball(band.max).log() - first

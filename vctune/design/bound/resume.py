@@ -23,7 +23,7 @@ class ResumeState:
     ----------
     nodes : that are still open
     pruned_bound : the least lower bound of the boxes that were pruned
-    boxes : lower bounds worked out so far
+    boxes : lower bounds computed so far
     """
 
     nodes: OpenNodes

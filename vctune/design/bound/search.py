@@ -2,9 +2,9 @@
 
 See design/bound/README.md.
 
-Boxes of (K_v, K_p, tau_c, b_0), of an impedance display of (K_v, tau_c), are halved, the most promising first, and
+Boxes of (K_v, K_p, tau_c, b_0), for an impedance display of (K_v, tau_c), are halved, the most promising first, and
 pruned when even their lower bound is within the gap of the best design known, when no design in them meets the
-demands, or when their loops are unstable.
+constraints, or when their loops are unstable.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ FREQUENCIES, INTERVALS = 40, 48
 proportion; fewer make the bounds weaker, so that more boxes are needed."""
 MOST_FREQUENCIES = 160
 """Frequencies up to which those that a box's middle violates are added: four times the first, and four times the cost
-of a bound. Near the end of a search no other demand is broken than those that are known."""
+of a bound. Near the end of a search no other constraint is broken than those that are known."""
 LOWEST_ANGLE = 1e-3
 """Least first angle for any passive hand beside 0, relative to pi: below it R is at its limit to 1e-5."""
 SHARES_IN_HANDS, ANGLES_IN_HANDS = (0.0, 0.1, 1.0), 12
-"""Shares of the ranges of hands, and angles per decade, at which the first places in hands are looked for."""
+"""Shares of the ranges of hands, and angles per decade, at which the first places in hands are sought."""
 LITTLE = 1e-3
 """Stand-in for a gain of 0, relative to its upper bound, where a design in the middle of a box is tried first."""
 CHUNK = 1024
@@ -68,7 +68,7 @@ Improve = Callable[[Gains, float], Judgement | None]
 
 @dataclass(frozen=True, slots=True)
 class SearchState:
-    """Where the search stood: boxes worked out, lower bound, error of the best design known, open boxes."""
+    """Where the search stood: boxes computed, lower bound, error of the best design known, open boxes."""
 
     boxes: int
     bound: float
@@ -92,9 +92,9 @@ class Optimality:
 
     Attributes
     ----------
-    bound : no admissible design has a lower error; inf if there is none
+    bound : no feasible design has a lower error; inf if there is none
     incumbent : error of the best design known, inf if none is
-    proved : whether the bound is within the gap that was asked for
+    proved : whether the bound is within the gap that was required
     improved : a better design than the one given, if the search has met one
     terms : terms of the error that it counts; empty if it counts all
     history : history of the search, the last entry now
@@ -125,7 +125,7 @@ class _Search:
     incumbent : error of the best design known
     improved : that design, if the search has found it
     pruned_bound : the least lower bound of the boxes that were pruned
-    boxes : lower bounds worked out
+    boxes : lower bounds computed
     history : so far
     stability_boxes : boxes of frequency and gains that it took to prove loops stable
     """
@@ -152,7 +152,7 @@ def bound(
     stopped: Callable[[], bool] = lambda: False,
     progress: Callable[[SearchState], None] = lambda state: None,
 ) -> Optimality:
-    """Prove a lower bound on the error of every admissible design of a problem (design/bound/README.md).
+    """Prove a lower bound on the error of every feasible design of a problem (design/bound/README.md).
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def bound(
     Raises
     ------
     OutOfTimeError
-        If the time limit ends it before it has posed its relaxation.
+        If the time limit ends it before it has imposed its relaxation.
     """
     given, posed = posed, compared(posed)
     axes = axes_of(posed.problem)
@@ -249,7 +249,7 @@ def _in_worst_hands(problem: Problem, best: Judgement | None) -> Floats:
 
 
 def _tight_places(problem: Problem, gains: Gains, coupling: AnyCoupling, *, broken: bool = False) -> Places:
-    """Return where the demands are hardest for a design, or where it breaks them."""
+    """Return where the constraints are hardest for a design, or where it breaks them."""
     stability, omega = problem.stability, np.zeros(0)
     least = stability.safety_factor * (1 - VIOLATED) if broken else inf
     if problem.passive:
@@ -265,7 +265,7 @@ def _tight_places(problem: Problem, gains: Gains, coupling: AnyCoupling, *, brok
 
 
 def _devices(cases: tuple[Problem, ...]) -> list[Device]:
-    """Return the devices with their own responses: with any other the demands can only be harder."""
+    """Return the devices with their own responses: with any other the constraints can only be harder."""
     return list(dict.fromkeys(case.device.modelled for case in cases))
 
 
@@ -301,7 +301,7 @@ def _with_stability(posed: Posed, search: _Search, young: Halved) -> OpenNodes:
 
 
 def _try_best_node(posed: Posed, search: _Search, nodes: OpenNodes, improve: Improve) -> None:
-    """Look at the middle of the most promising box: which demands does it break, and is there a better design?"""
+    """Look at the middle of the most promising box: which constraints does it break, and is there a better design?"""
     axes, first = axes_of(posed.problem), int(np.argmin(nodes.bound))
     low, high = nodes.boxes.low[:, [first]], nodes.boxes.high[:, [first]]
     middle = np.array([axis.middle(low[row], high[row]) for row, axis in enumerate(axes)])
@@ -316,7 +316,7 @@ def _try_best_node(posed: Posed, search: _Search, nodes: OpenNodes, improve: Imp
 
 
 def _add_places(posed: Posed, search: _Search, gains: Gains, coupling: AnyCoupling) -> None:
-    """Add the places at which a design breaks a demand to those that the relaxation knows."""
+    """Add the places at which a design breaks a constraint to those that the relaxation knows."""
     known = more = search.relaxed.places
     for case in posed.cases:
         more = more.joined(_tight_places(case, gains, coupling, broken=True))

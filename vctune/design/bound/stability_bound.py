@@ -38,7 +38,8 @@ def proved_stability(posed: Posed, boxes: DesignBoxes) -> Stability:
 
     Parameters
     ----------
-    posed : the problem; its demands decide which loops count: the sampled loop let go, in a hand, the frequency model
+    posed : the problem; its constraints decide which loops count: the sampled loop let go, in a hand, the frequency
+        model
     boxes : n boxes; only their gains matter
 
     Returns
@@ -79,7 +80,7 @@ def _of_rectangles(posed: Posed, low: Floats, high: Floats) -> Stability:
 
 
 def _turns(demands: Demands, cells: Cells) -> tuple[Floats, int]:
-    """Return how often each curve that counts goes around 0, nan where not settled, and the boxes it took."""
+    """Return how often each curve that counts goes around 0, nan if not settled, and the boxes it took."""
     found = encirclements(demands, cells)
     boxes = int(found.boxes.sum() + found.throughout.sum())
     if demands.hands is None:

@@ -131,7 +131,7 @@ def _worth(bounds: LowerBounds, parents: OpenNodes, incumbent: float) -> Floats:
 
 
 def _without_idle_position(problem: Problem, boxes: DesignBoxes) -> DesignBoxes:
-    """Return the boxes without the K_p > 0 that no admissible design in them has, if they contain K_p = 0."""
+    """Return the boxes without the K_p > 0 that no feasible design in them has, if they contain K_p = 0."""
     high = boxes.high.copy()
     high[K_P, (boxes.low[K_P] == 0) & without_integrator(problem, boxes)] = 0.0
     return DesignBoxes(boxes.low, high)

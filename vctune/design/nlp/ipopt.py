@@ -89,8 +89,8 @@ def numbers_of(
     free : its n variables
     start : the five numbers to start from; those that are not free stay
     box : least and greatest coordinates, each of shape (n,)
-    working_set : where the demands are posed
-    tightening : relative amount by which the demands are sharpened, to leave room for rounding the result
+    working_set : where the constraints are imposed
+    tightening : relative amount by which the constraints are tightened, to leave room for rounding the result
     """
     low, high = (list(bound) for bound in box)
     guess = [min(max(c.to_z(start[c.index]), lo), hi) for c, lo, hi in zip(free, low, high, strict=True)]

@@ -217,8 +217,8 @@ def _room(L: Pair) -> Number:
 
 
 SCALE_IN_HAND = 0.05
-"""Re Z_c, in Z_0, above which the demand in a hand is one of logarithms, and below one of differences: R may be 0 or
-negative there. Half and twice it take as many iterations."""
+"""Re Z_c, in Z_0, above which the constraint in a hand is one of logarithms, and below one of differences: R may be 0
+or negative there. Half and twice it take as many iterations."""
 
 
 def _coupling_response(coupling: AnyCoupling, frequency: dict[str, ca.SX]) -> Pair:
@@ -233,7 +233,7 @@ def _low_pass(numbers: dict[str, ca.SX]) -> Pair:
 
 
 def _margin_in_hand(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
-    """Return a function of Re Z_c that rises, less that of factor R; of an impedance display of Re(1/Z_c)/s^2."""
+    """Return a function of Re Z_c that rises, less that of factor R; for an impedance display of Re(1/Z_c)/s^2."""
     if isinstance(coupling, SpringDamper):
         (l_0, l_1), (q_0, q_1, q_2), K_v = ca.vertsplit(held["lost"]), ca.vertsplit(held["size"]), gains.velocity
         required = (l_0 + l_1 * K_v) / (q_0 + K_v * (q_1 + q_2 * K_v))

@@ -94,7 +94,7 @@ def plant_layout(structure: NlpStructure) -> Layout:
 def device_numbers(at: DeviceResponse) -> dict[str, Any]:
     """Return a device's constants at frequencies by the names of `frequency_layout`, without those of absent parts.
 
-    A handle's own damping is 0, since no device whose demands are posed has a hand as a part of it.
+    A handle's own damping is 0, since no device whose demands are imposed has a hand as a part of it.
     """
     numbers = {"omega": at.omega, "drive_re": at.drive.re, "drive_lag": at.drive.lag}
     numbers |= {"mass": at.mass, "damping": at.damping}

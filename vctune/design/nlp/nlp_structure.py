@@ -46,7 +46,7 @@ class NlpStructure:
     parts : parts of the device that an ideal one lacks, fields of `DeviceResponse`
     order : order of the sampled device, 1 if ideal
     differenced, low_passes : whether the velocity is a difference of positions; how many low-passes it goes through
-    uncertain : whether the demands are posed at several devices, whose numbers then come with each frequency
+    uncertain : whether the constraints are imposed at several devices, whose numbers then come with each frequency
     objective_devices : number of devices the greatest of whose errors is the objective, for "rms"
     """
 
@@ -93,7 +93,7 @@ def nlp_structure(
     ----------
     posed : dimensionless
     free : its variables
-    working_set : where the demands are posed
+    working_set : where the constraints are imposed
     panels : panels of the quadrature of the error
     integrator : whether K_p > 0
     """

@@ -41,7 +41,7 @@ from vctune.simulation.scene import designed_scene
 
 SLOW = 0.1
 """A filter whose corner is below this share of the Nyquist frequency is named. Half names none of the usual 0.05 at 500
-Hz and less, twice names some that a hand cannot tell from none."""
+Hz and less, twice names some that a hand cannot decide from none."""
 
 
 def check_admittance(
@@ -65,7 +65,7 @@ def check_admittance(
     -------
     list of Checked
         One for each axis, in the file's order. An axis that does not move as the device does, a rotation or a
-        translation, is undecided: it is not looked at.
+        translation, is undecided: it is skipped.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def check_admittance(
 
 
 def _chosen(problem: ProblemFile, path: Path, given: AdmittanceFile, only: Sequence[str]) -> list[Admittance]:
-    """Return the axes to look at and those to name as not looked at."""
+    """Return the axes to look at and those to name as skipped."""
     selected = [axis.axis for axis in given.axes]
     if unknown := [name for name in only if name not in selected]:
         message = f"selects {', '.join(selected)}, and --axis asks for {', '.join(unknown)}; name axes that it selects"
@@ -110,7 +110,7 @@ def _moves_as(axis: Admittance, problem: ProblemFile) -> bool:
 
 
 def _misfit(axes: list[Admittance], problem: ProblemFile) -> str:
-    """Return why axes cannot be looked at with this problem."""
+    """Return why axes cannot be examined with this problem."""
     own = problem.problem.device.units
     other: UnitSystem = "linear" if own == "rotary" else "rotary"
     moves = "rotations" if other == "rotary" else "translations"

@@ -2,7 +2,7 @@
 section 6).
 
 Everything is local to a start: each NLP is confined to a box in log coordinates around the last point whose loop is
-stable, because the demands on single frequencies are also met by unstable loops that lie beyond |S| = inf.
+stable, because the constraints on single frequencies are also met by unstable loops that lie beyond |S| = inf.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def polish(
     witnesses: WorkingSet | None = None,
     demands: WorkingSet | None = None,
 ) -> Polished | None:
-    """Improve a start to a local optimum of the semi-infinite problem; None if nothing admissible is found.
+    """Improve a start to a local optimum of the semi-infinite problem; None if nothing feasible is found.
 
     Parameters
     ----------
@@ -80,14 +80,14 @@ def polish(
     start : from the scan
     scanned : result of the scan, which decides with which constraints the NLP begins
     incumbent : give up once the error cannot get below this: more frequencies only raise it
-    tightening : relative sharpening of the demands
+    tightening : relative tightening of the constraints
     witnesses : points that a proof has refuted, to begin with
-    demands : to begin with in the place of the local extrema at the start: those of an optimum that it is
+    demands : to begin with instead of the local extrema at the start: those of an optimum that it is
 
     Returns
     -------
     Polished or None
-        Dimensionless; admissible in double precision, with the demands sharpened, and not proved. At the end of the
+        Dimensionless; feasible in double precision, with the constraints tightened, and not proved. At the end of the
         time limit it is the best by then.
 
     Raises
@@ -130,14 +130,14 @@ class _Search:
 
     Attributes
     ----------
-    cases : the devices at which the demands are posed
+    cases : the devices at which the constraints are imposed
     witnesses : points in hands that a proof has refuted
     reference : the last point with sound loops, centre of the box
     warm_start : where IPOPT starts
     radius : half the box's width in log coordinates
-    known, known_error : the best admissible design that is known, an answer or the start
+    known, known_error : the best feasible design that is known, an answer or the start
     missed : greatest violation of the last answer
-    start_examined : whether the start was looked at for that
+    start_examined : whether the start was examined for that
     unstable : whether the last answer was: one cut may do, after two in a row the box is too wide
     """
 

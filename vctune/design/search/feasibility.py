@@ -26,7 +26,7 @@ class LoopFeasibility:
 
     Attributes
     ----------
-    missed : the gravest one, on the device on which it is gravest
+    missed : the most serious one, on the device on which it is most serious
     violation : by how much: log(|S|/max_sensitivity), or how negative Re(D + Z_h) gets relative to the loop's
         impedance, or, for unstable loops, how strong they are, since the weaker ones are nearer to stability
     peak_sensitivity : greatest |S| up to Nyquist on any device

@@ -1,6 +1,6 @@
 """The constraints and the error over a grid of designs, with the coupling in closed form.
 
-For given K_v, K_p, b_0 and tau_c = m_c/b_c the least admissible b_c is a maximum over frequency,
+For given K_v, K_p, b_0 and tau_c = m_c/b_c the least feasible b_c is a maximum over frequency,
 
     b_c >= (safety_factor R - b_0) (1 + 1/(omega tau_c)^2),
 
@@ -77,7 +77,7 @@ class Scores:
 
     Attributes
     ----------
-    missed : gravest demand that is missed
+    missed : most serious constraint that is missed
     violation : by how much, 0 where nothing is
     error : transparency error where nothing is missed, else inf
     damping : least scale within the bounds, which decides between equals where the coupling costs nothing
@@ -293,7 +293,7 @@ def _required(samples: Samples, gains: Gains, bands: list[LoopResponse]) -> tupl
 
 
 def _least_damping(problem: Problem, samples: Samples, gains: Gains, bands: list[LoopResponse], at: Axes) -> Floats:
-    """Return the least scale, b_c or 1/k_c, that meets the demand."""
+    """Return the least scale, b_c or 1/k_c, that meets the constraint."""
     if problem.worlds_met is not None:
         return _least_scale_in_worlds(problem.worlds_met, samples, gains, at)
     factor = problem.stability.safety_factor

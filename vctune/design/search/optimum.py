@@ -40,10 +40,10 @@ PROOF_ROUNDS, MORE_DIGITS = 4, 2
 tightening reaches 1e-3, which makes a design 0.1 % worse. Half gives up designs that a third round proves; twice tries
 what costs more than another start."""
 LONG_SHOTS = 2
-"""How many starts are polished when none is admissible: the nearest misses may be admissible between the points of the
+"""How many starts are polished when none is feasible: the nearest misses may be feasible between the points of the
 grid. One would bet on the scan's order, more cost time before the search of every box begins, which finds them too."""
 NEARLY = 0.1
-"""A start that misses a demand by more than this share is not polished where only an opinion is wanted: the grid's
+"""A start that misses a constraint by more than this share is not polished where only an opinion is wanted: the grid's
 refined spacing is half of that. Half misses repairs that are there, twice polishes in vain."""
 PROOF_BOXES = 300_000
 """Boxes of proofs in vain after which a design that is undecided stays so, and none is tried sharper or from another
@@ -148,7 +148,7 @@ def nominal_start(prepared: Prepared) -> tuple[Start, float] | None:
 
 @np.errstate(all="ignore")
 def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
-    """Return a design of a problem that leaves something free that the optimiser takes for admissible, SI units.
+    """Return a design of a problem that leaves something free that the optimiser takes for feasible, SI units.
 
     It stops at the first and proves nothing, and where it finds none no box is searched: an opinion in a fraction of
     the time of `solve`.
@@ -176,7 +176,7 @@ def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | 
     Parameters
     ----------
     prepared : prepared problem that leaves something free
-    gains : where to look, SI units; any coupling is looked for beside them
+    gains : where to look, SI units; any coupling is sought beside them
     incumbent : `Judgement.compared` to fall below
     """
     scaled, units = prepared.scaled, prepared.units
@@ -269,8 +269,8 @@ def _best_proved(
 def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Iterator[tuple[Polished, Judgement]]:
     """Judge the rounded optimum; while it is not proved, polish again with its witness, sharper, to more digits.
 
-    A hand that asks for more by more than what was sharpened is one that only the proof has met: it has to be known,
-    not the demands sharpened.
+    A hand that requires more by more than what was tightened is one that only the proof has met: it has to be known,
+    not the constraints tightened.
     """
     polished: Polished | None = optimum
     tightening, witnesses, sharpened = TIGHTENING, WorkingSet(), 0
@@ -295,7 +295,8 @@ def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Ite
 
 
 def _start_at(polished: Polished) -> Start:
-    """Return an optimum as a start, from which the same demands, a little sharper, lead to the next in its basin."""
+    """Return an optimum as a start, from which the same constraints, a little sharper, lead to the next in its
+    basin."""
     return Start(*design_of(polished.values), polished.error)
 
 

@@ -52,16 +52,16 @@ class Samples:
 
     Attributes
     ----------
-    device : the one whose loops are looked at
+    device : the one whose loops are examined
     integrator : whether the law has its K_p/s term
     band : band of stability
     nodes, averages : nodes and weights of the transparency band's quadrature
     circles : the return differences of the sampled loops on the unit circle, first the device's let go; none of a
         device whose loops are another's
     radius : unmodelled radius on the first circle; None without one
-    in_hand : the loop in some hands, and in springs at angle 0, or in any; none where no hands are to be met
+    in_hand : the loop in some hands, and in springs at angle 0, or in any; none where no hands are required
     objective : number of devices whose greatest error is the objective
-    others : the other devices at which the demands are posed, with the same frequencies
+    others : the other devices at which the constraints are imposed, with the same frequencies
     """
 
     device: Device

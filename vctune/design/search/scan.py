@@ -87,8 +87,8 @@ def _promising(
 
     Parameters
     ----------
-    most : greatest error of interest; inf where nothing is admissible
-    left_out : corner whose minima are not looked at
+    most : greatest error of interest; inf if nothing is feasible
+    left_out : corner whose minima are skipped
     """
     best = limits.scores[limits.scores.lowest()]
     loops = zip(limits.below.tolist(), limits.corner.tolist(), strict=True)
@@ -107,7 +107,7 @@ def _promising(
 def _faces(problem: Problem) -> list[bool]:
     """Return whether to search without and with an integrator, as far as the bounds and the limit at 0 allow.
 
-    With damping or a force sensor's lag, without drag and without an operator's damping no K_p > 0 is admissible on a
+    With damping or a force sensor's lag, without drag and without an operator's damping no K_p > 0 is feasible on a
     band from 0.
     """
     position, device = problem.bounds.position, problem.device
@@ -123,12 +123,12 @@ def _faces(problem: Problem) -> list[bool]:
 
 
 def start_at(posed: Posed, gains: Gains) -> Start | None:
-    """Return the best start around given gains, with any coupling; None if none is admissible.
+    """Return the best start around given gains, with any coupling; None if none is feasible.
 
     Parameters
     ----------
     posed : dimensionless
-    gains : dimensionless; with K_p = 0 no integrator is looked at
+    gains : dimensionless; with K_p = 0 no integrator is examined
     """
     problem, (samples, fine) = posed.problem, _surroundings(posed, gains)
     scores, _ = evaluated(problem, samples, fine)
@@ -149,7 +149,7 @@ def better_start_near(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Star
     Returns
     -------
     Start or None
-        None where the best design around is no better by `WORTH_ANOTHER`, or is a neighbour.
+        None if the best design around is no better by `WORTH_ANOTHER`, or is a neighbour.
     """
     problem, (samples, fine) = posed.problem, _surroundings(posed, gains)
     tau_c, drag = shape_of(coupling)
@@ -190,7 +190,7 @@ def in_same_basin(posed: Posed, starts: list[Start], gains: Gains) -> list[Start
     Parameters
     ----------
     posed : dimensionless
-    starts : of which those that are admissible count, with an integrator where the gains have one
+    starts : of which those that are feasible count, with an integrator where the gains have one
     gains : dimensionless
     """
     problem = posed.problem

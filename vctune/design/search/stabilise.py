@@ -29,18 +29,18 @@ the box is halved as after any bad step."""
 def stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | None:
     """Return the start, K_p or both gains reduced until its loops are sound: the scan's estimate may be off.
 
-    That is, proved stable and, if that can be had, with Re(D + Z_h) > 0, for else the NLP has no values there.
+    That is, proved stable and, if that can be obtained, with Re(D + Z_h) > 0, for else the NLP has no values there.
 
     Parameters
     ----------
     problem : dimensionless, with the bounds of the gains
-    cases : the problem of each device that is looked at
+    cases : the problem of each device that is examined
     start : the design, dimensionless
 
     Returns
     -------
     Point or None
-        None where the loops are stable with none of the gains that are tried.
+        None if the loops are stable with none of the gains that are tried.
     """
     bounds, K_v, K_p = problem.bounds, start.gains.velocity, start.gains.position
     fallback: Point | None = None

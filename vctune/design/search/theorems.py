@@ -62,8 +62,8 @@ def _of_passive_hands(problem: Problem) -> tuple[str, str] | None:
 def _in_limp_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
     """In hands of stiffness K alone R at omega = 0 tends to K (b/K_p + tau_s) for K -> 0, and Re Z_c is the drag.
 
-    The loss in a structure's spring may ease it. Without an integrator both sides of the demand vanish like omega^2 in
-    hands without damping and stiffness, and a margin that vanishes is not proved.
+    The loss in a structure's spring may ease it. Without an integrator both sides of the constraint vanish like omega^2
+    in hands without damping and stiffness, and a margin that vanishes is not proved.
     """
     device, bounds, units = problem.device, problem.bounds, problem.units
     if hands.high.stiffness == 0 == bounds.position.max and bounds.velocity.max > 0:
@@ -123,7 +123,7 @@ def _negative_resistance(problem: Problem) -> tuple[str, str] | None:
 
 
 def _least_velocity(problem: Problem) -> float:
-    """Return the K_v above which Re G_hh > 0 with the least K_p at the band's lower edge, -inf where that is not known.
+    """Return the K_v above which Re G_hh > 0 with the least K_p at the band's lower edge, -inf if that is not known.
 
     Re D > 0 needs tau K_p < b + K_v for omega -> 0, and for an ideal device with "lag" without delay tau K_p <
     b (1 + (omega tau)^2) + K_v: there Re D = b + (K_v - tau K_p)/(1 + (omega tau)^2). An operator's b_h adds to b. The
@@ -186,7 +186,7 @@ def _with_integrator(problem: Problem) -> tuple[str, str] | None:
 def _without_integrator(problem: Problem) -> tuple[str, str] | None:
     """K_v/(b + K_v)^2 rises to a maximum at K_v = b and falls after it: it is least at an end of the range of K_v.
 
-    Of a device that is not ideal the inertia depends on K_v, and nothing is said.
+    Of a device that is not ideal the inertia depends on K_v, and nothing is reported.
     """
     device, bounds, factor = problem.device, problem.bounds, problem.stability.safety_factor
     if not device.ideal:

@@ -36,7 +36,7 @@ the next answer brings to the limit, which takes another round; with less peaks 
 
 @dataclass(slots=True)
 class Violations:
-    """Where the demands are not met at a point, and by how much (relative).
+    """Where the constraints are not met at a point, and by how much (relative).
 
     Attributes
     ----------
@@ -59,20 +59,20 @@ class Violations:
 def violations(
     posed: Posed, cases: list[Problem], values: Point, tightening: float, refuted: Sequence[ConstraintPoint] = ()
 ) -> Violations:
-    """Find where the demands fail on any device by more than half the tightening, and where the error is greatest.
+    """Find where the constraints fail on any device by more than half the tightening, and where the error is greatest.
 
     Parameters
     ----------
     posed : dimensionless
-    cases : the problem of each device that is looked at, those of `posed` and others
+    cases : the problem of each device that is examined, those of `posed` and others
     values : K_v, K_p, b_c, m_c, b_0
-    tightening : relative amount by which the demands are sharpened
+    tightening : relative amount by which the constraints are tightened
     refuted : points in hands, found by a proof, that the search for the least ratio may miss
 
     Returns
     -------
     Violations
-        Dimensionless frequencies, with device and hand, at which a demand fails.
+        Dimensionless frequencies, with device and hand, at which a constraint fails.
     """
     gains, coupling = design_of(values)
     loops = of_own_loops(cases)
@@ -191,11 +191,11 @@ def _lowest_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Min
 def near_peak(cases: list[Problem], gains: Gains) -> ConstraintPoint | None:
     """Return where |S| is greatest of all devices if that is near its limit and below the Nyquist frequency.
 
-    None where no gain is free: the NLP could not track the peak, whose rounding alone may have passed the limit.
+    None if no gain is free: the NLP could not track the peak, whose rounding alone may have passed the limit.
 
     Parameters
     ----------
-    cases : the problem of each device that is looked at, dimensionless
+    cases : the problem of each device that is examined, dimensionless
     gains : dimensionless
     """
     loops = of_own_loops(cases)

@@ -78,7 +78,7 @@ class WorkingSet:
         return known.get(quantity)
 
     def sizes(self) -> tuple[int, ...]:
-        """Return the number of demands of each kind, in the order of `nlp_structure.DEMANDS`."""
+        """Return the number of constraints of each kind, in the order of `nlp_structure.DEMANDS`."""
         points = self.ratio, self.sensitivity, self.stability, self.peak, self.unmodelled, self.in_hand
         return tuple(len(each) for each in points)
 
@@ -92,7 +92,7 @@ class WorkingSet:
     ) -> WorkingSet:
         """Return the same frequencies on other devices, in the same hands or in others.
 
-        Where the loop is sampled it is the angle omega T that stays, so that what is posed at Nyquist stays there.
+        Where the loop is sampled it is the angle omega T that stays, so that what is imposed at Nyquist stays there.
 
         Parameters
         ----------

@@ -24,7 +24,7 @@ def check_message(
     Parameters
     ----------
     judgement : judgement of the design
-    repairs : repairs of a refuted one, None if not looked for
+    repairs : repairs of a refuted one, None if not sought
     changed : the numbers that were edited since the design was solved, with limits where they were
     together : those of them that pass only if all are taken back
     """

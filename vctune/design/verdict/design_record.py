@@ -102,7 +102,7 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
     file : the problem and its text
     solved : its result
     ipopt : IPOPT's version; None if it took no part
-    date : on which it is written (`vctune.document.text.date.today`); None where that is nobody's business
+    date : on which it is written (`vctune.document.text.date.today`); None if that is nobody's business
     """
     judgement, problem = solved.judgement, solved.problem
     proved = _proved(problem, judgement) if judgement is not None else {}
@@ -163,7 +163,7 @@ def _alternative(each: Alternative) -> AlternativeRecord:
 
 @cache
 def versions(ipopt: str | None) -> dict[str, str | None]:
-    """Return the versions that determine a result; IPOPT's is None where it took no part."""
+    """Return the versions that determine a result; IPOPT's is None if it took no part."""
     return {
         "vctune": __version__,
         "casadi": version("casadi"),
@@ -199,7 +199,7 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
     Parameters
     ----------
     problem, judgement : the design
-    cures : cures of an idle design, the changes after which it is not, the least error first; None if not looked for
+    cures : cures of an idle design, the changes after which it is not, the least error first; None if not sought
     """
     found = []
     for key, side in _touched(problem, point(judgement.gains, judgement.coupling)):
@@ -228,7 +228,8 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
 
 
 def _cured(cures: Sequence[Repair] | None) -> str:
-    """Return which demand keeps a design from using its loop: the one whose change cures it with the least error."""
+    """Return which constraint keeps a design from using its loop: the one whose change cures it with the least
+    error."""
     if cures is None:
         return ""
     if not cures:

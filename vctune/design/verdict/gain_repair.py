@@ -138,7 +138,7 @@ def _with_one_free(stated: dict[str, Any], judgement: Judgement, key: str) -> Pr
 
 
 def _with_free(stated: dict[str, Any], judgement: Judgement, *keys: str) -> Problem | None:
-    """Return a problem whose design is fixed but for some numbers; None where that contradicts another key."""
+    """Return a problem whose design is fixed except for some numbers; None if that contradicts another key."""
     tables: dict[str, dict[str, Any]] = design_tables(judgement.kind, judgement.gains, judgement.coupling)
     for table, name in (key.split(".") for key in keys):
         del tables[table][name]

@@ -227,7 +227,7 @@ def _cures(
     changed: list[ParameterChange],
     progress: Progress,
 ) -> list[Repair] | None:
-    """Return the cures of an idle design; None where solving finds one that is not, or the time limit ends that."""
+    """Return the cures of an idle design; None if solving finds one that is not, or the time limit ends that."""
     try:
         if back := undone(pasted, changed, OF_FIXED_IN_USE):
             return back

@@ -42,11 +42,11 @@ QUICKER = {
 
 @dataclass(frozen=True, slots=True)
 class Infeasibility:
-    """Why there is no admissible design.
+    """Why there is no feasible design.
 
     Attributes
     ----------
-    cause : which demand fails, where and by how much
+    cause : which constraint fails, where and by how much
     advice : its possible repair
     proved : whether it follows from a theorem or from a search that has emptied every box of gains, not from one that
         found nothing
@@ -79,7 +79,7 @@ def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> In
     Returns
     -------
     Infeasibility
-        In words: the demand, the frequency, by how much, and what may repair it.
+        In words: the constraint, the frequency, by how much, and what may repair it.
     """
     opening = OPENINGS[proved]
     if not scanned.starts:
@@ -185,7 +185,7 @@ def _shortfall(problem: Problem, coupling: AnyCoupling, ratio: float, place: str
 
 
 def _least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float, float, str]:
-    """Return the least Re Z_c / R of any hand that is to be met, its frequency, rad/s, and where that is in words."""
+    """Return the least Re Z_c / R of any hand that is required, its frequency, rad/s, and where that is in words."""
     found = []
     if problem.passive:
         minima = ratio_minima(problem, gains, coupling)
@@ -197,7 +197,7 @@ def _least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple
 
 
 def _lacking_resistance(problem: Problem, gains: Gains) -> tuple[str, str] | None:
-    """Return where the loop's resistance is negative; None where it is positive throughout."""
+    """Return where the loop's resistance is negative; None if it is positive throughout."""
     device = problem.device
     grid = demand_grid(device, *sampled_span(problem))
     resistance = local_minima(lambda omega: response(device, gains, omega).resistance, grid)

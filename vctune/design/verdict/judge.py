@@ -76,8 +76,8 @@ class Judgement:
     compared : the same for the terms that can differ between designs, to which a bound applies
     min_ratio, worst : least Re Z_c / R on the band and where, rad/s (0 or inf at an end of the axis)
     tightest : the device on which it is least, of the nominal one and those of a box
-    in_hand : the least Re Z_c / R in the hands to be met, and in which; None where none are
-    in_any_hand : the least Re(1/Z_c)/R of an impedance display in any passive hand, if any is to be met
+    in_hand : the least Re Z_c / R in the hands to be met, and in which; None if none are
+    in_any_hand : the least Re(1/Z_c)/R of an impedance display in any passive hand, if any is required
     peak_sensitivity, worst_sensitivity : greatest |S| of these devices up to Nyquist and where, rad/s
     certificate : the proved claims
     cut : whether the time limit ended its proof, or left devices of a box unlooked at in hands
@@ -195,7 +195,7 @@ def judge(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Judgement:
 
 @np.errstate(all="ignore")
 def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
-    """Judge given gains against the demands of a problem.
+    """Judge given gains against the constraints of a problem.
 
     Parameters
     ----------
@@ -309,7 +309,7 @@ def least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[
 
     Returns
     -------
-    ratio : inf where nothing is required
+    ratio : inf if nothing is required
     omega : rad/s; 0 or inf at an end of the axis
     """
     device, band = problem.device, problem.stability.band

@@ -220,7 +220,7 @@ def _of_device(problem: Problem) -> Iterator[ParameterChange]:
 
 
 def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
-    """Yield fewer hands: with more damping, or where a box of them is to be met with less mass or stiffness.
+    """Yield fewer hands: with more damping, or where a box of them is required with less mass or stiffness.
 
     Where none of a box has a stiffness, nothing may return the handle: then stiffer hands, too.
     """

@@ -60,7 +60,7 @@ def _posed(document: dict[str, Any]) -> Problem | None:
 
 
 def _seems_admissible(problem: Problem) -> bool:
-    """Return whether a problem's fixed design meets the demands in double precision, and its poles are proved."""
+    """Return whether a problem's fixed design meets the constraints in double precision, and its poles are proved."""
     return all(_seems_admissible_on(case, *problem.fixed_design) for case in pose_devices(problem).cases)
 
 
@@ -196,7 +196,7 @@ def repairs_of_design(
 
 
 def find_cures(document: dict[str, Any], problem: Problem, progress: Progress = lambda stage: None) -> list[Repair]:
-    """Return the least changes of one demand after which a problem has a design that uses its velocity loop.
+    """Return the least changes of one constraint after which a problem has a design that uses its velocity loop.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ def find_repairs(
     Returns
     -------
     list of Repair
-        The least error first; of the same error, as where a demand on given gains is eased, the smallest change.
+        The least error first; of the same error, as where a constraint on given gains is eased, the smallest change.
     """
     found: list[Repair] = []
     with suppress(OutOfTimeError), time_limit(LONGEST):
@@ -280,7 +280,7 @@ class _Search:
     posed: Posed
 
     def hopeless(self) -> bool:
-        """Return whether it will not do however far it goes, where going further only eases the demands."""
+        """Return whether it will not do however far it goes, where going further only eases the constraints."""
         furthest = self.change.relative_change(self.change.limit)
         return self.test.furthest_first and self.change.eases and not self.promising(furthest)
 

@@ -40,7 +40,7 @@ def uncertainty_record(problem: Problem, judgement: Judgement, nominal_error: fl
     ----------
     problem : one with an uncertain device
     judgement : judgement of the robust design
-    nominal_error : error of the best design for the nominal device alone, None if it was not looked for
+    nominal_error : error of the best design for the nominal device alone, None if it was not sought
     """
     posed, design = pose(problem), (judgement.gains, judgement.coupling)
     box, uncertainty = posed.box, problem.uncertainty

@@ -120,7 +120,7 @@ class ClaimRecord(Part):
     """A claim, where, on which device and in which hand it fails, and the environment with which it grows there.
 
     Where the time limit `cut` its proof it is undecided. Its sentence is for people, in the words of the version that
-    wrote it; programs ask for its `id`.
+    wrote it; programs require its `id`.
     """
 
     model_config = ConfigDict(json_schema_extra=_id_may_lack)

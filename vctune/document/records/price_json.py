@@ -12,7 +12,7 @@ digits of what nobody will feel; twice hides some."""
 
 
 class PriceRecord(Part):
-    """The price of a number of the device: by what share the least error changes if it is better, to first order."""
+    """The price of a number of the device: by which share the least error changes if it is better, to first order."""
 
     key: str
     old: float

@@ -96,7 +96,7 @@ class CheckedProblemRecord(Part):
 class RegionDocument(Document):
     """The plane of gains and its cells, in SI units: the object of region.json.
 
-    Of one that was `interrupted`, cells that were not looked at are undecided.
+    Of one that was `interrupted`, cells that were skipped are undecided.
     """
 
     SCHEMA = "vctune/region/1"

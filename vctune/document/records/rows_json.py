@@ -23,7 +23,7 @@ class RowsHeader(Document):
 class FeltRecord(Part):
     """How a design feels, on no yardstick (`vctune.analysis.feel`); null without a design, or above Nyquist.
 
-    The wall is looked at at 10 Hz; tracking ends where |G_he|, of an impedance display |A H/N|, falls below 1/sqrt 2.
+    The wall is examined at 10 Hz; tracking ends where |G_he|, for an impedance display |A H/N|, falls below 1/sqrt 2.
     """
 
     felt_mass_1hz: Annotated[Number, Shown("mass felt at 1 Hz", of="mass")]

@@ -158,7 +158,7 @@ def _hands(table: OperatorTable, system: UnitSystem) -> Hands:
 
 
 def _worlds(table: WorldsTable | None) -> Worlds | None:
-    """Return the environments of a table; None where it excludes none that is passive."""
+    """Return the environments of a table; None if it excludes none that is passive."""
     if table is None:
         return None
     low = World(table.mass.min, table.damping.min, table.stiffness.min)
@@ -177,7 +177,7 @@ def _asked(hands: Hands, latency: float) -> float:
 
 
 def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag: float, slowest: float) -> Stability:
-    """Return the demands; those of an impedance display are up to the Nyquist frequency.
+    """Return the constraints; those of an impedance display are up to the Nyquist frequency.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def _force_sensor(table: ForceSensorTable | None) -> ForceSensor | None:
 
 
 def _uncertainty(table: UncertaintyTable, device: Device) -> Uncertainty | None:
-    """Return None where no number moves: a half-width of 0, or relative to a number that is 0."""
+    """Return None if no number moves: a half-width of 0, or relative to a number that is 0."""
     widths = table.model_dump(by_alias=True, exclude={"objective", "unmodelled"})
     moving = tuple((key, width) for key, width in widths.items() if width > 0)
     radii = () if device.servo is not None else tuple(table.unmodelled)

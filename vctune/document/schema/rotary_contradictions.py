@@ -29,7 +29,7 @@ def missing_of_rotary(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _hands_are_met(raw: dict[str, Any]) -> bool:
-    """Return whether hands of a box are to be met: on an impedance display any passive hand is in their place."""
+    """Return whether hands of a box are required: on an impedance display any passive hand is in their place."""
     stability, display = raw.get("stability", {}), raw["device"].get("display")
     criterion = stability.get("criterion", "both") if isinstance(stability, dict) else "both"
     return criterion == "hands" or (criterion == "both" and display != "impedance")

@@ -115,7 +115,7 @@ ENDING = re.compile(r" \[([a-z]+(?:-[a-z]+)*)\]$")
 
 
 def coded(text: str, code: Code) -> str:
-    """Return a line with its code at its end, from which `vctune explain` goes on.
+    """Return a line with its code at its end, from which `vctune explain` continues.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def has_code(line: str | None, code: Code) -> bool:
     Parameters
     ----------
     line : the text, if any
-    code : looked for
+    code : sought
     """
     found = ENDING.search(line or "")
     return found is not None and found[1] == code

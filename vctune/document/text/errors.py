@@ -61,7 +61,7 @@ class InputError(ValueError):
         code : code of the mistake
         message : the fault, by how much, and what to do
         key : dotted; empty where no key is at fault
-        line : line of the file, from 1; None where it has none
+        line : line of the file, from 1; None if it has none
         """
         return InputError(source, [Mistake(code, key, message, line)])
 

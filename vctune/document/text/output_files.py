@@ -19,7 +19,7 @@ RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d) *(\.|$)", re.IGNORECASE)
 
 
 def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = (), aside: Iterable[Path] = ()) -> None:
-    """Write the files of one run in the place of those of an earlier run; SIGINT and SIGTERM wait meanwhile.
+    """Write the files of one run instead of those of an earlier run; SIGINT and SIGTERM wait meanwhile.
 
     When all the new files are complete, the older ones go, the last first; then those to keep are renamed; then the
     first is replaced; then the others come in their order. So the files that are there are of one run whenever the

@@ -31,7 +31,7 @@ def toml_text(document: Mapping[str, Any]) -> str:
 
 
 def quoted(text: str) -> str:
-    """Return a TOML basic string; JSON's escapes are TOML's, but for DEL, which TOML wants escaped."""
+    """Return a TOML basic string; JSON's escapes are TOML's, except for DEL, which TOML wants escaped."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 

@@ -29,8 +29,8 @@ class FrictionFound:
     Attributes
     ----------
     coulomb : at high speed, N
-    stiction, stribeck_velocity : at vanishing speed, N, and where one becomes the other, m/s; None where the data do
-        not show it
+    stiction, stribeck_velocity : at vanishing speed, N, and where one becomes the other, m/s; None if the data do not
+        show it
     """
 
     coulomb: float

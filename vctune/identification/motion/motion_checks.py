@@ -38,7 +38,7 @@ class Check:
 
 
 def bootstrap(fit: MotionFit, samples: FittedSamples) -> Check | None:
-    """Return the mass from blocks of the log drawn at random, and its deviation; None of a log that has no two blocks.
+    """Return the mass from blocks of the log drawn at random, and its deviation; None for a log that has no two blocks.
 
     Parameters
     ----------

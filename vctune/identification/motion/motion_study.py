@@ -46,7 +46,7 @@ class MotionStudy:
     others : directional fits at other cut-offs
     force_noise : standard deviation of a sample of the sensed force, N; None without one
     checks : other ways to the mass
-    classical : the classical inverse model, where it was asked for
+    classical : the classical inverse model, where it was required
     friction : for the simulation; None for none
     speed : root mean square of it, m/s
     position_noise : standard deviation of a position sample, m

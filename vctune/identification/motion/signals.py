@@ -38,7 +38,7 @@ class Signals:
     position : shape (n,), m
     command : the force on the motor, as commanded or as measured, N; None without one that moves
     hand : the hand's force as sensed, N; None without
-    reference : position that was asked for, m; None without
+    reference : position that was required, m; None without
     sample_time : s
     is_command : whether the force is a command, held between samples
     actuator : actuator behind a held command, if it is known

@@ -33,7 +33,7 @@ class FitTask:
     Attributes
     ----------
     measured, candidate, actuator : the measured response, its candidate, and the actuator before it
-    left_out : lines that are not looked at; None for none
+    left_out : lines that are skipped; None for none
     aliased : the sampled response of the command over the continuous one
     """
 

@@ -112,7 +112,7 @@ def held_compliance(device: Device, omega: Floats) -> Complex:
 
 
 def antiresonance_hz(device: Device) -> float | None:
-    """Return where the motor hardly moves: the handle on its spring alone, Hz; None of a rigid device."""
+    """Return where the motor hardly moves: the handle on its spring alone, Hz; None for a rigid device."""
     if device.structure is None:
         return None
     return sqrt(mechanism(device, device.structure, FLOATS).stiffness / device.structure.handle_mass) / (2 * pi)

@@ -20,7 +20,7 @@ TRIED = 24
 SETTLED = 6.0
 """Lags after which it is forgotten how the servo moved before the log."""
 VALLEYS = 14
-"""Bandwidths at which a better fit is looked for."""
+"""Bandwidths at which a better fit is sought."""
 ROUNDS = 2
 """How often noise and numbers are fitted to each other."""
 LEAST_SPAN = 8
@@ -83,7 +83,7 @@ class ServoFit:
     inflation : factor by which the residuals' correlation increases a variance
     left : steps of the position that the fit leaves, m
     left_share : residual motion in as many rows as the servo is late by, root mean square
-    told : whether the bandwidth ends below the highest that is looked at
+    told : whether the bandwidth ends below the highest that is examined
     """
 
     order: int

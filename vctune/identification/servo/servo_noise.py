@@ -15,7 +15,7 @@ import numpy as np
 from vctune.document.recording import Floats
 
 LEAST_LINK = 1e-3
-"""Jitter from which it is looked for, sample times."""
+"""Jitter from which it is sought, sample times."""
 LEAST_WINDOWS = 10
 """Fewer do not tell a jitter."""
 
@@ -81,7 +81,7 @@ def likeliest(
     Parameters
     ----------
     steps : residuals of a fit, m
-    near : where it is looked for
+    near : where it is sought
     least : deviation of a position sample, m
     T : sample time, s
     exposed, is_position : as for `whitened`

@@ -18,7 +18,7 @@ class EndLimit:
     Attributes
     ----------
     coupling : the limit of Re Z_c
-    required : the limit of R; inf where no coupling will do
+    required : the limit of R; inf if no coupling will do
     """
 
     coupling: Number

@@ -75,9 +75,9 @@ def llewellyn_demand(loop: LoopResponse, ops: Arithmetic) -> Number:
 
 
 def required_resistance(loop: LoopResponse, ops: Arithmetic) -> Number:
-    """Return R, the least admissible Re Z_c (model/README.md, section 4).
+    """Return R, the least feasible Re Z_c (model/README.md, section 4).
 
-    Without an operator R = (|q| - Re q)/(2 Re G_hh). No coupling is admissible where the loop's resistance is negative.
+    Without an operator R = (|q| - Re q)/(2 Re G_hh). No coupling is feasible where the loop's resistance is negative.
     Where the resistance is positive and R <= 0, every passive coupling is.
 
     Parameters

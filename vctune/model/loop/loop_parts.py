@@ -130,7 +130,7 @@ def perturbed_loop(at: DeviceResponse, x: Pair, gains: Gains) -> LoopResponse:
     """Return the loop of a device whose mechanism's response is multiplied by x, at omega > 0.
 
     See model/README.md, section 13. Let D_0 and N_0 be D and N with both gains 0. The perturbed loop has D_0/x + e C_f
-    in the place of D and N_0 + x y C_f in that of N.
+    instead of D and N_0 + x y C_f in that of N.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ class Arithmetic(Protocol):
 
     @property
     def arrays(self) -> ArrayArithmetic | None:
-        """The arithmetic itself where its numbers are arrays, None where they are single."""
+        """The arithmetic itself where its numbers are arrays, None if they are single."""
 
     def is_zero(self, x: Number) -> bool:
         """Return whether a number is 0 for certain, so that a product with it can be left out."""

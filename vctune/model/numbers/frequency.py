@@ -21,7 +21,7 @@ def hertz(omega: float) -> float:
 
 
 def finite_hertz(omega: float | None) -> float | None:
-    """Return a frequency in hertz, None where it is infinite.
+    """Return a frequency in hertz, None if it is infinite.
 
     Parameters
     ----------

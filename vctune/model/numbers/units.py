@@ -1,7 +1,7 @@
 """Names and units of a device's numbers, by the motion of its handle: the only place that states them.
 
-The formulas hold word for word for both: of a rotary device a mass is a moment of inertia, a force a torque, a position
-an angle.
+The formulas hold word for word for both: for a rotary device a mass is a moment of inertia, a force a torque, a
+position an angle.
 """
 
 from __future__ import annotations

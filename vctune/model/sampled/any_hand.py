@@ -203,7 +203,7 @@ def motor_disc(device: Device, omega: Number, ops: Arithmetic) -> tuple[Number, 
     Returns
     -------
     rho : m/(N s)
-    reactance : omega m_1, N s/m, of the motor's part; of a rigid device omega m
+    reactance : omega m_1, N s/m, of the motor's part; for a rigid device omega m
     g : m/(N s); None for a rigid device
     """
     b, reactance = device.damping, omega * device.motor_mass

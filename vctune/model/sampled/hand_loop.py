@@ -78,7 +78,7 @@ class CommandInHand(NamedTuple):
 
 
 AnyLoopInHand = LoopInHand | ForceInHand | CommandInHand
-"""The loop of an admittance display in a hand, of an impedance display, or the way of a servo's command."""
+"""The loop of an admittance display in a hand, for an impedance display, or the way of a servo's command."""
 
 
 def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLoopInHand:
@@ -128,9 +128,9 @@ def seen_in_limp_hand(plant: PlantInHand, velocity: Number, theta: Number, share
 
     Its swing is over s besides.
 
-    Next to theta = 0 and K = 0, F and the sensed force both vanish with rho, defined by 2 s = (1 - share) rho and
-    K T^2/m = share rho. The function puts rho x_1 in the place of the position x_1. This divides the position's column
-    of the equations by rho, in which 2 s and K are factors.
+    Next to theta = 0 and K = 0, F and the sensed force both vanish with rho, defined by 2 s = (1 - share) rho and K
+    T^2/m = share rho. The function puts rho x_1 instead of the position x_1. This divides the position's column of the
+    equations by rho, in which 2 s and K are factors.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
     Returns
     -------
     Required
-        R = lost/size, N s/m; of an impedance display R/s^2, m/(N s).
+        R = lost/size, N s/m; for an impedance display R/s^2, m/(N s).
     """
     if isinstance(loop, CommandInHand):
         return Required(loop.blur - 0.5 * loop.seen.odd, loop.size)
@@ -266,12 +266,12 @@ def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> Seen:
 
 
 def offered(coupling: AnyCoupling, device: Device, theta: Number, ops: Arithmetic) -> Number:
-    """Return Re Z_c of the coupling as the firmware runs it; of an impedance display Re(1/Z_c)/sin^2(theta/2).
+    """Return Re Z_c of the coupling as the firmware runs it; for an impedance display Re(1/Z_c)/sin^2(theta/2).
 
     Parameters
     ----------
     coupling : its type decides the display
-    device : runs the coupling; its sample time and, of an impedance display, its velocity filter are used
+    device : runs the coupling; its sample time and, for an impedance display, its velocity filter are used
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
 
@@ -298,7 +298,7 @@ def room(
     coupling : its type decides the display
     device : runs the coupling
     required : R at theta, as a quotient
-    factor : the least admissible offered/R, > 0
+    factor : the least feasible offered/R, > 0
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
 

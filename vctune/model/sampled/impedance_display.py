@@ -162,11 +162,11 @@ def spring_damper_admittance(
 
 
 class Required(NamedTuple):
-    """R = lost/size, the least admissible Re Z_c, or of an impedance display R/s^2, the least Re(1/Z_c)/s^2.
+    """R = lost/size, the least feasible Re Z_c, or of an impedance display R/s^2, the least Re(1/Z_c)/s^2.
 
     Attributes
     ----------
-    lost : N s/m, of an impedance display m/(N s)
+    lost : N s/m, for an impedance display m/(N s)
     size : |F|^2 in one hand; in any, positive where none makes the loop of K_v alone unstable at this frequency
     """
 

@@ -5,7 +5,7 @@ Y = y Z_c + Z_seen, s_d = j u and u = (2/T) tan(theta/2). As b has no upper limi
 
     Re Y + b_1 > 0,   or   -Im Y > m_2 u - k_1/u,   or   -Im Y < m_1 u - k_2/u.
 
-The safety factor g asks for this with every y from 1/g to 1. The values of y at which all three fail form an interval:
+The safety factor g requires this with every y from 1/g to 1. The values of y at which all three fail form an interval:
 the first fails below a y, the second above one, the third below one. So none of it is met if the first or the third
 holds at y = 1/g, the second at y = 1, or the first from where on the second fails. The last is
 

@@ -6,7 +6,7 @@ Held and sampled, with theta = omega T, s = sin(theta/2) and c = cos(theta/2),
     (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = f(A/E) E,   f(X) = (X/2) coth(X/2),
 
 where d = 1 - z^-1, b_1 is the share of the older force of a sample and f(X) = 1 + X^2/12 - ...: nearly the mechanism
-itself with 2 j tan(theta/2) in the place of s, so that its low frequencies hardly depend on the mass.
+itself with 2 j tan(theta/2) instead of s, so that its low frequencies hardly depend on the mass.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class PlantInHand:
     Attributes
     ----------
     rates, step : A and Q
-    push, older, felt_older : b, b_1 of the loop, and b_1 of the sensed force, whose delay is longer; None where it is 0
+    push, older, felt_older : b, b_1 of the loop, and b_1 of the sensed force, whose delay is longer; None if it is 0
     felt : sensed part of the states; -G_f includes the handle's inertia
     felt_inertia : row of the sensed part of d x, and that of d b_1 u; None with a filter
     delays : whole samples

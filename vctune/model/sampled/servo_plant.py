@@ -12,7 +12,7 @@ e^(-j theta/2) each polynomial is one of 2 j s and c with real coefficients, and
 
     G_x = e^(-j mu theta) (e(y) + j s c o(y))/(2 j s D(y)),   D = |O|^2,   mu = N + 1/2,
 
-and likewise G_v and G_a with 2 j s V and 2 j s A in the place of X. A filter y += a (x - y) of the sensed samples is
+and likewise G_v and G_a with 2 j s V and 2 j s A instead of X. A filter y += a (x - y) of the sensed samples is
 
     a/(1 - b w) = a (a + 2 b y - 2 j b s c)/(a^2 + 4 b y),   b = 1 - a.
 """

@@ -89,9 +89,9 @@ class Claims:
     in_hand : one of these must be positive in every hand, of theta
     above_bound : proves as much, of theta, `OFFSET` and `SLOPE`, for the gains that these are of
     any_hand : both must be positive for any passive hand on an impedance display, of theta
-    required_in_hands : the least admissible Re Z_c in a hand, of theta, N s/m; nothing is known of it where F may be 0
+    required_in_hands : the least feasible Re Z_c in a hand, of theta, N s/m; nothing is known of it where F may be 0
     poles_in_hand : curve that must not turn around 0, of a hand and of theta
-    required : the least admissible Re Z_c where the resistance is positive throughout, N s/m; nothing is known of it
+    required : the least feasible Re Z_c where the resistance is positive throughout, N s/m; nothing is known of it
         elsewhere
     sensitivity_any_position : proves as much as `sensitivity` for every K_p, next to theta = 0 too
     model_poles, sampled_poles : curves that must not turn around 0, of omega and of theta = omega T

@@ -30,7 +30,7 @@ from vctune.proof.engine.interval import Outcome, Verdict, prove_positive
 
 EXTENSION_BOXES = 2_000
 """Boxes of a step beyond the band; a step that needs more is tried shorter. Half and twice it give the same band, where
-the ratio falls below 1, but for the last digits that are shown."""
+the ratio falls below 1, except for the last digits that are shown."""
 LOWEST_EDGE = 1e-18
 """How far below the requested band a proof that does not reach 0 is carried, relative to its edge. A band that
 reaches 0 is proved as such; from here on the difference to one that does not has no meaning. Half and twice: the

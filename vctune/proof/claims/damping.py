@@ -28,7 +28,7 @@ operations on positive numbers, a tangent of 8 units in the last place among the
 times. Half and twice it decide alike.
 """
 ROUNDING_OF_BOUNDS = 1e-9
-"""By how much more than rounding two demands on b_c have to exclude each other. Half and twice it decide alike, but
+"""By how much more than rounding two constraints on b_c have to exclude each other. Half and twice it decide alike, but
 where the interval between them is as narrow."""
 
 
@@ -37,12 +37,12 @@ def admissible_damping(resistance: Floats, reactance: Floats) -> tuple[Floats, F
 
     Parameters
     ----------
-    resistance : r, N s/m; every b >= 0 is admissible where r <= 0
+    resistance : r, N s/m; every b >= 0 is feasible where r <= 0
     reactance : M = omega m_c, N s/m, of a shape that broadcasts against r
 
     Returns
     -------
-    least, greatest : N s/m; (inf, 0) where none is admissible
+    least, greatest : N s/m; (inf, 0) where none is feasible
     """
     r, M = np.maximum(resistance, 0.0), reactance
     root = np.sqrt(np.maximum((M - 2 * r) * (M + 2 * r), 0.0))
@@ -53,7 +53,7 @@ def admissible_damping(resistance: Floats, reactance: Floats) -> tuple[Floats, F
 
 
 def no_damping(demands: Demands, cells: Cells, places: Places) -> Flags:
-    """Return the cells in which no b_c between the cell's own edges meets the demands on Re Z_c.
+    """Return the cells in which no b_c between the cell's own edges meets the constraints on Re Z_c.
 
     Different frequencies may require intervals of b_c that have no point in common.
 

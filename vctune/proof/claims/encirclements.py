@@ -36,9 +36,9 @@ class Encirclements:
 
     Attributes
     ----------
-    number : turns of the model's curve, if it counts, and of the sampled loop's, for each of its loops: 0 where
-        stable, nan where not settled or not the same throughout the cell; one row each, shape (rows, n)
-    boxes : pairs looked at, at the centres, for the model and for the sampled loop, shape (2, n)
+    number : turns of the model's curve, if it counts, and of the sampled loop's, for each of its loops: 0 where stable,
+        nan if not settled or not the same throughout the cell; one row each, shape (rows, n)
+    boxes : pairs examined, at the centres, for the model and for the sampled loop, shape (2, n)
     throughout : the same to see that no pole crosses over within a cell, of both, shape (n,)
     """
 
@@ -58,7 +58,7 @@ def encirclements(demands: Demands, cells: Cells) -> Encirclements:
     Returns
     -------
     Encirclements
-        Numbers of shape (rows, n); 0 where a loop is stable, nan where nothing is decided.
+        Numbers of shape (rows, n); 0 where a loop is stable, nan if nothing is decided.
     """
     parts = [_encirclements(replace(demands, device=loop), cells) for loop in demands.device.loops]
     if not parts:
@@ -90,7 +90,7 @@ def _encirclements(demands: Demands, cells: Cells) -> Encirclements:
 def _turns_at(
     curve: Curve, points: Cells, end: float, turn: float, goal: float = 0.0, fixed: Values | None = None
 ) -> tuple[Floats, Integers]:
-    """Return how often a curve goes around 0 at each point, nan where not settled, and the pairs looked at."""
+    """Return how often a curve goes around 0 at each point, nan if not settled, and the pairs examined."""
     test, angles = misses_zero(curve, fixed or {}), turned_angles(curve, fixed or {})
     found = cells_over_band(test, points, 0.0, end, angles)
     return np.where(found.proved, np.round((goal - found.total) / turn), np.nan), found.boxes
@@ -124,7 +124,7 @@ def encirclements_in_hand(demands: Demands, cells: Cells) -> tuple[Floats, Integ
 
     Returns
     -------
-    number : shape (n,); nan where nothing is decided
+    number : shape (n,); nan if nothing is decided
     boxes : boxes that the proof took, shape (n,)
     """
     assert demands.hands is not None
@@ -147,7 +147,7 @@ def turns_in_hand(demands: Demands, points: Cells) -> Floats:
     Returns
     -------
     array of float
-        Shape (n,); 0 where the loop is stable, nan where nothing is decided.
+        Shape (n,); 0 where the loop is stable, nan if nothing is decided.
     """
     claims = claims_of(demands)
     turns, _ = _turns_at(claims.poles_in_hand, points, HALF_TURN, pi, fixed=_middle(demands))

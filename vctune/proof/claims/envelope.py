@@ -1,7 +1,7 @@
 """An upper bound of what hands require of a coupling: straight pieces over the angle, each of them proved.
 
-What is required in a hand is of the gains alone. Where many couplings meet the same gains it is looked at once, and
-each coupling is then compared with the bound over the angle, without a hand.
+What is required in a hand is of the gains alone. Where many couplings meet the same gains it is examined once, and each
+coupling is then compared with the bound over the angle, without a hand.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Envelope:
     Attributes
     ----------
     low, high : edges of the pieces, rad, shape (n,)
-    offset, slope : N s/m, and by rad, shape (n,); of an impedance display of R/s^2. inf where there is no bound
+    offset, slope : N s/m, and by rad, shape (n,); for an impedance display of R/s^2. inf if there is no bound
     boxes : number of boxes
     """
 

@@ -39,7 +39,7 @@ ANGLES, LEAST_ANGLE = 400, 1e-6
 """Angles at which the size of a loop is estimated, and the least of them. The prover then proves the estimate, so that
 half and twice it only cost time."""
 MAX_BOXES, MAX_BOXES_OF_CURVES = 1_600_000, 40_000
-"""Boxes looked at for one claim before it is left open; a curve that is not nearly 0 anywhere takes some dozens, the
+"""Boxes examined for one claim before it is left open; a curve that is not nearly 0 anywhere takes some dozens, the
 uncertain friction wheel 27,000 for all claims, a device of two masses with seven uncertain numbers and a disc a million
 for one. Half and twice it: as long to give up."""
 FEW = 64

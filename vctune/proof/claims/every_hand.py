@@ -51,13 +51,13 @@ from vctune.proof.engine.winding import turned_angle
 STEP = 1.4
 """Ratio of the edges of the first intervals. Its square root and its square take as many boxes within a tenth."""
 MAX_BOXES = 400_000
-"""Boxes looked at before the claim is left open; an optimal design takes some thousand. Half and twice it: as long
-to give up."""
+"""Boxes examined before the claim is left open; an optimal design takes some thousand. Half and twice it: as long to
+give up."""
 EASY_BOXES = 20_000
 """Boxes after which hands near a sharp resonance get boxes of their own; if the constraint leaves room there, some
 hundred suffice. If they do not, half or twice as many cost half or twice as much: some seconds."""
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
-"""How far from an end of the angles, as a share of pi, a witness is looked for. Fewer: growth that takes longer to see;
+"""How far from an end of the angles, as a share of pi, a witness is sought. Fewer: growth that takes longer to see;
 more: none that is seen."""
 MAX_HALVINGS = 120
 """How often a box is halved at most: twenty times in each of six rows. Half and twice as often: the same proofs."""
@@ -269,7 +269,7 @@ def _in_doubt(
     boxes: int,
     near: Resonance | None,
 ) -> Outcome:
-    """Decide by balls about a point at which arrays have not proved the demand."""
+    """Decide by balls about a point at which arrays have not proved the constraint."""
     for row, name in enumerate(names):
         if name in DELAY_ROWS:  # at its ends the whole samples change
             inwards = np.minimum(NEXT_TO * design.device.sample_time, (part.high[row] - part.low[row]) / 2)

@@ -40,7 +40,7 @@ class Certified:
 
     Attributes
     ----------
-    proved : the cells all of whose designs meet all demands
+    proved : the cells all of whose designs meet all constraints
     boxes : number for each claim of `ON_ARRAYS`, 0 for claims that are not made; shape (4, n)
     """
 
@@ -49,7 +49,7 @@ class Certified:
 
 
 def prove(demands: Demands, cells: Cells) -> Certified:
-    """Prove all demands throughout each cell (proof/README.md, section 2).
+    """Prove all constraints throughout each cell (proof/README.md, section 2).
 
     K_p = 0 takes the position out of the loop. A cell whose K_p starts at 0 does therefore not contain K_p = 0 itself.
     A cell whose K_p is 0 throughout does.
@@ -119,7 +119,7 @@ def _proofs(demands: Demands, cells: Cells) -> Certified:
 
 
 def _holds_in_any_hand(demands: Demands, claims: Claims, cells: Cells) -> Flags:
-    """Prove the demand in any passive hand on an impedance display."""
+    """Prove the constraint in any passive hand on an impedance display."""
     if demands.device.least_damping == 0:
         return np.zeros(len(cells), bool)
     margin, size = (positive(each, {}) for each in claims.any_hand)
@@ -130,7 +130,7 @@ def _holds_in_any_hand(demands: Demands, claims: Claims, cells: Cells) -> Flags:
 
 
 def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
-    """Prove the demand in every hand.
+    """Prove the constraint in every hand.
 
     Where the margin is positive no pole of any design of the cell is on the unit circle in any hand: those of one
     design in one hand decide about all.
@@ -169,7 +169,7 @@ def _have_the_same_gains(cells: Cells) -> bool:
 
 
 def _above_envelope(demands: Demands, hands: Hands | None, claims: Claims, cells: Cells) -> Flags:
-    """Prove the demand in every hand of a box, or in any, for couplings that meet the same gains.
+    """Prove the constraint in every hand of a box, or in any, for couplings that meet the same gains.
 
     Cells are divided too, as the angle alone is besides; their callers divide those that are left.
     """
@@ -212,13 +212,13 @@ class Places:
 
 
 def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
-    """Return the cells none of whose designs meets all demands.
+    """Return the cells none of whose designs meets all constraints.
 
     Parameters
     ----------
     demands : on a design
     cells : n cells of designs, as for `prove`
-    places : for each cell where a demand may fail; the function uses the first of several places
+    places : for each cell where a constraint may fail; the function uses the first of several places
 
     Returns
     -------
@@ -278,6 +278,6 @@ def lower_bound_at(margin: Margin, cells: Cells, at: Floats) -> Floats:
     Returns
     -------
     array of float
-        Shape (n,), in the margin's unit; nan where no bound is known.
+        Shape (n,), in the margin's unit; nan if no bound is known.
     """
     return lower_bound_over(margin, over_each(cells, at), {})

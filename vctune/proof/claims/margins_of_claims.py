@@ -99,8 +99,8 @@ def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -
     """Return a margin that is regular at omega = 0 and, where positive, proves as much as `conditions_margin`.
 
     Both sides of 2 Re D Re Z_c >= factor N are divided by omega^2 where they vanish together. Of a coupling with drag,
-    or where an operator eases the demand, only Re Z_c >= b_0 is used. Without either R does not vanish if K_p > 0 and b
-    > 0: then no margin is positive.
+    or where an operator eases the constraint, only Re Z_c >= b_0 is used. Without either R does not vanish if K_p > 0
+    and b > 0: then no margin is positive.
 
     Parameters
     ----------

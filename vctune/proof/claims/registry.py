@@ -33,7 +33,7 @@ class Claim:
     witness : description of the place where it fails
     label : heading of its row in a report
     explain : its meaning for the reader
-    asked : whether the demands require it, on a box of devices or on one device alone
+    asked : whether the constraints require it, on a box of devices or on one device alone
     """
 
     id: ClaimId

@@ -102,8 +102,8 @@ def reaching_whole_sample(box: DeviceBox, hands: Hands) -> DeviceBox:
 def kept_at_whole_sample(device: Device, before: Device) -> Device:
     """Return a device whose delay stays next to the same whole number of samples as another's.
 
-    A price compares a device with one that is a little better. Near a whole number of samples the demands hold on both
-    sides of it for either device.
+    A price compares a device with one that is a little better. Near a whole number of samples the constraints hold on
+    both sides of it for either device.
 
     Parameters
     ----------

@@ -106,7 +106,7 @@ class Enclosure:
         return self.reciprocal() * other if _exact(other) else NotImplemented
 
     def reciprocal(self) -> Enclosure:
-        """Return 1/x; nan where the enclosure contains 0."""
+        """Return 1/x; nan if the enclosure contains 0."""
         size = np.abs(self.mid)
         gap = np.where(size > self.rad, size - self.rad, np.nan)
         mid = self.mid / gap / (size + self.rad)

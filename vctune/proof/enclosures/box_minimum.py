@@ -29,7 +29,7 @@ class LowerBound:
 
     Attributes
     ----------
-    bound : no value in the box is below it; -inf where nothing is known
+    bound : no value in the box is below it; -inf if nothing is known
     estimate : about the value at `at`
     at : where the value is about least, of each row between -1 and 1, shape (k, n)
     cost : loss of the bound by each row, shape (k, n)

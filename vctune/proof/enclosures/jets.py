@@ -16,14 +16,14 @@ LIBRARY_ERROR = 8 * UNIT
 """Bound on the error of NumPy's sin, cos, exp and expm1 in double precision: 8 units in the last place.
 
 Of exp and expm1 relative to the value, of sin and cos to 1, and of sin to the value too for |x| < 1, where sinc divides
-by x: next to other zeros nothing is asked of the reduction of the argument but not to fail.
+by x: next to other zeros nothing is required of the reduction of the argument but not to fail.
 
 NumPy evaluates them by the C library, or by Intel's SVML on processors with AVX-512. The GNU C library states 1 unit
 for each of them ("Known Maximum Errors in Math Functions" of its manual), 2 for its vector variants; NumPy states at
-most 4 for SVML (numpy/numpy, pull request 19478), below 1 for the high-accuracy variants that replaced them
-(24006), and its own tests ask for 1 (umath-validation-set-*.csv). Eight are twice the worst of these. These are
-measurements of others, not theorems: `tests/proof/test_enclosures.py` measures on the machine at hand, against 60
-digits and more. Half would be the worst that is stated, without reserve; twice widens what has no width by 2e-15.
+most 4 for SVML (numpy/numpy, pull request 19478), below 1 for the high-accuracy variants that replaced them (24006),
+and its own tests require 1 (umath-validation-set-*.csv). Eight are twice the worst of these. These are measurements of
+others, not theorems: `tests/proof/test_enclosures.py` measures on the machine at hand, against 60 digits and more. Half
+would be the worst that is stated, without reserve; twice widens what has no width by 2e-15.
 """
 PHI_ERROR = 1e-13
 """Bound on the relative error of `FLOATS.phi_1`, `phi_2` and `sinc_curvature` for 0 <= x <= 1e100; a problem file has
@@ -57,7 +57,7 @@ class Jet:
     Attributes
     ----------
     value : enclosure over the box
-    slopes : enclosures of the derivatives over the box; None where the number does not depend on the variable
+    slopes : enclosures of the derivatives over the box; None if the number does not depend on the variable
     """
 
     __slots__ = ("slopes", "value")

@@ -13,7 +13,7 @@ STEP = 1.4
 is nearly blurred is proved by the one and not the other."""
 HALVINGS = 24
 """How often an interval of frequency is halved for a single design: to 2e-8 of it, where an optimal design touches its
-demand. Half and twice as often prove the same designs around those of problems/."""
+constraint. Half and twice as often prove the same designs around those of problems/."""
 CELL_HALVINGS = 10
 """The same for a cell, whose own size soon blurs a curve more than the interval does. Half as often leaves cells open,
 up to half of those near the edge of the feasible ones; twice as often proves no more."""

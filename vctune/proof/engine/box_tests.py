@@ -108,7 +108,7 @@ def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slo
     """Return the test that a margin is positive, by polynomials that know how the rows of a box act together.
 
     If more than `FEW` boxes stay open, the test evaluates the slopes of these too. Slopes tell at which end of a row
-    the margin is least, so that the prover can reduce a box to that face. Polynomials cannot tell, since their
+    the margin is least, so that the prover can reduce a box to that face. Polynomials cannot decide, since their
     remainder has no slope.
 
     Parameters
@@ -209,7 +209,7 @@ def turned_angles(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
     Returns
     -------
     function
-        Maps n boxes to angles, rad, shape (n,); nan where rounding leaves open on which side of half a turn a box lies.
+        Maps n boxes to angles, rad, shape (n,); nan if rounding leaves open on which side of half a turn a box lies.
     """
 
     def turn(boxes: Boxes) -> Floats:
@@ -235,7 +235,7 @@ def lower_bound_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
     Returns
     -------
     array of float
-        Shape (n,), in the margin's unit; nan where no bound is known.
+        Shape (n,), in the margin's unit; nan if no bound is known.
     """
 
     def least(part: Boxes) -> Floats:

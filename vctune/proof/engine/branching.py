@@ -55,9 +55,9 @@ class Proofs:
     Attributes
     ----------
     proved : whether it holds throughout, shape (owners,)
-    failing : a point at which it does not hold, nan where none was met, shape (rows, owners)
-    open : a point of a box that stays open, nan where there is none, of the same shape
-    boxes : how many boxes were looked at
+    failing : a point at which it does not hold, nan if none was met, shape (rows, owners)
+    open : a point of a box that stays open, nan if there is none, of the same shape
+    boxes : how many boxes were examined
     total : sum of the measure over the proved boxes
     """
 

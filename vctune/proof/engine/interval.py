@@ -62,7 +62,7 @@ class Outcome:
     Attributes
     ----------
     verdict : proved, refuted, or undecided at the resolution limit
-    boxes : boxes looked at
+    boxes : boxes examined
     witness : where it is refuted or undecided, if at a certain place, rad/s
     device : device of the box that is refuted or undecided
     hand : hand of the box in which it is
@@ -147,8 +147,8 @@ def prove_positive(
     margin : evaluated on `flint.arb` and on `flint.arb_series`
     low, high : 0 <= low <= high
     max_boxes : effort before giving up
-    curved : whether the second derivative is looked at where the first does not decide: for a margin that nearly
-        touches 0 inside it takes a third of the boxes, for one that does so at an end it is wasted
+    curved : whether the second derivative is examined where the first does not decide: for a margin that nearly touches
+        0 inside it takes a third of the boxes, for one that does so at an end it is wasted
 
     Returns
     -------
@@ -193,7 +193,7 @@ def _by_curvature(margin: Callable[[Number], Number], omega: arb, centre: arb) -
 
 
 def _series(margin: Callable[[Number], Number], omega: arb, terms: int) -> arb_series | None:
-    """Return Taylor's coefficients of a margin over a ball; None where a denominator's ball contains 0."""
+    """Return Taylor's coefficients of a margin over a ball; None if a denominator's ball contains 0."""
     try:
         return margin(arb_series([omega, 1], terms))
     except ValueError:

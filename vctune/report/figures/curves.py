@@ -34,7 +34,7 @@ SPRING, DAMPER = 200.0, 14.0
 
 @dataclass(frozen=True, slots=True)
 class Llewellyn:
-    """Re Z_c, the required R (nan where Re G_hh <= 0) and their ratio over hz."""
+    """Re Z_c, the required R (nan if Re G_hh <= 0) and their ratio over hz."""
 
     hz: Floats
     coupling: Floats

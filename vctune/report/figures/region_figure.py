@@ -172,7 +172,7 @@ def _marked(axes: Axes, plane: Plane, designs: Sequence[Design], mark: str, colo
 
 
 def _contours(axes: Axes, problem: Problem, region: Region) -> None:
-    """Draw the least error that any admissible coupling gives, where gains are proved feasible."""
+    """Draw the least error that any feasible coupling gives, where gains are proved feasible."""
     check_time()
     plane = region.plane
     prepared = prepare(problem)

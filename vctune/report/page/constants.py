@@ -116,7 +116,7 @@ def _complex(pair: Pair) -> Complex:
 
 
 def sampled_loop(device: Device, record: DesignRecord) -> dict[str, Any] | None:
-    """Return the parts of the sampled loop's return difference; None where the firmware closes no loop.
+    """Return the parts of the sampled loop's return difference; None if the firmware closes no loop.
 
     Parameters
     ----------

@@ -17,7 +17,8 @@ def exact(decimal: float) -> Fraction:
 def coupling_coefficients(
     coupling: AnyCoupling | None, sample_time: float, smoothing: float | None = None, low_passes: int = 0
 ) -> dict[str, float]:
-    """Return the coefficients of a coupling, of an admittance display by the trapezoidal rule; `coupling_of` goes back.
+    """Return the coefficients of a coupling, for an admittance display by the trapezoidal rule; `coupling_of` goes
+    back.
 
     Parameters
     ----------

@@ -81,7 +81,7 @@ class State:
     measured : position at the sample before, m
     filtered, twice_filtered : velocity behind the first low-pass and behind the second, m/s
     inertia : force of the environment's mass, N; of the trapezoidal rule alone
-    smoothed, twice_smoothed : v_e behind the first low-pass and behind the second, m/s; of an impedance display
+    smoothed, twice_smoothed : v_e behind the first low-pass and behind the second, m/s; for an impedance display
     """
 
     reference: Number

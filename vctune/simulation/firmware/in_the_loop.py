@@ -58,7 +58,7 @@ class Difference:
 
     @property
     def passes(self) -> bool:
-        """Whether the commands are those of the design, but for rounding."""
+        """Whether the commands are those of the design, except for rounding."""
         return isfinite(self.force) and self.force <= self.tolerance
 
 
@@ -69,7 +69,7 @@ def run_in_the_loop(
     progress: Callable[[float], None] = lambda share: None,
     tolerance: float | None = None,
 ) -> tuple[Traces, Difference]:
-    """Simulate a scene with a firmware in the place of its law.
+    """Simulate a scene with a firmware instead of its law.
 
     Parameters
     ----------

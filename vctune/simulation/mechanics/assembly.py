@@ -1,10 +1,10 @@
 """A device with its parts, and the hand on it, as linear rates.
 
 The parts are an actuator, a handle on a spring, a servo, and a filter of the force sensor or a delay of it that is no
-whole number of samples. All of it is linear but for friction: it moves on by matrix exponentials, exactly
-(`transition`), and with friction exactly but for a force that is held over a step (`assembly_friction`). A device that
-moves as one mass and whose force is sensed at a sample is not of this kind (`plant`). A servo moves as it is commanded:
-the hand has no part in its rates, and what the hand does to it follows from its motion.
+whole number of samples. All of it is linear except for friction: it moves on by matrix exponentials, exactly
+(`transition`), and with friction exactly except for a force that is held over a step (`assembly_friction`). A device
+that moves as one mass and whose force is sensed at a sample is not of this kind (`plant`). A servo moves as it is
+commanded: the hand has no part in its rates, and what the hand does to it follows from its motion.
 """
 
 from __future__ import annotations

@@ -153,7 +153,7 @@ class BristleStep:
     Attributes
     ----------
     rate : a(v), 1/s
-    time : h phi_1, by which z goes on at its rate of the beginning, s
+    time : h phi_1, by which z continues at its rate of the beginning, s
     stiffness, slope : N/m, N s/m
     """
 

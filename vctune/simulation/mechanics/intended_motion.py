@@ -69,7 +69,7 @@ def intended_motion(operator: Operator, sample_time: float, first: int, last: in
 
 
 def _ramped(u: Floats) -> tuple[Floats, Floats]:
-    """Return place and rate, from 0 to 1 for u from 0 to 1, at constant rate but for the ends."""
+    """Return place and rate, from 0 to 1 for u from 0 to 1, at constant rate except for the ends."""
     top = 1 / (1 - RAMP)
     end = np.minimum(u, 1 - u)
     rate = top * np.minimum(end / RAMP, 1.0)

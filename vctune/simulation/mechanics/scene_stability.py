@@ -18,8 +18,8 @@ STANDING = 1e-6
 """Eigenvalues this near to 1 are positions that nothing holds, not oscillations. A double one is computed to the square
 root of rounding, 1e-8; half and twice this differ only for a mode of a million samples."""
 DECADES = 4
-"""How far from the file's virtual mass and damping a stable one is looked for, each way; half and twice it change no
-answer within."""
+"""How far from the file's virtual mass and damping a stable one is sought, each way; half and twice it change no answer
+within."""
 BISECTIONS = 30
 """Bisections of half a decade, down to 1e-9. Half as many leave 4e-5, which shows in the fourth digit at times; twice
 only reach rounding."""
