@@ -58,7 +58,7 @@ def interrupt_deferred() -> Iterator[None]:
 
 @contextmanager
 def _held(at_most: float = inf) -> Iterator[list[int]]:
-    """Yield the list of the signals that have come, of which nobody else hears within the block but of those beyond."""
+    """Yield the list of the received signals, which only the code around the block handles."""
     came: list[int] = []
 
     with ExitStack() as stack:

@@ -1,6 +1,6 @@
-"""Work that takes long: when it has to end, and who is told how far it is.
+"""Long work: when it has to end, and who receives its progress.
 
-Both are context, not arguments: between the command that sets a limit and the loop that meets it lie ten calls, most of
+Both are context, not arguments: between the command that sets a limit and the loop that ends lie ten calls, most of
 which have nothing to do with time. Without a limit no result depends on the clock.
 """
 
@@ -14,14 +14,15 @@ from time import perf_counter, process_time
 from typing import TypeVar
 
 SELDOM = 0.1
-"""Seconds between two messages about the same work. Nobody reads faster, and half as many seconds cost nothing yet."""
+"""Seconds between two messages about the same work. Nobody reads faster, and half as many seconds would cost nothing
+yet."""
 
 Listener = Callable[[str], None]
 Item = TypeVar("Item")
 
 
 class OutOfTimeError(Exception):
-    """The time limit has ended the work. Each stage that knows something by then catches it and returns that."""
+    """The time limit has ended the work. Each stage that has a result by then catches it and returns that result."""
 
 
 _END: ContextVar[float] = ContextVar("end", default=inf)
@@ -112,11 +113,11 @@ def check_time() -> None:
 
 @contextmanager
 def told(listener: Listener) -> Iterator[None]:
-    """Let work within the block tell how far it is.
+    """Let work within the block report its progress.
 
     Parameters
     ----------
-    listener : told in words, every `SELDOM` seconds at most
+    listener : function that receives words, every `SELDOM` seconds at most
     """
     last = -inf
 
@@ -135,7 +136,7 @@ def told(listener: Listener) -> Iterator[None]:
 
 @contextmanager
 def aloud() -> Iterator[None]:
-    """Let `tell` be heard within the block: proofs that a search makes in passing are nobody's business."""
+    """Let `tell` be heard within the block; proofs within a search are not reported."""
     token = _ALOUD.set(True)
     try:
         yield

@@ -1,6 +1,6 @@
 """The drag that a servo's latency requires, and the stiffest contact, in double precision (README.md, section 2).
 
-Before a servo what a hand asks is linear in the hand, and convex where its response is in a disc.
+For a servo the requirement of a hand is linear in the hand, and convex if its response is in a disc.
 """
 
 from __future__ import annotations
@@ -20,8 +20,7 @@ from vctune.model.sampled.hand_loop import offered
 from vctune.model.sampled.servo_in_hand import Demand, demand_of, vertices
 
 LOWEST = 1e-3
-"""Least angle beside 0: below, a constraint is that at rest to a millionth. Half and twice change nothing that is
-shown."""
+"""Least angle beside 0: below, a constraint is that at rest to a millionth. Half and twice change no printed digit."""
 PER_DECADE = 120
 """Angles: neighbours are 2 % apart, eight on a sample of each of ten samples of latency at Nyquist. Half may step over
 a contact's narrowest place, twice costs twice as long."""
@@ -87,7 +86,7 @@ def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupl
     ----------
     devices, hands : as of `drag_at_rest`
     coupling : plain numbers
-    factor : by which Re Z_c has to be greater than R
+    factor : factor by which Re Z_c has to be greater than R
 
     Returns
     -------

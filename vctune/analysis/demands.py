@@ -106,8 +106,8 @@ def rollett_factor_at(device: Device, gains: Gains, coupling: AnyCoupling, omega
 def sampled_span(problem: Problem) -> tuple[float, float]:
     """Return the part of the stability band that sampling can reach.
 
-    A band from 0 or to inf is cut `END_DECADES` decades beyond every corner of the device and of the transparency
-    band; what lies outside follows the limits at both ends of the axis to better than 1e-8.
+    The code cuts a band from 0 or to inf `END_DECADES` decades beyond every corner of the device and of the
+    transparency band; beyond these, the limits at both ends of the axis apply to better than 1e-8.
     """
     device, band = problem.device, problem.stability.band
     corners = [problem.transparency.band.min, problem.transparency.band.max, problem.nyquist]
@@ -172,7 +172,7 @@ def sensitivity_maxima(problem: Problem, gains: Gains) -> Minima:
 
     Parameters
     ----------
-    problem : its device, without an operator, and its transparency band count
+    problem : its device, without an operator, and its transparency band
     gains : plain numbers
 
     Returns
@@ -221,7 +221,7 @@ def slowest_resonance(problem: Problem, velocity: float) -> float:
 
     Parameters
     ----------
-    problem : its device's mass, damping and sample time count
+    problem : mass, damping and sample time of its device
     velocity : K_v, N s/m
 
     Returns

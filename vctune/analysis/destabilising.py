@@ -1,12 +1,12 @@
 """The passive environment that makes a refuted loop grow in a hand (model/README.md, section 14).
 
 Where Re(Z_c + Z_seen) < 0, the spring or mass that cancels the imaginary part, with a damper of as much as is missing
-beside it, holds a pole on the unit circle. It is followed while the damper is taken away. Of a constraint that is just
-missed the pole goes outwards; where much is missed it may come back, and some of the damper is left. The functions of a
+beside it, holds a pole on the unit circle. It is followed while the damper is taken away. For a constraint that is just
+missed the pole moves outwards; if much is missed it may come back, and some of the damper remains. The functions of a
 hand's loop are analytic in theta, z = e^(j theta), so that the same formulas tell where the pole goes.
 
-Of an impedance display it is the same with admittances: a spring or mass cancels the imaginary part of
-1/Z_c + G_y/(1 + K_v F G_y), and a damper in a row with it holds the pole and is taken away (section 15).
+For an impedance display the same holds with admittances: a spring or mass cancels the imaginary part of 1/Z_c + G_y/(1
++ K_v F G_y), and a damper in series with it holds the pole and is then removed (section 15).
 """
 
 from __future__ import annotations
@@ -30,14 +30,15 @@ from vctune.model.sampled.plant_in_hand import AnyPlantInHand, delays_of, plant_
 from vctune.model.worlds import Worlds
 
 LEAST = 1e-7
-"""Least angle omega T at which a spring is sought: at 0 none is soft enough. Half and twice it find the same growth."""
+"""Least angle omega T at which a spring is sought; at 0 no spring is soft enough. Half and twice it find the same
+growth."""
 NYQUIST = 1e-6
 """Angle next to pi at which no environment has a reactance and none is needed. Half and twice it, too."""
 FIRST, LAST = 0.125, 1e-4
 """Shares of the damper in which it is taken away, the first tried and the least. Half and twice them follow the same
 poles."""
 FARTHEST = 0.2
-"""By how much a pole may move in one step, relative to its angle. Half takes more steps; twice may lead to another."""
+"""Greatest move of a pole in one step, relative to its angle. Half takes more steps; twice may lead to another."""
 MOST = 64
 """Steps in which a pole is followed at most; most take eight. Half and twice follow the same poles."""
 GROWTH = 1e-10
@@ -55,7 +56,7 @@ class GrowingEnvironment:
     Attributes
     ----------
     kind : "spring" or "mass"
-    value : N/m or kg, >= 0; 0 for nothing at all
+    value : N/m or kg, >= 0; 0 for no environment
     damping : beside it, N s/m, >= 0
     growth : growth of the motion's logarithm in that mode, 1/s, > 0
     omega : at which it oscillates, rad/s
@@ -83,7 +84,7 @@ def destabilising(
     Parameters
     ----------
     device, gains, coupling : a design, plain numbers
-    hand : in which the constraint is not met
+    hand : hand in which the constraint is violated
     omega : where it is not, rad/s, from 0 to pi/T
 
     Returns
@@ -109,7 +110,7 @@ def growing_in_worlds(
     Parameters
     ----------
     device, gains, coupling : a design, plain numbers
-    hand : in which the constraint is not met
+    hand : hand in which the constraint is violated
     omega : where it is not, rad/s, from 0 to pi/T
     worlds : the box
 
@@ -197,7 +198,7 @@ def growing_with(
 
 
 def growing_without(alone: Callable[[complex], complex], theta: float, sample_time: float) -> GrowingEnvironment | None:
-    """Return how a loop grows with nothing rendered; None if it is not found to.
+    """Return how a loop grows with nothing rendered; None if no growth is found.
 
     Parameters
     ----------

@@ -69,7 +69,7 @@ def local_minima(f: Callable[[Floats], Floats], grid: Floats) -> Minima:
 
     Parameters
     ----------
-    f : elementwise over arrays of any shape; nan counts as +inf
+    f : elementwise over arrays of any shape; nan is treated as +inf
     grid : increasing, rad/s
 
     Returns

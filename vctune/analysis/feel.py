@@ -114,7 +114,8 @@ def felt_impedance(
 def _felt_force(
     device: Device, gains: Gains, coupling: SpringDamper, omega: Floats, environment: Complex | None
 ) -> Complex:
-    """Return D/N of an impedance display: the motor's W carries coupling and environment, which meet its position."""
+    """Return D/N of an impedance display, where the motor's W includes coupling and environment, which act on its
+    position."""
     at, theta, s = device_response(device, omega, FLOATS), omega * device.sample_time, 1j * omega
     late = np.asarray(at.drive.re - 1j * omega * at.drive.lag)
     tool = 0j * omega
@@ -161,7 +162,7 @@ def _free(device: Device, gains: Gains, coupling: AnyCoupling, hz: float) -> com
 def _static_stiffness(device: Device, gains: Gains, coupling: AnyCoupling) -> float:
     """Return the limit of |j omega D/N| for omega -> 0, in which D carries the scale omega: 0 without an integrator.
 
-    Of an impedance display it is the coupling's spring, in a row with that of a structure.
+    For an impedance display it is the coupling's spring, in series with that of a structure.
     """
     if isinstance(coupling, SpringDamper):
         give = 0.0 if device.structure is None else 1 / mechanism(device, device.structure, FLOATS).stiffness

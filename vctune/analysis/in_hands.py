@@ -92,7 +92,7 @@ class LoopsInAnyHand:
     def required(self, gains: Gains) -> Floats:
         """Return R/s^2, of shape (1, n), inf if some hand makes the loop of K_v alone unstable.
 
-        Of the gains' shape before it if they are arrays (..., 1, 1).
+        Array of the gains' shape if they are arrays (..., 1, 1).
         """
         found = self.answers.required(gains)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -248,7 +248,8 @@ the number, give the same designs."""
 def windows(
     problem: Problem, gains: Gains, coupling: AnyCoupling, worst: Sequence[RatioInHand | RatioInAnyHand]
 ) -> list[RatioInHand]:
-    """Return the ends of the windows of angles in which a box of environments is not met, about the worst places.
+    """Return the ends of the windows of angles, about the worst places, in which the constraint for a box of
+    environments is violated.
 
     Between them one margin has to do where another ceases to: a constraint in the middle alone moves the window along.
 

@@ -27,8 +27,9 @@ from vctune.model.sampled.any_hand import drive_at, motor_disc
 from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
 
 TURNED = (1, 3, 5, 9, 17, 33)
-"""At how many aliases, the nearest first, the hand has the reactance that is worst: as few as will do. One design in
-160 that are refused by 1 % or more needs 33; every second of these, or twice as many, serve the same others."""
+"""Numbers of aliases, the nearest first, at which the hand has the worst reactance; the least number that suffices is
+used. One design in 160 that are refused by 1 % or more needs 33; every second of these, or twice as many, serve the
+same others."""
 DETUNED = (0.1, 1e-2, 1e-3, 1e-4)
 """How far a resonator is from its alias, relative: the nearer, the less it does at the others, and the slower a motion
 grows. Half as many find growth up to eight times slower, twice as many a hand for one design of 60 more."""
@@ -47,7 +48,7 @@ class LosslessHand:
 
     Attributes
     ----------
-    mass, stiffness : kg and N/m, of which one is 0
+    mass, stiffness : kg and N/m; one of them is 0
     resonators : mass and stiffness of each
     """
 
@@ -143,7 +144,7 @@ def _reactance(device: Device, gains: Gains, theta: float, at: Floats) -> Floats
     ----------
     device, gains : plain numbers
     theta : omega T, rad
-    at : that of the aliases, rad; nothing is answered at others
+    at : angles of the aliases, rad; other angles have no response
     """
     omega, drive = at / device.sample_time, _numbers(drive_at(device, theta, at, FLOATS))
     radius, reactance, leak = motor_disc(device, omega, FLOATS)
@@ -177,7 +178,7 @@ def _with_reactance(omega: Floats, reactance: Floats, detuned: float) -> Lossles
     ----------
     omega : rad/s, > 0
     reactance : N s/m
-    detuned : how far the resonators are from their frequencies, relative
+    detuned : relative distance of the resonators from their frequencies
     """
     heavy = reactance[0] > 0
     own = omega if heavy else -1 / omega

@@ -34,7 +34,7 @@ class Phases:
     Attributes
     ----------
     omega : rad/s
-    shares : by part, rad; only of parts that there are
+    shares : phases by part, rad; only for existing parts
     """
 
     omega: float
@@ -51,7 +51,7 @@ def crossover(device: Device, gains: Gains) -> float | None:
 
     Parameters
     ----------
-    device : plain numbers, SI units; nobody holds it
+    device : plain numbers, SI units; without a hand
     gains : K_v, K_p, N s/m and N/m
     """
     if not gains.closed:
@@ -63,11 +63,11 @@ def crossover(device: Device, gains: Gains) -> float | None:
 def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
     """Return the contribution of each part to the phase of L = A H (K_v F + K_p/s) P_mu of the sampled loop.
 
-    What sampling adds to the frequency model is a share of its own. The hold is the exact one: it is what runs.
+    What sampling adds to the frequency model is a share of its own. The hold is the exact one.
 
     Parameters
     ----------
-    device : plain numbers, SI units; nobody holds it
+    device : plain numbers, SI units; without a hand
     gains : K_v, K_p, N s/m and N/m
     omega : rad/s, 0 < omega <= pi/T
     """
@@ -86,8 +86,7 @@ def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
 def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
     """Return the contribution of each part to the phase of q = F_s G_he, with G_he = P_hu C_0/(1 + P_mu C_f).
 
-    The feedback, 1/(1 + P_mu C_f), makes up for most of what is late within the loop; nothing does for the force
-    sensor.
+    The feedback, 1/(1 + P_mu C_f), makes up for most of the lag within the loop; nothing makes up for the force sensor.
 
     Parameters
     ----------
@@ -109,11 +108,11 @@ def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
 
 
 def sensor_miss(device: Device, omega: Floats) -> Floats | None:
-    """Return |1 - F_s|, by how much the sensed force misses the hand's; None if it is the same.
+    """Return |1 - F_s|, the error of the sensed force; None if it is 0.
 
     Parameters
     ----------
-    device : only its force sensor counts
+    device : only its force sensor matters
     omega : rad/s, > 0, shape (n,)
     """
     sensor = device_response(device, omega, FLOATS).sensor

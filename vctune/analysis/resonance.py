@@ -19,7 +19,7 @@ time there."""
 def with_resonance(device: Device, grid: Floats) -> Floats:
     """Return a grid, rad/s, with more frequencies from where the handle swings by itself to where both masses do.
 
-    A rigid device has none, and its grid stays as it is.
+    A rigid device has no resonance, and its grid stays as it is.
 
     Parameters
     ----------

@@ -139,7 +139,7 @@ def clearly_stable(device: Device, gains: Gains) -> bool | None:
     Parameters
     ----------
     device : one of `Device.loops`, plain numbers
-    gains : plain numbers; without a loop nothing is told
+    gains : plain numbers; without a loop the result is None
 
     Returns
     -------
@@ -172,7 +172,7 @@ def stability_cut(device: Device, inside: Gains, outside: Gains, level: float) -
     """Return the tangent to the stability boundary between a stable and an unstable pair of gains.
 
     On the boundary F(theta) = 0 for some theta; moving along it changes theta, so that its tangent is where dF is
-    parallel to dF/dtheta. Both the sampled loop and the frequency model are examined.
+    parallel to dF/dtheta. The function examines both the sampled loop and the frequency model.
 
     Parameters
     ----------

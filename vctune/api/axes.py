@@ -94,7 +94,7 @@ def solve_axes(
     ----------
     axes : the problem file
     gap, prices : as for `vctune.solve`
-    progress : told the axis and the stage of the work
+    progress : function that receives the axis and the stage of the work
 
     Returns
     -------
@@ -190,7 +190,7 @@ def check_axes(
     ----------
     axes : the problem file
     gains : by the name of the axis; None for the numbers that the file fixes
-    progress : told the axis
+    progress : function that receives the axis
 
     Returns
     -------
@@ -222,7 +222,7 @@ def check_parameters(
     axes : the problem file
     path : path of the parameter file
     only : names of the axes to check; empty for all that the file selects
-    progress : told the stage of the work
+    progress : function that receives the current stage
 
     Returns
     -------

@@ -84,7 +84,7 @@ class Bounded:
 
     @property
     def improved(self) -> bool:
-        """Whether the search has met a better design than the one that was known."""
+        """Whether the search has found a better design than the known one."""
         return self.optimality is not None and self.optimality.improved is not None
 
     def _repr_html_(self) -> str:
@@ -114,7 +114,7 @@ def bound(
     jobs : threads
     time_limit : s, after which the bound reached so far is returned, solving the problem first included
     stopped : whether to give up now
-    progress : told where the search stands
+    progress : function that receives the state of the search
 
     Returns
     -------

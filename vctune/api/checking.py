@@ -66,7 +66,7 @@ def check(
 
 
 def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
-    """Prove again, with a problem as it is today, the cells and gain sets that a region file had proved.
+    """Prove the cells and gain sets of a region file again, for today's problem.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def recheck(file: ProblemFile, baseline: Path, progress: Progress = lambda stage
     ----------
     file : the problem
     baseline : path of a region.json
-    progress : told the stage of the work
+    progress : function that receives the current stage
     """
     from vctune.study.region_check import recheck_region
 
@@ -114,8 +114,8 @@ def check_parameter_files(
     problems : path of the problem file of the device; one
     files : paths of the parameter files
     axes : names of the axes to check; empty for all that are selected
-    progress : told the stage of the work
-    begun : told the problem before the work begins
+    progress : function that receives the current stage
+    begun : function that receives the problem before the work begins
 
     Returns
     -------

@@ -29,7 +29,7 @@ SAME = 1e-9
 def compare(
     a: ProblemSource | DesignRecord, b: ProblemSource | DesignRecord, *, progress: Progress = lambda stage: None
 ) -> ComparisonRecord:
-    """Set two designs side by side. A problem is solved for its design; nothing is written.
+    """Set two designs side by side. vctune solves a problem for its design; it writes nothing.
 
     The error of both is measured over the band and with the Z_0 of `a`, which `b` is solved for too, unless `b` states
     its own or is a design that was made on another; then both errors are given on either.
@@ -37,7 +37,7 @@ def compare(
     Parameters
     ----------
     a, b : path of a design.json or of a problem file, the tables of a problem, a problem, or the record of a design
-    progress : told the stage of the work
+    progress : function that receives the current stage
 
     Returns
     -------

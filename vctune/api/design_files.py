@@ -72,7 +72,7 @@ def write_solved(folder: Path, file: ProblemFile, solved: Solved) -> tuple[Desig
 
 
 def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: str | Path | None = None) -> Path:
-    """Write the report of a design, report.html and its figures; nothing is solved.
+    """Write the report of a design, report.html and its figures, without solving.
 
     Parameters
     ----------

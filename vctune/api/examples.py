@@ -15,7 +15,7 @@ SCHEMA_FILE = "document/problem.schema.json"
 
 
 def example_names() -> tuple[str, ...]:
-    """Return the names of the problems that there are."""
+    """Return the names of the example problems."""
     return tuple(sorted(path.stem for path in _folder().glob("*.toml")))
 
 

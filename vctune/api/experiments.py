@@ -92,12 +92,12 @@ def simulate(
     problem : path of a problem file, its tables as a dict, or the problem
     gains : N s/m and N/m, with their coupling; or a gains file or its path; None for the design of `solve`
     coupling : N s/m and kg
-    experiment : the only one to simulate, by name or as it is; None for all of the problem
+    experiment : the only one to simulate, by name or as an object; None for all of the problem
     controller : a compiled controller, or its path, or that of its folder, to run instead of the design's own; each
         experiment then has its `difference`
-    tolerance : greatest difference of its commands from the design's that passes, in their unit; None for what rounding
-        explains
-    progress : told the stage of the work
+    tolerance : greatest difference of its commands from the design's that passes, in their unit; None for the effect of
+        rounding
+    progress : function that receives the current stage
 
     Returns
     -------
@@ -154,7 +154,7 @@ def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
     Parameters
     ----------
     file : the problem
-    progress : told the stage of the work
+    progress : function that receives the current stage
     """
     from vctune.design.solve import solve
     from vctune.design.verdict.prices import with_prices

@@ -42,7 +42,7 @@ class Exported:
     Attributes
     ----------
     file : the problem
-    firmware : the design as it is exported, `certified` or not
+    firmware : the exported design, `certified` or not
     files : contents by name
     """
 
@@ -72,7 +72,7 @@ def export(
     to : "c" with vectors to replay, "fmu", "json", or "ros2" for the parameters of an admittance_controller
     precision : precision of the firmware's numbers
     unproved : also export a design that is not proved; every file then says so at its top
-    progress : told the stage of the work
+    progress : function that receives the current stage
 
     Returns
     -------
@@ -124,7 +124,7 @@ def export_parameters(
     named : the problem by whose name the export goes
     axes : the designs, at least one
     unproved : also export a design that is not proved
-    progress : told the stage of the work
+    progress : function that receives the current stage
 
     Returns
     -------

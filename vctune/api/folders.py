@@ -25,7 +25,7 @@ OF_PROBLEM = ("region.json", "region.svg", "front")
 
 
 def design_folder(file: ProblemFile, out: Path) -> Path:
-    """Return the folder of a problem's design in OUT, made and writable, in which there is nobody else's work.
+    """Return the folder of a problem's design in OUT, made and writable, without another problem's work.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def design_folder(file: ProblemFile, out: Path) -> Path:
 
 
 def claim_folder(file: ProblemFile, folder: Path) -> None:
-    """Make sure that a folder is there and writable, and that a design of this problem overwrites nothing else.
+    """Make sure that a folder exists and is writable, and that a design of this problem overwrites nothing else.
 
     A problem that was read from a file becomes the owner of the folder. It is refused where another file is the owner,
     unless the design that is there is of the same problem.

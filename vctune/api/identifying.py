@@ -71,7 +71,7 @@ def identify(
     config : the log.toml that assigns their columns; None if the headers do
     servo : whether they are of a servo, its command and its position
     excitation : whether to suggest a multisine for the numbers that are still uncertain
-    progress : told the stage of the work
+    progress : function that receives the current stage
 
     Returns
     -------

@@ -99,18 +99,18 @@ def region(
     stopped: Callable[[], bool] = lambda: False,
     progress: Progress = lambda stage: None,
 ) -> AdmissibleGains:
-    """Find the set of gains for which a problem's demands hold, cell by cell.
+    """Find the set of gains that meet a problem's constraints, cell by cell.
 
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
-    x, y : dotted keys of two variables that are free; None for K_v and K_p, or of an impedance display b_c and k_c.
-        Where others are free, feasible means that some values of theirs within their bounds will do
+    x, y : dotted keys of two variables that are free; None for K_v and K_p, or of an impedance display b_c and k_c. If
+        others are free, feasible means that some of their values within their bounds suffice
     resolution : side of the smallest cell as a share of the plane's, 1/2048 to 1/8
     solved : the result of `solve` for the problem; None to solve it first
     time_limit : s, after which the function returns the result so far
     stopped : whether to give up now; the remaining cells are undecided
-    progress : told the stage of the work
+    progress : function that receives the current stage
 
     Returns
     -------
@@ -142,7 +142,7 @@ def best_design(problem: Problem, progress: Progress = lambda stage: None) -> So
     Parameters
     ----------
     problem : in SI units
-    progress : told the stage of the work
+    progress : function that receives the current stage
     """
     with limited(SOLVING * seconds_left()):
         return solve(problem, progress)

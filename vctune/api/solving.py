@@ -34,7 +34,7 @@ def solve(
     gap : prove that no design has an error lower by more than this share
     prices : compute the value of each number of the device if it were better by a hundredth
     time_limit : s, after which the function returns the result so far; `cut` then names the missing parts
-    progress : told the stage of the work
+    progress : function that receives the current stage
 
     Returns
     -------

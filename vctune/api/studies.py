@@ -48,7 +48,7 @@ class Swept:
 
     @property
     def cut(self) -> int:
-        """How many points the time limit has cut short."""
+        """Number of points that the time limit has cut short."""
         return sum(has_code(reason, "time-limit") for reason in self.table.reason)
 
     @property
@@ -104,7 +104,7 @@ def sweep(
     sample : `{"kind": "grid"}`, every combination, the default; `{"kind": "lhs", "n": n, "seed": seed}`, a Latin
         hypercube; or `{"kind": "list"}`, the axes' lists side by side
     folder : for rows, table and picture, where an interrupted sweep continues; None to keep nothing
-    jobs : number of workers; None for the cores that there are
+    jobs : number of workers; None for the number of cores
     executor : "serial" for this process alone; "processes", which a script starts from under `if __name__ ==
         "__main__":`; "dask" or "dask:ADDRESS"
     restart : begin again instead of going on

@@ -49,7 +49,7 @@ class Dense:
     numbers: NlpNumbers
 
     def values(self, z: Floats) -> tuple[Floats, Floats]:
-        """Return the objective, log error, and the constraints beyond their levels: >= 0 where a design meets them.
+        """Return the objective, log error, and the constraints beyond their levels: >= 0 where a design satisfies them.
 
         Where Re G_hh <= 0 there is no logarithm: such a constraint is missed by `MISSED`.
         """
@@ -64,7 +64,7 @@ class Dense:
 
     @property
     def posed(self) -> Any:
-        """Which of the structure's constraints are demands, not slots that nobody uses."""
+        """The constraints of the structure that are in use, not empty slots."""
         return self.numbers.least > -np.inf
 
     @property
@@ -82,7 +82,7 @@ class Dense:
 
 @dataclass(frozen=True, slots=True)
 class Functions:
-    """Objective and demands, and their first derivatives."""
+    """Objective and constraints, and their first derivatives."""
 
     values: ca.Function
     slopes: ca.Function
@@ -101,13 +101,13 @@ def functions(structure: NlpStructure) -> Functions:
 
 
 def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> Dense:
-    """Pose a problem on `count` frequencies for Llewellyn's conditions and as many for |S|, both log-spaced.
+    """Impose a problem on `count` frequencies for Llewellyn's conditions and as many for |S|, both log-spaced.
 
     Parameters
     ----------
     prepared : the problem
     start : where to begin; decides whether the law has an integrator
-    count : frequencies of each kind
+    count : number of frequencies of each kind
     reserve : relative tightening of the constraints
 
     Returns

@@ -45,7 +45,7 @@ def exact(case: Case, omega: Any) -> Exact:
 
     Parameters
     ----------
-    case : one case of plain numbers, which count as the decimals that they print as
+    case : one case of plain numbers, which stand for the decimals that they print as
     omega : rad/s, > 0
 
     Returns

@@ -26,7 +26,7 @@ POINTS = 20_001
 ENDLESS = 1e-6
 """Where a band from 0 begins, and the reciprocal of where one to inf ends, relative to the other frequencies."""
 WHOLE = 1e-12
-"""Share of a sample by which a delay may miss a whole number of them."""
+"""Share of a sample by which a delay may deviate from a whole number of samples."""
 SERIES = 1e-2
 """Up to here (1 - e^-x)/x and its integral are Taylor series, whose closed forms cancel."""
 
@@ -152,9 +152,9 @@ def coupling_impedance(case: Case, s: Any) -> Any:
 def required(case: Case, omega: Any) -> Any:
     """Return R = (|q| - Re q)/(2 Re h11) - Re h22, the least feasible Re Z_c (paper eq. 19).
 
-    The two-port has absorbed the operator's damping: h11 = 1/(W + C), h22 = b_h C/(W + C),
-    q = -h12 h21 = C (Z_d + C)/(W + C)^2 with W = Z_d + b_h. |q| - Re q is (Im q)^2/(|q| + Re q) where Re q > 0, and
-    Im q that of 1 - q, so that nothing cancels. A mass in the hand changes nothing: any reactance may be there anyway.
+    The two-port has absorbed the operator's damping: h11 = 1/(W + C), h22 = b_h C/(W + C), q = -h12 h21 = C (Z_d +
+    C)/(W + C)^2 with W = Z_d + b_h. |q| - Re q is (Im q)^2/(|q| + Re q) where Re q > 0, and Im q that of 1 - q, so that
+    nothing cancels. A mass in the hand changes nothing, because any reactance is allowed anyway.
 
     Parameters
     ----------
@@ -361,8 +361,7 @@ def squared_error(problem: Problem, case: Case, omega: Any) -> Any:
 
 
 def violation(problem: Problem, case: Case, extra: Sequence[float] = ()) -> float:
-    """Return the log of how much one case misses the constraint on Re Z_c/R or |S| that it misses most; 0 if it meets
-    both.
+    """Return the log of one case's greatest violation of the constraints on Re Z_c/R and |S|; 0 if it meets both.
 
     Looked at are dense grids, and extra frequencies, rad/s, that someone has pointed at.
 

@@ -21,7 +21,7 @@ class Worth:
     Attributes
     ----------
     error : transparency error, by the independent evaluator
-    violation : by how much the constraints are missed at the worst, relative; also where the prover pointed
+    violation : greatest relative violation of the constraints, also at the prover's witnesses
     stable : whether the sampled loop is stable, by its eigenvalues
     verdict : the prover's
     consistent : whether prover and evaluator do not contradict each other

@@ -51,7 +51,8 @@ DOCUMENTS: dict[str, dict[str, Any]] = {
     "at-bound": _wheel(LIMITS, 250.0, mass=1.0, delay=5e-4),
     "fixed-loop": _wheel({"velocity": 150.0, "position": 6000.0}, 100.0),
 }
-"""As problem files would state them, by name; the first has two basins and demands that bind between frequencies."""
+"""The problems by name, as files would state them; the first has two basins and constraints that bind between
+frequencies."""
 
 
 def posed(name: str, document: dict[str, Any]) -> Problem:

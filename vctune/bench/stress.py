@@ -29,7 +29,7 @@ from vctune.study.executors import available_cores, worker_pool
 
 QUICK, FULL = 40, 3000
 PATIENCE = 20.0
-"""Processor time, s, after which a device counts as failed."""
+"""Processor time, s, after which a device is recorded as failed."""
 FREQUENCIES = 40
 """Where a certified design is evaluated with 50 digits, log-spaced over each of its bands."""
 FAILED = "failed"
@@ -43,7 +43,7 @@ class Row:
 
     Attributes
     ----------
-    status : certified, infeasible, undecided, or failed: an exception, a number that is none, no answer in time
+    status : certified, infeasible, undecided, or failed: an exception, an invalid number, no answer in time
     seconds : processor time of the solve
     wrong : contradiction of the verdict, "" if there is none
     float_error : largest relative error of the float formulas against 50 digits, over Re Z_c/R, |G_hh|, |1 - G_he| and
@@ -67,7 +67,7 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
     ----------
     quick : whether only `QUICK` of them
     seed : seed of the devices
-    tick : told how many are done
+    tick : function that receives the number of finished devices
 
     Returns
     -------

@@ -55,14 +55,15 @@ class Posed:
     """A problem and the devices at which its constraints are imposed.
 
     What lies between the vertices of a box is the prover's business: a device of it that is refuted joins them. Two are
-    the same only if they are one, so that what is computed of one can be kept for it.
+    equal only if they are one object, so that results for one can be cached.
 
     Attributes
     ----------
     problem : in SI or in the optimiser's units
     cases : the problem of each device, known exactly: the nominal one and, if it is uncertain, its box's vertices; the
         same of other delays for which the constraints hold too
-    hand_cases : the problem of each device whose hands are examined: those of `cases`, and delays at which it matters
+    hand_cases : the problems of the devices that are evaluated in hands: those of `cases`, and other delays if they
+        matter
     objective : those of them whose greatest error is the objective
     box : all devices for which a design is to be proved; None for the problem's own alone
     demands : the constraints on a design
@@ -78,7 +79,7 @@ class Posed:
     span: tuple[float, float]
 
     def error(self, gains: Gains, coupling: AnyCoupling) -> float:
-        """Return the objective of a design: its error, or the greatest of the devices that count.
+        """Return the objective of a design: its error, or the greatest over the devices of the objective.
 
         Parameters
         ----------
@@ -97,7 +98,7 @@ class Prepared:
 
     @property
     def problem(self) -> Problem:
-        """The problem as it was given."""
+        """The problem as given."""
         return self.given.problem
 
     def on_device(self, device: Device) -> Device:
@@ -114,7 +115,7 @@ def prepare(problem: Problem) -> Prepared:
 
 
 def pose(problem: Problem) -> Posed:
-    """Return a problem with its devices and demands, in the units that it has."""
+    """Return a problem with its devices and constraints, in its units."""
     posed = _posed(problem)
     beside = [_posed(other) for other in problems_beside(problem)]
     return replace(
@@ -163,9 +164,9 @@ def compared(posed: Posed) -> Posed:
 def acting_terms(problem: Problem) -> tuple[TermName, ...]:
     """Return the terms of the error that have a weight and can differ between designs, so that they are optimised.
 
-    How an impedance display meets the commanded force is the device's business, and so is its free motion, where K_v is
-    fixed; a rigid one meets the command alike with any K_v. The coupling alone acts on the error of a servo. Added to
-    the mean square the other terms would only hide what the coupling does.
+    No design of an impedance display changes how it follows the commanded force; nor does it change free motion if K_v
+    is fixed. A rigid one follows the command alike with any K_v. The coupling alone acts on the error of a servo. In
+    the mean square the other terms would only hide the effect of the coupling.
     """
     objective, device, fixed = problem.transparency, problem.device, set[str]()
     if not device.kind.banded and objective.norm == "rms" and objective.weights.coupling > 0:

@@ -51,7 +51,7 @@ class Round:
 
     Attributes
     ----------
-    frequencies : how many frequencies it knew
+    frequencies : number of its frequencies
     solution : where IPOPT stopped
     """
 
@@ -87,8 +87,8 @@ class Polished:
 class Repair:
     """A change of one number of the problem file after which there is a design, while 90 % of it is not enough.
 
-    Of a number that is 0 it may be that any other is enough; then it is a small one. A number of a design that is
-    given is not changed as little as will do, but to the value with the least error, or back to what was solved.
+    If a number is 0, any other value may suffice; then the change is to a small one. A given number of a design does
+    not change as little as possible, but to the value with the least error, or back to that of the solved design.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class Repair:
     change : the meaning of the change
     needs : the new text of the file, a line of TOML
     size : change relative to the greater of both values; of repairs with the same error the smallest comes first
-    error : transparency error of the design that there is then
+    error : transparency error of the repaired design
     """
 
     key: str
@@ -136,7 +136,7 @@ class Price:
 
 @dataclass(frozen=True, slots=True)
 class Alternative:
-    """The error of a design under one criterion alone, as the optimiser finds it: nothing of it is proved.
+    """The error of a design under one criterion alone, from the optimiser, without proof.
 
     Attributes
     ----------
@@ -161,14 +161,14 @@ class Solved:
     problem : the problem
     judgement : judgement of the best design, None when there is none
     polished : the local optimum it was rounded from, None when nothing was optimised
-    optima : how many local optima were found
+    optima : number of local optima
     infeasibility : why there is no design, else None
     scanned : result of the scan, None if there was none
     seconds : by stage
-    optimality : how much better any design could be, None when nobody asked
+    optimality : how much better any design could be, None if not requested
     nominal_error : error of the best design for the nominal device alone, not proved, None when no device is
         uncertain
-    repairs : changes of the problem that would make a design possible, None when nobody asked
+    repairs : changes of the problem that would make a design possible, None if not requested
     alternatives : error that either criterion alone would allow, None if there is one criterion or it was not requested
     prices : values of a better device, the greatest gain first, None if not requested or without an optimum
     cut : stages that the time limit cut short, in words

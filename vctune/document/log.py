@@ -136,7 +136,7 @@ def _columns(path: Path, headers: list[str], known: LogMap) -> dict[str, ColumnT
 
 
 def _stood_for(stated: Mapping[str, ColumnTable]) -> tuple[str, ...]:
-    """Return the roles that need not be sought: a servo is sent one command."""
+    """Return the roles that are not needed: a servo receives one command."""
     return SERVO_COMMANDS if set(SERVO_COMMANDS) & set(stated) else ()
 
 

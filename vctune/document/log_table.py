@@ -151,7 +151,7 @@ def _is_number(text: str) -> bool:
 
 
 def _at_once(data: bytes, separator: str, columns: int, first_line: int) -> Floats | None:
-    """Return the samples of a table without a fault, which needs no list of its lines; None of any other."""
+    """Return the samples of a table without a fault, which needs no list of its lines; None for any other."""
     stream = _stream(data)
     try:
         for _ in range(first_line - 1):

@@ -29,7 +29,7 @@ class Channel:
     values : shape (n,), SI units
     scale : SI units per unit of the column
     quantum : resolution as the map states it, SI units; None if it does not
-    limit : where it saturates, SI units; None if nobody said
+    limit : value at which it saturates, SI units; None if not known
     """
 
     header: str
@@ -49,7 +49,7 @@ class Recording:
     sha256 : digest of the file
     first_line : line of the file on which its first sample stands
     channels : by role, one of `ROLES` or `SERVO_ROLES`
-    ignored : headers of columns that nothing was made of
+    ignored : headers of unused columns
     rotary : whether positions are angles
     """
 

@@ -71,7 +71,7 @@ class Study:
 
     @property
     def sha256(self) -> str:
-        """The digest that ties rows to their study: the problem and which of its numbers vary, not their values."""
+        """The digest that ties rows to their study: the problem and the keys that vary, not their values."""
         said = {key: value for key, value in self.document.items() if key not in ("name", "description")}
         text = json.dumps([said, [axis.key for axis in self.axes]], sort_keys=True, default=str)
         return sha256(text.encode()).hexdigest()

@@ -18,7 +18,7 @@ from vctune.simulation.firmware.expression import Symbol
 BUILT_IN = ("inertance", "inertia_carry", "stiffness", "zero", "slope", "least_contact")
 """Coefficients of a built-in environment."""
 LIMITING = ("limit", "position_reach")
-"""Coefficients of a limited force; an impedance display has no reach, since nothing winds up, and a servo neither."""
+"""Coefficients of a limited force; an impedance display and a servo have no reach, since nothing winds up."""
 SYSTEM = {
     "linear": "SI units; of a rotary device kg m^2, N m and rad in place of\n * kg, N and m.",
     "rotary": "SI units of a rotary device: kg m2, N m and rad; its\n * force is a torque, its mass an inertia.",

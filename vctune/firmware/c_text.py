@@ -87,7 +87,7 @@ def _written(
 
 
 def operations(equations: Iterable[Equation]) -> Counter[str]:
-    """Return how many operations equations take: additions, multiplications, divisions, comparisons."""
+    """Return the number of operations of equations: additions, multiplications, divisions, comparisons."""
     counted: Counter[str] = Counter()
     terms: list[Term] = [equation.right for equation in equations]
     while terms:

@@ -33,7 +33,7 @@ class Firmware:
 
     Attributes
     ----------
-    record : record of the design as it is exported: in single precision that of the rounded constants
+    record : record of the exported design; in single precision that of the rounded constants
     device : the certified device
     gains, coupling : the decimals of the design
     parts : parts of the firmware, with every built-in environment, and a limit if it commands a force
@@ -136,7 +136,7 @@ def controller_coefficients(coefficients: dict[str, float], command: Commanded) 
 
 
 def rounded(problem: Problem, coefficients: dict[str, float]) -> tuple[Problem, tuple[Gains, AnyCoupling]]:
-    """Return the problem and the design of which rounded coefficients are the exact ones.
+    """Return the problem and the design whose exact coefficients are the rounded ones.
 
     The sample time is then the rounded one too: it is that of the firmware's integrators.
 

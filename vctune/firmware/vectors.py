@@ -27,7 +27,7 @@ USUAL_STIFFNESS = 1000.0
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """An experiment as the firmware met it; all arrays have the same length.
+    """An experiment from the firmware's side; all arrays have the same length.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] =
     ----------
     file : the problem
     made : the design as firmware, whose decimals are simulated in double precision
-    progress : told the stage of the work
+    progress : function that receives the current stage
 
     Returns
     -------
@@ -65,7 +65,7 @@ def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] =
 def usual(problem: Problem) -> tuple[Experiment, ...]:
     """Return the experiments for a problem without experiments of its own: a spring, and a wall that saturates.
 
-    A servo has no mass to say how large what it meets is, and no force that could saturate: its hands do.
+    A servo has no mass to set the size of its environments, and no force that could saturate; its hands set it.
     """
     device, stiffest = problem.device, problem.hands.high.stiffness
     share = usual_share(device.mass, device.units) if device.kind.own_loop else stiffest / USUAL_STIFFNESS or 1.0
@@ -115,7 +115,7 @@ def vectors_text(made: list[Replay], units: Units, commanded: Commanded) -> str:
 
 
 def greatest_difference(firmware: Firmware, made: list[Replay]) -> float:
-    """Return by how much a firmware's commands differ from the simulated ones: in its own precision, unfused.
+    """Return the difference of a firmware's commands from the simulated ones: in its own precision, unfused.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def experiment_line(one: Replay, parts: Parts) -> str:
     Parameters
     ----------
     one : the simulated run
-    parts : parts of the firmware, which say what it is told at the start: the position for a difference, and a limit
+    parts : parts of the firmware, which determine its start values: the position for a difference, and a limit
     """
     rendered = one.experiment.environment
     numbers = [rendered.mass, rendered.damping, rendered.stiffness, rendered.zero]

@@ -25,7 +25,7 @@ FLOORS = {
 }
 """Least half-widths, shares: a frequency goes with the root of a mass."""
 COULOMB_SHARE = 0.1
-"""How much of Coulomb friction, over the speed of the motion, may be viscous or less than that: it is no exact law."""
+"""Share of Coulomb friction, over the speed of the motion, that may be viscous, or less: it is no exact law."""
 
 
 BAND = Note("limit-band", "model error: the band that is kept changes it")
@@ -40,7 +40,7 @@ class Estimate:
     key : in the device's table
     value, sigma : SI units, frequencies in Hz
     source : which record, and how
-    excess : by how much other ways to look at the record differ more than they should, below and above
+    excess : excess difference of other estimates from the same record, below and above
     stated : whether it is the user's, and no record's
     reason : reason of the excess
     """

@@ -21,7 +21,7 @@ SPEEDS = {False: 30.0, True: 3000.0}
 GREATEST_FORCE = 1e4
 """Greatest force of a haptic device, N or N m."""
 FEW_STEPS = 30
-"""A motion of fewer resolutions than this says nothing of an acceleration."""
+"""Motion in resolutions below which a recording shows no acceleration."""
 SATURATED = 0.2
 """Greatest share of the samples that may be at a limit."""
 
@@ -49,7 +49,7 @@ def check(recording: Recording, sample_time: float | None, *, servo: bool = Fals
 
     Parameters
     ----------
-    recording : as it was read
+    recording : the recording as it was read
     sample_time : as the map states it, s; None for that of its column
     servo : whether it is of a servo, which is sampled when its link lets it
 
@@ -214,7 +214,7 @@ def _speed(recording: Recording, channel: Channel) -> Iterator[Mistake]:
 
 
 def _held_for(values: Floats) -> int:
-    """Return every how many rows a column changes."""
+    """Return the number of rows after which a column changes."""
     changes = np.flatnonzero(np.diff(values))
     if changes.size < 50:
         return 1

@@ -38,7 +38,7 @@ class Excitation:
     force : shape (n,), N
     sample_time : s
     lines_hz : excited
-    periods : how many to record, the first of them dropped
+    periods : number of periods to record; the first of them is dropped
     peak, speed : greatest force and predicted root mean square speed, N and m/s
     spread : relative standard deviation that is predicted of the worst line
     reasons : its purpose

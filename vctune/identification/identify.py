@@ -70,7 +70,7 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
     recordings : at least one, all of the same device
     known : the user's statements about them
     name : name of the device
-    progress : told the stage of the work
+    progress : function that receives the current stage
 
     Returns
     -------

@@ -59,7 +59,8 @@ def known_sensor(known: LogMap) -> ForceSensor | None:
 
 
 def velocity_estimate(known: LogMap) -> VelocityEstimate:
-    """Return how the firmware knows its velocity: by the difference of the position, where nobody says otherwise."""
+    """Return how the firmware obtains its velocity: by the difference of the position, unless the user says
+    otherwise."""
     stated = known.document.device.velocity
     if stated is None:
         return VelocityEstimate("difference")
@@ -67,7 +68,7 @@ def velocity_estimate(known: LogMap) -> VelocityEstimate:
 
 
 def velocity_assumed(known: LogMap) -> bool:
-    """Whether nobody says how the firmware knows its velocity."""
+    """Whether the user does not state how the firmware obtains its velocity."""
     stated = known.document.device.velocity
     return stated is None or stated.source is None
 

@@ -20,7 +20,7 @@ def readable(bounds: Sequence[Bounded], recording: Recording, sample_time: float
 
     Parameters
     ----------
-    bounds : the box as it was found
+    bounds : the identified box
     recording : for messages
     sample_time : s
 

@@ -27,8 +27,8 @@ POOR = 0.05
 HELD, MEASURED = "held command", "measured force"
 """Roles of a force that is recorded without a command: the firmware's, from the sample on, or a sensor's sample."""
 EVIDENCE, HALF = 10.0, 2.0
-"""Gain in log likelihood that tells one from the other, or how many times smaller chi2 must be. Slow motions gain less
-than 1, the noise of a closed loop 5 and more, multisines hundreds."""
+"""Gain in log likelihood that separates the two, or factor by which chi2 must be smaller. Slow motions gain less than
+1, the noise of a closed loop 5 and more, multisines hundreds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +144,7 @@ def record_study(recording: Recording, T: float, known: LogMap) -> RecordStudy:
 
 
 def _clearly_better(best: RecordStudy, other: RecordStudy) -> bool:
-    """Whether chi2 tells two readings apart; model error counts as noise that is as large."""
+    """Whether chi2 separates two readings; model error enters as noise of the same size."""
     (least, dof), (more, _) = best.sharp_chi2, other.sharp_chi2
     return log(more / least) > min(log(HALF), EVIDENCE * 2 * max(1.0, least) / dof)
 

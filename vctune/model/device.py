@@ -21,13 +21,13 @@ Commanded = Literal["force", "velocity", "position"]
 
 @dataclass(frozen=True, slots=True)
 class VelocityEstimate:
-    """How the firmware knows the velocity (model/README.md, section 12).
+    """How the firmware obtains the velocity (model/README.md, section 12).
 
     Attributes
     ----------
     source : "measured" by a sensor of its own, or the backward "difference" of the sampled position
     filter_hz : corner of the low-pass y += a (x - y), a = 1 - e^(-2 pi f T), after it, Hz; None for none
-    filter_order : how many such filters follow one another
+    filter_order : number of such filters in series
     """
 
     source: Literal["measured", "difference"] = "measured"
@@ -58,8 +58,8 @@ class ForceSensor:
     bandwidth_hz : Hz, > 0; None without a low-pass
     order : 1 or 2
     delay : s, >= 0
-    filter_coefficient : a of the firmware's filter y += a (x - y) of the samples, in (0, 1); None without it. Of a
-        servo alone
+    filter_coefficient : a of the firmware's filter y += a (x - y) of the samples, in (0, 1); None without it. For a
+        servo only
     """
 
     bandwidth_hz: Number | None = None
@@ -81,9 +81,9 @@ class Servo:
     stiffness : stiffness of a spring by which the firmware pulls the measured position to a reference,
         N/m; None
         without it. It passes no force sensor
-    radii : (Hz, r) of a disc around 1 by which what is sensed of a command may be multiplied; straight between these on
-        logarithmic axes, constant above the last, and below the first as the frequency: at rest a servo is where it was
-        told to be. Empty where the response is known
+    radii : (Hz, r) of a disc around 1 by which the sensed response to a command may be multiplied; linear between these
+        on logarithmic axes, constant above the last, and below the first proportional to the frequency: at rest a servo
+        is at its command. Empty where the response is known
     """
 
     delay: Number
@@ -153,7 +153,7 @@ NUMBERS = (
 OF_FIRMWARE = ("force_sensor.filter_coefficient", "servo.stiffness")
 """Those that the firmware computes with: they are known."""
 INERT = ("mass", "damping", "delay")
-"""Those that a servo does not have: nothing depends on their values then."""
+"""Numbers that a servo does not have; nothing depends on their values."""
 PERTURBATION = ("unmodelled.share", "unmodelled.phase")
 """The numbers that tell the responses of one device apart."""
 
@@ -164,7 +164,7 @@ class Device:
 
     Attributes
     ----------
-    mass : kg, > 0; 1 for a servo, on which nothing depends
+    mass : kg, > 0; 1 for a servo, where it has no effect
     damping : N s/m, >= 0; 0 for a servo
     sample_time : s, > 0
     delay : s, >= 0, from sampling to actuation, beyond the hold
@@ -172,7 +172,7 @@ class Device:
     operator : the least hand at the handle; None if there is none
     velocity, actuator, force_sensor, structure : parts that an ideal device lacks; None each
     servo : the vendor's loop of a servo; None for any other display
-    unmodelled : which of the responses that are as good as its own; None for its own
+    unmodelled : one of the responses within the disc; None for the nominal one
     display : name of its kind (`vctune.model.display`)
     units : whether its handle moves along a line or about an axis (`vctune.model.numbers.units`): mass is then inertia
     """
@@ -267,7 +267,7 @@ class Device:
         return {key: number for key, number in found.items() if number is not None}
 
     def _varying(self) -> dict[str, Number]:
-        """Return its numbers, those of its firmware, and which of its responses it has."""
+        """Return its numbers, those of its firmware, and its unmodelled response."""
         firmware = {key: number for key in OF_FIRMWARE if (number := self.number(key)) is not None}
         perturbed = {key: self.number(key) for key in PERTURBATION if self.unmodelled is not None}
         return self.numbers() | firmware | perturbed

@@ -28,12 +28,13 @@ class Display:
     keys : keys of the numbers of a design, in order
     absent : those of `keys` that are always 0
     coupling : type of its virtual coupling
-    couples : "Z_c" or "1/Z_c", the response of its coupling that the error and the conditions count
+    couples : "Z_c" or "1/Z_c", the response of its coupling in the error and the conditions
     senses_force : whether its firmware reads the force of the hand
     differences : whether its velocity is the difference of positions unless a file says otherwise
-    banded : whether any passive hand is met on a band, in the frequency model; else up to Nyquist, in the sampled loop
+    banded : whether the claim for any passive hand has a band, in the frequency model; else up to Nyquist, in the
+        sampled loop
     band : default transparency band, Hz times the lag of the loop
-    own_loop : whether its firmware closes a loop around the device, so that there is a sensitivity
+    own_loop : whether its firmware closes a loop around the device, which then has a sensitivity
     terms : terms of the error that are not always 0
     """
 
@@ -62,7 +63,7 @@ class Display:
 
     @property
     def inverse(self) -> bool:
-        """Whether the error and the conditions count 1/Z_c."""
+        """Whether the error and the conditions use 1/Z_c."""
         return self.coupling is SpringDamper
 
     @property

@@ -43,7 +43,7 @@ class Operator:
     motion : how the intended motion goes to and fro
     start, end : between which places, m
     speed : greatest speed of the intended motion, m/s
-    cycles : how many times to and fro
+    cycles : number of cycles to and fro
     mass, damping, stiffness : those of the hand, kg, N s/m, N/m
     """
 

@@ -38,7 +38,7 @@ class Coupling:
 
     @property
     def rigid(self) -> bool:
-        """Whether b_c is infinite, which is a plain float in every arithmetic: nothing gives way between the masses."""
+        """Whether b_c is infinite, a plain float in every arithmetic: the masses move as one."""
         return isinstance(self.damping, float) and self.damping == inf
 
 

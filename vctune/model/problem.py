@@ -31,7 +31,7 @@ class Range:
 
     @property
     def fixed(self) -> bool:
-        """Whether nothing is left to choose."""
+        """Whether every variable is fixed."""
         return self.min == self.max
 
     def times(self, factor: float) -> Range:
@@ -133,8 +133,8 @@ class Uncertainty:
     ----------
     half_widths : of numbers of the device by their keys, relative, 0 < width < 1
     objective : "nominal" for the error of the device's own numbers, "worst" for the greatest at the box's corners
-    unmodelled : (frequency in Hz, radius) of a disc around 1 by which the device's response may be multiplied; straight
-        between them on logarithmic axes, constant beyond; none for no disc
+    unmodelled : (frequency in Hz, radius) of a disc around 1 by which the device's response may be multiplied; linear
+        between them on logarithmic axes, constant beyond; empty for no disc
     """
 
     half_widths: tuple[tuple[str, float], ...]
@@ -186,7 +186,7 @@ class Problem:
     def hands_met(self) -> Hands | None:
         """The hands that are required in the sampled loop; None if none are.
 
-        On an impedance display they are among any passive ones, which are met in the same loop.
+        On an impedance display they are among any passive hands, which the same loop covers.
         """
         return None if self.stability.criterion == "passive" or self.any_hand else self.hands
 

@@ -10,7 +10,7 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 
 @dataclass(frozen=True, slots=True)
 class Latency:
-    """The parts of L, by which the force of a spring is late at rest: the drag must be at least K L. All in s.
+    """The parts of L, the delay of a spring's force at rest: the drag must be at least K L. All in s.
 
     Attributes
     ----------

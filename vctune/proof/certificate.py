@@ -46,7 +46,7 @@ class Certificate:
     design : the design that it is about
     demands : the constraints on the design
     outcomes : verdict, boxes and witness [rad/s] of each claim, by its identifier
-    without_factor : the conditions with a factor of 1 where they are not proved with the demanded one, else None
+    without_factor : the conditions with a factor of 1 if they are not proved with the required one, else None
     box : the devices that it is about, None for the design's own alone
     beside : the same of the design with other delays, for which the outcomes hold as well
     """
@@ -70,12 +70,12 @@ class Certificate:
 
     @property
     def boxes(self) -> int:
-        """Boxes examined for all claims."""
+        """Number of boxes for all claims."""
         return sum(outcome.boxes for outcome in self.outcomes.values())
 
     @property
     def proved_ratio(self) -> float | None:
-        """The least Re Z_c / R that is proved of the band, of a stable loop: the demanded one, or 1, or None."""
+        """The least proved Re Z_c / R on the band, of a stable loop: the required one, or 1, or None."""
         stability = (self.outcomes[claim] for claim in STABILITY if claim in self.outcomes)
         if any(outcome.verdict is not Verdict.PROVED for outcome in stability):
             return None
@@ -85,7 +85,8 @@ class Certificate:
 
     @property
     def proved_band(self) -> tuple[float, float] | None:
-        """The widest band around the demanded one with ratio >= 1, rad/s, proved on constraint; None unless that is."""
+        """The widest band around the required one with ratio >= 1, rad/s, proved on first use; None if the claim is not
+        proved."""
         bands = [self._own_band, *(each.proved_band for each in self.beside)]
         known = [band for band in bands if band is not None]
         return (max(low for low, _ in known), min(high for _, high in known)) if len(known) == len(bands) else None
@@ -106,7 +107,8 @@ class Certificate:
 
     @property
     def proved_band_hz(self) -> tuple[float, float] | None:
-        """The proved band, Hz, its edges beyond the demanded one rounded inwards to few digits; None unless proved."""
+        """The proved band, Hz, its edges beyond the required one rounded inwards to few digits; None if it is not
+        proved."""
         proved, (low, high) = self.proved_band, self.demands.band
         if proved is None:
             return None
@@ -124,8 +126,8 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
     Parameters
     ----------
     design : device, gains and coupling, in SI units
-    demands : on its device; the band may be (0, inf) for hold "lag" without delay
-    box : devices around the design's own, for all of which the claims are proved; None for the design's own alone
+    demands : constraints on its device; the band may be (0, inf) for hold "lag" without delay
+    box : devices around the design's own for which all claims are proved; None for the design's own alone
 
     Returns
     -------
@@ -206,8 +208,8 @@ def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | No
     Parameters
     ----------
     designs : n designs of one device
-    demands : on that device
-    box : devices for all of which the claims are proved; None for the device alone
+    demands : constraints on that device
+    box : devices for which all claims are proved; None for the device alone
 
     Returns
     -------

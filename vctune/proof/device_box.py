@@ -98,8 +98,8 @@ def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
     Parameters
     ----------
     device : the nominal device, plain floats
-    uncertainty : relative half-widths by key, of which those of parts that the device lacks are ignored, and the disc
-        of unmodelled dynamics
+    uncertainty : relative half-widths by key, ignored for parts that the device lacks, and the disc of unmodelled
+        dynamics
 
     Returns
     -------
@@ -128,7 +128,7 @@ ADDED = ("mass", "damping")
 
 
 def moved_as_one(box: DeviceBox) -> tuple[str, ...]:
-    """Return the uncertain numbers of a box that only count together with the hand's.
+    """Return the uncertain numbers of a box that only matter in sum with the hand's.
 
     A rigid impedance display measures motion alone. Its mass and the hand's therefore act as one, and so do the
     dampings.
@@ -139,7 +139,7 @@ def moved_as_one(box: DeviceBox) -> tuple[str, ...]:
 
 
 def in_longer_hands(box: DeviceBox, hands: Hands, keys: Sequence[str]) -> tuple[DeviceBox, Hands]:
-    """Move the uncertainty of a device's mass and damping into the hands: only the sums count.
+    """Move the uncertainty of a device's mass and damping into the hands: only the sums matter.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ class Question:
     ----------
     design : in plain numbers
     demands : its constraints
-    box : devices for all of which it is to be proved, None for the design's own
+    box : devices for which it is to be proved, None for the design's own
     """
 
     design: Design
@@ -46,14 +46,14 @@ class Question:
 
     @property
     def modelled(self) -> Question:
-        """The same of devices whose responses are known exactly."""
+        """The same for devices whose responses are known exactly."""
         return replace(self, box=self.box and self.box.modelled)
 
     @property
     def robust(self) -> RobustDesign | None:
         """The design on a box of devices; None if they are one, or all alike.
 
-        Without a loop a mechanism is passive whatever its numbers are, but not if its response is another.
+        Without a loop a mechanism is passive for any numbers, but not if its response is another.
         """
         if self.box is None or not self.box.uncertain:
             return None

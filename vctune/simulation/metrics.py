@@ -21,8 +21,8 @@ N_POSITIONS = 400
 """Positions at which loading and unloading are compared, finer than a figure. Half as many follow the curves still;
 twice as many say no more."""
 SATURATED = 1 - 1e-9
-"""Share of the limit from which on a force counts as at it: the limit except for rounding. Half and twice the allowance
-count the same samples."""
+"""Share of the limit from which on a force is at the limit, except for rounding. Half and twice the allowance give the
+same samples."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,8 @@ class Metrics:
     handle_energy : work of the hand on the handle, J
     environment_energy : energy absorbed by the environment, J
     motor_energy : work of the motor on the device, J, as commanded; None for a servo
-    handle_deficit, environment_deficit : the most that each has given beyond what it took, J: a passivity observer
+    handle_deficit, environment_deficit : the most energy that each has returned beyond what it took, J: a passivity
+        observer
     peak_motor : greatest |u|, the command, N; m/s or m where a velocity or a position is commanded
     saturated : share of the samples at the actuator's limit
     peak_force : greatest |f_h|, N

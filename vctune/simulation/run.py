@@ -57,7 +57,7 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
     Parameters
     ----------
     scene : device, operator, friction and firmware
-    progress : told the share of the samples that is done
+    progress : function that receives the share of the finished samples
     stretch : how friction is integrated; skipped without friction, where the device moves on exactly
 
     Returns

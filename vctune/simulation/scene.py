@@ -47,7 +47,7 @@ class Equilibrium:
 
     Attributes
     ----------
-    position, bend : position of the motor, and by how much the handle is ahead of it, m
+    position, bend : position of the motor, and the handle's lead over it, m
     reference : x_e, m
     motor : command: of the motor, N, or of a servo, m/s, m
     hand : force of the hand, N
@@ -63,8 +63,8 @@ class Equilibrium:
 def equilibrium(scene: Scene) -> Equilibrium:
     """Return the equilibrium at the start of the motion: all springs, from the hand's to the environment's, in a row.
 
-    Without a position gain the controller holds nothing, and the handle starts where hand and environment agree. So it
-    does with a servo, which is where the environment is.
+    Without a position gain the controller holds no position, and the handle starts where hand and environment agree. So
+    it does with a servo, which is where the environment is.
     """
     found = _at_rest(scene)
     return replace(found, motor=found.reference) if scene.law.command == "position" else found

@@ -32,7 +32,7 @@ from vctune.simulation.two_runs import Run, Simulated
 from vctune.version import __version__
 
 TOLERANCE = 1.5e-3
-"""By how much of the range that a figure shows a curve may differ: less than the line is wide. Half: more points in
+"""Share of the shown range by which a curve may differ: less than the line's width. Half: more points in
 simulation.json, the same picture. Twice: corners begin to show in print."""
 
 

@@ -16,7 +16,7 @@ def thinned(x: Floats, y: Floats, tolerance: tuple[float, float]) -> Indices:
     Parameters
     ----------
     x, y : the curve, finite
-    tolerance : how far is far, in x and in y; positive
+    tolerance : greatest distance, in x and in y; positive
 
     Returns
     -------

@@ -66,10 +66,10 @@ def simulate(
     problem : the device
     gains, coupling : the design
     experiment : one of the problem's, or any other
-    progress : told the stage of the work
+    progress : function that receives the current stage
     controller : a firmware instead of the design's own; None for none
-    tolerance : greatest difference of its commands from the design's that passes, in their unit; None for what rounding
-        explains
+    tolerance : greatest difference of its commands from the design's that passes, in their unit; None for the effect of
+        rounding
 
     Returns
     -------

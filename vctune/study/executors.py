@@ -42,7 +42,7 @@ class WorkerPool:
     Attributes
     ----------
     executor : to submit to
-    max_pending : how many points to hand out at once
+    max_pending : number of points to hand out at once
     worker_died : exceptions that say so
     unreachable : exceptions that say that all of them are out of reach
     renew : makes the executor fit to go on after a worker has died
@@ -124,7 +124,7 @@ def _process_pool(jobs: int) -> Iterator[WorkerPool]:
 def _context() -> BaseContext:
     """Return how processes are started: from a server that has imported the solver, where there can be one.
 
-    The server hands on what it was started with.
+    The server passes on its start environment.
     """
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")

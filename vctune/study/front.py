@@ -16,9 +16,9 @@ from vctune.model.problem import Problem, Range
 from vctune.study.study_table import Table
 
 EXPONENTS = np.arange(-6, 7) / 2
-"""Decades by which the weight of |Z_c|/Z_0 is moved against those of the loop's two terms."""
+"""Decades by which the weight of |Z_c|/Z_0 varies against those of the loop's two terms."""
 POSITIONS, DECADES = 24, 4
-"""Values of K_p, and how far below its upper bound they begin where it may be 0."""
+"""Values of K_p, and their start below its upper bound if it may be 0."""
 EDGES = 41
 DIGITS = 5
 OWN = "error_with_own_weights"
@@ -112,7 +112,7 @@ def _rounded(costs: Floats) -> Floats:
 def nondominated(costs: Floats) -> NDArray[np.intp]:
     """Return the indices of the rows of finite costs that no other row is as good as in all and better in one.
 
-    Of rows that cost the same the first stays.
+    Among rows of the same cost the first stays.
     """
     chosen = []
     for i, cost in enumerate(costs):

@@ -18,7 +18,7 @@ from vctune.proof.engine.boxes import Cells
 Squares = NDArray[np.intp]
 """Cells by the numbers of their edges, x_low, x_high, y_low, y_high: shape (4, number of cells).
 
-A cell with y_low = y_high (or x_low = x_high) is a piece of the line on which K_p = 0 and nothing integrates.
+A cell with y_low = y_high (or x_low = x_high) is a piece of the line K_p = 0 without an integrator.
 """
 
 COARSEST = 8

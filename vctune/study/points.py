@@ -33,7 +33,7 @@ def axis_values(axis: Axis) -> Values:
 
 
 def latin_hypercube(axes: tuple[Axis, ...], n: int, seed: int) -> Iterator[Values]:
-    """Yield n points of which every axis has exactly one in each of n equal parts of its range.
+    """Yield n points; every axis has exactly one of them in each of n equal parts of its range.
 
     A list is cut into parts of equal length: its elements appear equally often, to one more or less.
 

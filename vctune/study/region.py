@@ -40,7 +40,7 @@ LOOPS_AT_ONCE = 16
 speed."""
 DAMPING = KEYS.index("coupling.damping")
 EASING = "coupling.mass", "coupling.drag"
-"""Variables of which more eases the constraints."""
+"""Variables that ease the constraints as they grow."""
 
 Progress = Callable[[str], None]
 
@@ -66,7 +66,7 @@ class Region:
     squares : the cells, shape (4, n)
     kinds : kind of each cell, `Kind`
     damping : for each feasible cell a b_c that serves all of it, N s/m, when the problem leaves b_c free; else nan
-    interrupted : whether cells were left undecided that had not been examined, or could have been divided
+    interrupted : whether undecided cells remain that had not been evaluated, or could have been divided
     """
 
     plane: Plane
@@ -89,7 +89,7 @@ def region(
 ) -> Region:
     """Divide cells of a plane of gains until each is decided or as small as the plane's edges allow.
 
-    Where b_c, m_c or b_0 are free and not on an axis, feasible means that some values within their bounds will do. The
+    If b_c, m_c or b_0 are free and not on an axis, feasible means that some values within their bounds suffice. The
     constraints ease as m_c and b_0 grow, so that their upper bounds decide. Coarse cells come before fine ones, so that
     a search that is stopped has decided most of the plane that it could in its time.
 
@@ -167,7 +167,7 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
 
     Parameters
     ----------
-    problems : all of which a feasible cell meets: those of the stated delay and of others beside it
+    problems : problems that a feasible cell meets: that of the stated delay, and those of others beside it
     plane, squares : the cells
 
     Returns
@@ -190,7 +190,7 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
 
 
 def _lost(problem: Problem, cells: Cells, places: Places, *, free: bool) -> Flags:
-    """Return which cells are proved to hold no design that meets a problem's demands."""
+    """Return the cells that are proved to hold no design that meets a problem's constraints."""
     demands = pose(problem).demands
     lost = refuted(demands, cells, places)
     if free:
@@ -218,7 +218,7 @@ class _Asked:
 
     Attributes
     ----------
-    omega : rad/s, at which the coupling is met, for an impedance display theta, rad, shape (places,)
+    omega : rad/s, at which the coupling is evaluated, for an impedance display theta, rad, shape (places,)
     needed : the least Re Z_c there, N s/m, or Re(1/Z_c)/s^2, shape (n, places)
     place : the place of each cell as `Places` has it, from one of these numbers each
     """
@@ -233,7 +233,7 @@ def _estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> tuple
 
     Returns
     -------
-    damping : a b_c with which the centre meets the constraints of all problems; nan if there seems to be none
+    damping : a b_c with which the centre meets the constraints of all problems; nan if no such value is found
     places : places of each problem, where they are hardest to meet
     """
     least, most = cells.low[DAMPING].copy(), cells.high[DAMPING].copy()
@@ -248,12 +248,12 @@ def _estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> tuple
 
 @dataclass(frozen=True, slots=True)
 class _Hardest:
-    """Where the constraints on n cells are hardest to meet.
+    """Places at which the constraints on n cells are hardest to meet.
 
     Attributes
     ----------
-    least, most : b_c between which the coupling's demands are met where it is free, N s/m, shape (n,)
-    meets : whether the others are, shape (n,)
+    least, most : range of b_c that meets the coupling's constraints if it is free, N s/m, shape (n,)
+    meets : whether the other constraints hold, shape (n,)
     places : where
     """
 

@@ -40,7 +40,7 @@ class Recheck:
     ----------
     region : the cells that the baseline had proved feasible, divided further where they are not as a whole
     designs : the gain sets that the baseline lists
-    certified : which of them still are
+    certified : those that still are
     units : units of the problem
     cut : whether the time limit has ended it; cells that are not proved again are then not lost
     """
@@ -66,7 +66,7 @@ def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lam
     ----------
     problem : today's problem, without `plane_errors` on the baseline's axes
     baseline : content of the region file
-    progress : told the stage of the work
+    progress : function that receives the current stage
 
     Returns
     -------
@@ -123,13 +123,13 @@ class RegionFinding:
 def recheck_region(
     file: ProblemFile, baseline: Path, progress: Progress = lambda stage: None
 ) -> tuple[Checked, Recheck]:
-    """Prove again, with a problem as it is today, the cells and gain sets that a region file had proved.
+    """Prove the cells and gain sets of a region file again, for today's problem.
 
     Parameters
     ----------
     file : the problem of today
     baseline : path of a region.json
-    progress : told the stage of the work
+    progress : function that receives the current stage
 
     Returns
     -------

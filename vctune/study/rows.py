@@ -87,14 +87,14 @@ class Rows:
 
 @contextmanager
 def open_rows(path: Path, study: Study, *, restart: bool, time_limit: float = inf) -> Iterator[Rows]:
-    """Open the rows of a study, made if it has none yet; nobody else may write them meanwhile.
+    """Open the rows of a study, made if it has none yet; only one process may write them at a time.
 
     Parameters
     ----------
     path : path of the file
     study : whose rows they are
     restart : begin again instead of going on
-    time_limit : time limit of a point, s; rows that a shorter one has cut count as not there
+    time_limit : time limit of a point, s; rows that a shorter limit has cut are ignored
 
     Returns
     -------
@@ -138,7 +138,7 @@ def _opened(path: Path) -> Iterator[int]:
 
 
 def _index(path: Path, handle: int, study: Study, time_limit: float = inf) -> Rows:
-    """Find the rows of a file, cutting a torn last line off; a point that failed or was cut counts as not there."""
+    """Find the rows of a file, cutting a torn last line off; points that failed or were cut are ignored."""
     rows, end = Rows(path, handle, {}), 0
     with path.open("rb") as file:
         _check_header(path, file.readline(), study)

@@ -37,7 +37,7 @@ class Table:
     axes : values of the axes, by dotted key
     status, reason : texts; a certified point has no reason, ""
     idle : which designs are certified and hardly use their velocity loop
-    numbers : error, terms, design, ratio, what is felt and the yardstick (`vctune.document.records.rows_json.COLUMNS`),
+    numbers : error, terms, design, ratio, felt numbers and the yardstick (`vctune.document.records.rows_json.COLUMNS`),
         nan if there is none
     system : system of units, the problem's
     """

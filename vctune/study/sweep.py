@@ -121,7 +121,7 @@ def _collect(state: _Sweep, most: int) -> None:
 
 
 def _try_alone(state: _Sweep, task: Task) -> None:
-    """Try a point again with nothing else under way, so that a second death is its own doing."""
+    """Try a point again alone, so that a second death is its own fault."""
     state.pool.renew()
     content = _content(state.pool, state.pool.executor.submit(solve_point, task.problem, state.time_limit))
     _finish(state, task, content or row_without_design(FAILED, DIED))

@@ -68,7 +68,7 @@ def _property(value: str) -> str:
 
 
 def junit(checks: list[Checked]) -> str:
-    """Return JUnit XML, in the elements and attributes that Jenkins' schema knows: a test case a check."""
+    """Return JUnit XML with the elements and attributes of Jenkins' schema: a test case for each check."""
     failed = [checked.result in (CheckVerdict.FAILED, CheckVerdict.UNDECIDED) for checked in checks]
     broken = [checked.result is CheckVerdict.BAD_INPUT for checked in checks]
     counts = {"tests": str(len(checks)), "failures": str(sum(failed)), "errors": str(sum(broken))}

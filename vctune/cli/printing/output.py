@@ -49,7 +49,7 @@ def warn_of_doubts(*problems: Problem, quiet: bool) -> None:
     Parameters
     ----------
     *problems : valid ones; what several have in common is reported once
-    quiet : whether people are told nothing
+    quiet : whether to print nothing for people
     """
     from vctune.api.messages import doubts
 
@@ -63,7 +63,7 @@ def answer(style: str, quiet: bool, data: Callable[[], Any], people: Callable[[]
     Parameters
     ----------
     style : "json" for the object, "text" for people
-    quiet : whether people are told nothing
+    quiet : whether to print nothing for people
     data : makes the object
     people : prints it for them
     """

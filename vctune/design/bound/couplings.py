@@ -1,7 +1,8 @@
 """The coupling of a display in the bound: its response, its greatest values, and what the hand feels of it.
 
-A coupling has two elements of which more is safer and more is felt, b_c and m_c, or of an impedance display 1/k_c and
-1/b_c. Demands and bounds leave a least value of both to each box (design/bound/README.md, section 1).
+A coupling has two elements: more of each is safer, but the hand feels more of it. They are b_c and m_c, or for an
+impedance display 1/k_c and 1/b_c. Demands and bounds leave a least value of both to each box (design/bound/README.md,
+section 1).
 """
 
 from __future__ import annotations
@@ -77,12 +78,12 @@ class Couplings(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class SeriesCouplings:
-    """Those of an admittance display, b_0 + b_c x j/(1 + x j) with x = omega tau_c.
+    """The couplings of an admittance display, b_0 + b_c x j/(1 + x j) with x = omega tau_c.
 
     Attributes
     ----------
     problem : in SI units
-    omega : rad/s, where the error is examined; None for its mean
+    omega : rad/s, at which the error is evaluated; None for its mean
     """
 
     problem: Problem
@@ -159,13 +160,13 @@ class SeriesOffer:
 
 @dataclass(frozen=True, slots=True)
 class SpringDampers:
-    """Those of an impedance display, b_c F beside k_c T/(1 - z^-1).
+    """The couplings of an impedance display, b_c F beside k_c T/(1 - z^-1).
 
     Attributes
     ----------
     problem : in SI units
     compliance : |1/Z_c|^2 weighted, at frequencies or over intervals, over boxes of b_c and k_c
-    devices : for the mean over how many devices' intervals, one after another; None for frequencies
+    devices : number of devices whose intervals, one after another, the mean covers; None for frequencies
     """
 
     problem: Problem

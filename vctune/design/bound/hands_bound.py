@@ -3,7 +3,7 @@ section 1).
 
 In a hand F and P are affine in the gains with constants of the angle and the hand (`vctune.model.sampled.hand_loop`).
 So both sides of |F|^2 Re Z_c >= factor (-o/2) are quadratic in them; in any passive hand on an impedance display both
-sides are so of K_v (`vctune.model.sampled.any_hand`). Any set of places will do.
+sides are so of K_v (`vctune.model.sampled.any_hand`). Any set of places is valid.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from vctune.proof.enclosures.array_intervals import Enclosure, Flags, Floats, de
 from vctune.proof.enclosures.jets import ENCLOSURES
 
 NO_GAINS = Gains(0.0, 0.0)
-"""Those of a device without a loop of its own."""
+"""The constraints of a device without a loop of its own."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,8 @@
 """The error of the designs of a box, term by term, bounded from below (design/bound/README.md, section 1).
 
-Every term is a quotient of what is affine in two numbers, |X|^2/|Y|^2 of the gains and 1/|Z_c|^2 of b_c and k_c. With
-X_0 what X is without gains, the mean of |X|^2/|Y|^2 over an interval is at least |integral of X conj X_0|^2/(integral
-of |X_0|^2 |Y|^2) (Cauchy and Schwarz), where the integrals are of known functions, enclosed by Arb.
+Every term is a quotient of expressions that are affine in two numbers: |X|^2/|Y|^2 in the gains and 1/|Z_c|^2 in b_c
+and k_c. Let X_0 be X without gains. The mean of |X|^2/|Y|^2 over an interval is at least |integral of X conj
+X_0|^2/(integral of |X_0|^2 |Y|^2) (Cauchy and Schwarz), where the integrals are of known functions, enclosed by Arb.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Objective:
     ----------
     admittance, tracking : those of the loop
     couplings : whose share is the third
-    omega : rad/s, where the error is examined for norm "peak"; None for "rms"
+    omega : rad/s, at which the error is evaluated for norm "peak"; None for "rms"
     devices : number of devices the greatest of whose errors is the objective; their terms follow one another
     """
 

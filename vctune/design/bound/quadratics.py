@@ -18,11 +18,11 @@ difference and the sum with its share of `GUARD`, in `rounded_up` by two sums. A
 times more, 3 in gain (linear + gain square) and 3 where the terms are summed; the others less. So the value is off by
 at most 9 u times the sum of the moduli of its terms, except for products of roundings (Higham 2002, section 3.1), and
 since no gain is negative, coefficients raised by `GUARD` of their modulus each raise it by ten times that. The minimum
-of a convex quadratic is attained where its slope is 0, so that the rounding of that point counts to second order only:
-with curvatures from l to h over gains up to w the point is off by at most w, and by h u/l of w, which lowers the value
-by at most min(l, h^2 u^2/l) w^2 <= h u w^2. In `lower_bounds.py` a factor 1 - 10 `GUARD` covers 900 u, of some 30
-operations, and a logarithm of 8 units in the last place. Half and twice it change the bound by as many units of its
-fourteenth digit.
+of a convex quadratic is attained where its slope is 0, so that the rounding of that point has only a second-order
+effect: with curvatures from l to h over gains up to w the point is off by at most w, and by h u/l of w, which lowers
+the value by at most min(l, h^2 u^2/l) w^2 <= h u w^2. In `lower_bounds.py` a factor 1 - 10 `GUARD` covers 900 u, of
+some 30 operations, and a logarithm of 8 units in the last place. Half and twice it change the bound by as many units of
+its fourteenth digit.
 """
 
 

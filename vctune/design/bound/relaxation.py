@@ -31,14 +31,14 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 
 
 class Conditions(Protocol):
-    """A demand on the coupling at some places, those of one device after another."""
+    """A constraint on the coupling at some places, those of one device after another."""
 
     @property
     def offer(self) -> Offer:
         """The offer of couplings there."""
 
     def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
-        """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes that meet none."""
+        """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes that satisfy none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,14 +65,14 @@ class Relaxation:
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """Where a relaxation knows the constraints.
+    """The places at which a relaxation imposes the constraints.
 
     Attributes
     ----------
     omega : rad/s, frequencies of the stability band
     sensitivity : rad/s, frequencies up to Nyquist
     in_hands : those and the numbers of a hand, shape (4, any number)
-    any_hand : those at which any passive hand is met on an impedance display
+    any_hand : places for any passive hand on an impedance display
     """
 
     omega: Floats
@@ -82,12 +82,12 @@ class Places:
 
     @property
     def most(self) -> int:
-        """How many there are of the constraint on the coupling that has most."""
+        """Number of places of the constraint on the coupling that has most."""
         return max(len(self.omega), self.in_hands.shape[1], len(self.any_hand))
 
     @property
     def number(self) -> int:
-        """How many there are."""
+        """Number of places."""
         return len(self.omega) + len(self.sensitivity) + self.in_hands.shape[1] + len(self.any_hand)
 
     def joined(self, more: Places) -> Places:

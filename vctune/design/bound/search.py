@@ -2,9 +2,9 @@
 
 See design/bound/README.md.
 
-Boxes of (K_v, K_p, tau_c, b_0), for an impedance display of (K_v, tau_c), are halved, the most promising first, and
-pruned when even their lower bound is within the gap of the best design known, when no design in them meets the
-constraints, or when their loops are unstable.
+The search halves boxes of (K_v, K_p, tau_c, b_0), for an impedance display of (K_v, tau_c), the most promising first.
+It prunes them if even their lower bound is within the gap of the best known design, if no design in them meets the
+constraints, or if their loops are unstable.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ of a bound. Near the end of a search no other constraint is broken than those th
 LOWEST_ANGLE = 1e-3
 """Least first angle for any passive hand beside 0, relative to pi: below it R is at its limit to 1e-5."""
 SHARES_IN_HANDS, ANGLES_IN_HANDS = (0.0, 0.1, 1.0), 12
-"""Shares of the ranges of hands, and angles per decade, at which the first places in hands are sought."""
+"""Shares of the ranges of hands, and angles per decade, of the first places in hands."""
 LITTLE = 1e-3
 """Stand-in for a gain of 0, relative to its upper bound, where a design in the middle of a box is tried first."""
 CHUNK = 1024
@@ -53,14 +53,14 @@ CHUNK = 1024
 halves, 160 frequencies) take tens of MB. Half as many are chosen a little better and take a
 little more time each; twice as many the other way round."""
 TRY_EVERY = 8
-"""After how many rounds the best box is tried: for frequencies that it violates, for a better
-design. Half finds better designs earlier, twice wastes less."""
+"""Number of rounds after which the best box is tried: for frequencies that it violates, for a better design. Half finds
+better designs earlier, twice wastes less."""
 VIOLATED = 1e-4
 """Relative violation of a constraint from which on its frequency is added; less would not raise a bound that matters.
 """
 BETTER = 1e-3
-"""A design counts as better than the incumbent if its error is lower by this share. It is below a usual gap of 1 %, and
-above the difference between polishing one optimum from two starts."""
+"""A design is better than the incumbent if its error is lower by this share. It is below a usual gap of 1 %, and above
+the difference between polishing one optimum from two starts."""
 
 Improve = Callable[[Gains, float], Judgement | None]
 """Return a certified design found from given gains with an error below a limit, or None."""
@@ -95,7 +95,7 @@ class Optimality:
     bound : no feasible design has a lower error; inf if there is none
     incumbent : error of the best design known, inf if none is
     proved : whether the bound is within the gap that was required
-    improved : a better design than the one given, if the search has met one
+    improved : a better design than the given one, if the search has found one
     terms : terms of the error that it counts; empty if it counts all
     history : history of the search, the last entry now
     resume : the remaining work; no open node if it is proved
@@ -165,7 +165,7 @@ def bound(
     jobs : number of threads
     resume : state of an earlier search of the same problem; ignored if that search pruned boxes that this gap must keep
     stopped : whether to give up now
-    progress : told where the search stands, every round
+    progress : function that receives the state of the search, every round
 
     Returns
     -------
@@ -316,7 +316,7 @@ def _try_best_node(posed: Posed, search: _Search, nodes: OpenNodes, improve: Imp
 
 
 def _add_places(posed: Posed, search: _Search, gains: Gains, coupling: AnyCoupling) -> None:
-    """Add the places at which a design breaks a constraint to those that the relaxation knows."""
+    """Add the places at which a design violates a constraint to those of the relaxation."""
     known = more = search.relaxed.places
     for case in posed.cases:
         more = more.joined(_tight_places(case, gains, coupling, broken=True))

@@ -1,11 +1,11 @@
 """Strong branching: it halves boxes along every axis and keeps the halves of the axis that gains most.
 
-The rule is that of Achterberg, Koch, Martin (2005), section 2: an axis is worth a weighted sum of what its worse and
-its better half gain,
+The rule is that of Achterberg, Koch, Martin (2005), section 2: the score of an axis is a weighted sum of the gains of
+its worse and its better half,
 
     score = min(gain_1, gain_2) + BETTER_HALF max(gain_1, gain_2),
 
-the worse half first, since it is what the box's bound becomes. Bounds stand for gains here: those of a box are the same
+the worse half first, since it becomes the bound of the box. Bounds stand for gains here: those of a box are the same
 for all of its axes.
 """
 

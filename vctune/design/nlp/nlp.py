@@ -65,8 +65,8 @@ OPTIONS: dict[str, Any] = {
     "ipopt.min_refinement_steps": 0,
     "ipopt.max_refinement_steps": 1,
 }
-"""Multipliers of the parameters are nobody's question, and CasADi warns on stderr where one is not finite. The last six
-are for speed: some thirty well scaled equations need no scaling, and no exact barrier problems."""
+"""The multipliers of the parameters are not needed, and CasADi warns on stderr if one is not finite. The last six are
+for speed: some thirty well scaled equations need no scaling, and no exact barrier problems."""
 
 
 class _SymbolArithmetic:
@@ -212,7 +212,7 @@ def _loop_gain(structure: NlpStructure, gains: Gains, pulse: dict[str, ca.SX]) -
 
 
 def _room(L: Pair) -> Number:
-    """Return -log |1 - S|: the logarithm of how far the device's response may be off."""
+    """Return -log |1 - S|: the logarithm of the allowed radius of the device's response."""
     return (ca.log(Pair(1 + L.re, L.im).abs2()) - ca.log(L.abs2())) / 2
 
 
@@ -254,7 +254,7 @@ exchanges do not converge; with three tenths they take twice as many rounds."""
 
 
 def _margin_in_worlds(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
-    """Return the greatest of the margins of which one must be positive, rounded off from below."""
+    """Return the smoothed greatest of the margins, a lower bound; one of them must be positive."""
     low, high = (
         World(*(held[f"environment_{end}_{name}"] for name in ("mass", "damping", "stiffness")))
         for end in ("low", "high")
@@ -341,7 +341,7 @@ def assembled(structure: NlpStructure) -> dict[str, ca.MX]:
 
 
 def _mean_errors(structure: NlpStructure, squares: ca.MX) -> ca.MX:
-    """Return the logarithm of the error in the mean for each device that counts, from the squares at all nodes."""
+    """Return the logarithm of the mean error for each device of the objective, from the squares at all nodes."""
     devices = structure.objective_devices
     if devices > 1:
         squares = ca.reshape(squares, PANEL_NODES * structure.panels, devices)

@@ -26,18 +26,18 @@ from vctune.model.transparency import PANEL_NODES, TERMS
 PARTS: dict[str, Any] = {"estimate": FilterResponse, "sensor": FilterResponse, "spring": Spring, "factor": Pair}
 """Optional parts of a `DeviceResponse`, by its fields."""
 Layout = dict[str, int]
-"""How many rows each name has, in order."""
+"""Number of rows of each name, in order."""
 
 PULSE_TRANSFER: Layout = {"re_G_v": 1, "im_G_v": 1, "re_G_x": 1, "im_G_x": 1}
 """From force to velocity and to position in the sampled loop, at a frequency of |S|."""
 PERTURBED_LOOP: Layout = {**PULSE_TRANSFER, "log_radius": 1}
-"""The same, and how far the device's response may be off there."""
+"""The same, and the radius of the device's response there."""
 LOOP_IN_HAND: Layout = {"theta": 1, "factor": 1} | {
     f"{part}_{side}": 1 for part in LoopInHand._fields for side in ("even", "odd")
 }
 """The loop in a hand at an angle, and the least Re Z_c / R."""
 FIRMWARE_FILTER: Layout = {"low_pass_re": 1, "low_pass_im": 1}
-"""F, the firmware's low-passes, which the coupling of an impedance display meets."""
+"""F, the firmware's low-passes, through which the coupling of an impedance display acts."""
 FORCE_IN_HAND: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER, "lost": 2, "size": 3}
 """Parameters of an impedance display, in one hand or in any: R/s^2 = (l_0 + l_1 K_v)/(q_0 + q_1 K_v + q_2 K_v^2)."""
 COMMAND_IN_HAND: Layout = {"theta": 1, "factor": 1, "required": 1, "swing": 1}
@@ -94,7 +94,7 @@ def plant_layout(structure: NlpStructure) -> Layout:
 def device_numbers(at: DeviceResponse) -> dict[str, Any]:
     """Return a device's constants at frequencies by the names of `frequency_layout`, without those of absent parts.
 
-    A handle's own damping is 0, since no device whose demands are imposed has a hand as a part of it.
+    A handle's own damping is 0, since no device at which constraints are imposed has a hand as a part of it.
     """
     numbers = {"omega": at.omega, "drive_re": at.drive.re, "drive_lag": at.drive.lag}
     numbers |= {"mass": at.mass, "damping": at.damping}
@@ -158,7 +158,7 @@ class Table:
     Attributes
     ----------
     layout : names of its rows
-    columns : how many columns it has
+    columns : number of its columns
     """
 
     layout: Layout
@@ -166,7 +166,7 @@ class Table:
 
     @property
     def rows(self) -> int:
-        """How many rows it has."""
+        """Number of its rows."""
         return sum(self.layout.values())
 
 

@@ -22,7 +22,7 @@ CAPACITY_STEPS = (12, 12, 4, 12, 12, 12)
 growing working set rarely needs another solver. Compiling one takes tens of milliseconds, an unused constraint some
 microseconds. Half means more compiling, twice slower iterations; the answers are the same."""
 IN_WORLDS = 36
-"""The same of the loops in hands with a box of environments, which join by windows of frequencies. Half of it compiles
+"""The same for the loops in hands with a box of environments, which join by windows of frequencies. Half of it compiles
 twice, twice makes every iteration slower."""
 
 
@@ -40,12 +40,12 @@ class NlpStructure:
     terms : terms of the error with a positive weight
     norm : "rms" or "peak" (an epigraph variable is added)
     panels : panels of the quadrature, 0 for "peak"
-    capacities : how many constraints of each of `DEMANDS` there is room for
+    capacities : number of slots for each kind of `DEMANDS`
     tracked_peaks : number of peaks of |S| whose frequencies are variables
     operator_damping : whether the damping of an operator eases the conditions
     parts : parts of the device that an ideal one lacks, fields of `DeviceResponse`
     order : order of the sampled device, 1 if ideal
-    differenced, low_passes : whether the velocity is a difference of positions; how many low-passes it goes through
+    differenced, low_passes : whether the velocity is a difference of positions; number of its low-passes
     uncertain : whether the constraints are imposed at several devices, whose numbers then come with each frequency
     objective_devices : number of devices the greatest of whose errors is the objective, for "rms"
     """

@@ -59,7 +59,7 @@ def check_admittance(
     path : path of the parameter file
     given : its selected axes
     only : names of the axes to check; empty for all
-    progress : told the stage of the work
+    progress : function that receives the current stage
 
     Returns
     -------
@@ -110,7 +110,7 @@ def _moves_as(axis: Admittance, problem: ProblemFile) -> bool:
 
 
 def _misfit(axes: list[Admittance], problem: ProblemFile) -> str:
-    """Return why axes cannot be examined with this problem."""
+    """Return why axes cannot be checked with this problem."""
     own = problem.problem.device.units
     other: UnitSystem = "linear" if own == "rotary" else "rotary"
     moves = "rotations" if other == "rotary" else "translations"
@@ -161,7 +161,7 @@ def _device(problem: ProblemFile, given: AdmittanceFile) -> dict[str, Any]:
 def _checked(
     problem: ProblemFile, tables: dict[str, Any], given: AdmittanceFile, axis: Admittance, progress: Progress
 ) -> Checked:
-    """Check an axis; its name does not count."""
+    """Check an axis; its name does not matter."""
     began, T = perf_counter(), problem.problem.device.sample_time
     looped = problem.problem.device.kind.own_loop
     coupling = coupling_of_admittance(axis, T, servo=not looped)

@@ -1,8 +1,8 @@
 """A design before a servo as parameters of a ROS 2 admittance_controller.
 
-The controller's law is a coupling with b_c = 2 m_c/T, m_c = M - D T and b_0 = D (see `admittance_problem`):
-M = m_c + D T and D = b_0 render mass and drag of a design. There is no damper in a row with the mass to set. D is told
-as a damping ratio of M and S, and as joint_damping, which all axes share and which alone damps without a stiffness.
+The controller's law is a coupling with b_c = 2 m_c/T, m_c = M - D T and b_0 = D (see `admittance_problem`): M = m_c + D
+T and D = b_0 render mass and drag of a design. There is no damper in a row with the mass to set. The file states D as a
+damping ratio of M and S, and as joint_damping, which all axes share and which alone damps without a stiffness.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 """A ROS 2 admittance in place of the coupling: the problem of a device and a parameter file together.
 
 The controller steps M dv/dt + D v + S x = f explicitly: (M/T) (v - v_before) + D v_before + S x_before = f. That is a
-mass M - D T by backward Euler, a drag D - S T/2 and a lossless spring S: the first is the coupling of the trapezoidal
-rule with b_c = 2 (M - D T)/T and m_c = M - D T, and what is proved of it holds on every passive environment, the spring
-among them.
+mass M - D T by backward Euler, a drag D - S T/2 and a lossless spring S. The first is the coupling of the trapezoidal
+rule with b_c = 2 (M - D T)/T and m_c = M - D T, and its proof covers every passive environment, including the spring.
 
-Before a servo nothing is left to approximate. S pulls the measured position, which is late as the servo is: it is the
+Before a servo there is no approximation. S pulls the measured position, which is late as the servo is: it is the
 servo's own spring, and takes no drag beside. The filter of the samples is one of the samples. A position that is
 commanded is the sum of T v, between which the servo interpolates: it moves as if v were commanded.
 """

@@ -1,8 +1,8 @@
 """The exchange method: IPOPT on a few frequencies, to which it adds those where the answer fails (design/README.md,
 section 6).
 
-Everything is local to a start: each NLP is confined to a box in log coordinates around the last point whose loop is
-stable, because the constraints on single frequencies are also met by unstable loops that lie beyond |S| = inf.
+The exchange is local to a start: each NLP is confined to a box in log coordinates around the last point whose loop is
+stable, because unstable loops beyond |S| = inf also satisfy the constraints at single frequencies.
 """
 
 from __future__ import annotations
@@ -51,15 +51,16 @@ FIRST_FREQUENCIES = 9
 Missing ones join later. Half takes a round or two more; twice makes every round slower."""
 PANELS = 4
 MAX_PANELS = 256
-"""Panels of eight nodes of the error's quadrature at first and at most: doubled until the NLP knows its error to
-`OBJECTIVE_TOLERANCE`. Half to begin with is another round, half at most is too few for an undamped resonance."""
+"""Panels of eight nodes of the error's quadrature at first and at most; they are doubled until the NLP's error is
+accurate to `OBJECTIVE_TOLERANCE`. Half to begin with is another round, half at most is too few for an undamped
+resonance."""
 OBJECTIVE_TOLERANCE = {"rms": 1e-7, "peak": 1e-4}
 """Relative difference that is allowed between the NLP's objective and the error of its answer. With norm "peak" every
 round gains a factor of only three or four, because the greatest error moves with the gains; 1e-5 would cost 5 % of all
 time. Half or twice is that much of error."""
 UPHILL = 1e-4
-"""Share by which an answer must be worse than a known design to count as in another basin. It is beyond the effect of
-the tightening and of IPOPT's tolerance, and well below 0.1 %, the resolution of basins."""
+"""Share by which an answer must be worse than a known design to be in another basin. It is beyond the effect of the
+tightening and of IPOPT's tolerance, and well below 0.1 %, the resolution of basins."""
 
 
 def polish(
@@ -137,7 +138,7 @@ class _Search:
     radius : half the box's width in log coordinates
     known, known_error : the best feasible design that is known, an answer or the start
     missed : greatest violation of the last answer
-    start_examined : whether the start was examined for that
+    start_examined : whether the start was evaluated for that
     unstable : whether the last answer was: one cut may do, after two in a row the box is too wide
     """
 
@@ -236,8 +237,8 @@ def _remember(search: _Search, values: Point, error: float) -> None:
 def _sharper_objective(problem: Problem, search: _Search, design: Polished, *, joined: bool) -> bool:
     """Return whether the next NLP has a sharper objective, which is wanted where it misses its own answer's error.
 
-    Of norm "rms" it has more panels of its quadrature; of norm "peak" the frequencies of the greatest errors, if any
-    was new: an NLP that knows none of them understates the error, and its optimum is none.
+    For norm "rms" it has more panels of its quadrature. For norm "peak" it has the frequencies of the greatest errors,
+    if any was new: an NLP without them understates the error, and its optimum is not one.
     """
     norm = problem.transparency.norm
     error = min(design.error, search.best.error) if norm == "peak" and search.best else design.error
@@ -250,7 +251,8 @@ def _sharper_objective(problem: Problem, search: _Search, design: Polished, *, j
 
 
 def _first_working_set(posed: Posed, start: Start, scanned: ScanResult) -> WorkingSet:
-    """Return a coarse set with the local extrema at the start; demands that nothing in the scan came near stay out."""
+    """Return a coarse set with the local extrema at the start, without constraints that nothing in the scan came
+    near."""
     problem, coarse = posed.problem, np.geomspace(*posed.span, FIRST_FREQUENCIES)
     first = WorkingSet()
     if problem.passive and (problem.bounds.velocity.max > 0 or start.gains.position > 0):

@@ -27,7 +27,7 @@ from vctune.model.problem import Problem
 from vctune.running import check_time
 
 ROUNDS, PARTS = 3, 4
-"""How often the step that the limit lies in is divided, and into how many parts: 64 parts of a step, 1 % of K_v."""
+"""How often the step that contains the limit is divided, and into how many parts: 64 parts of a step, 1 % of K_v."""
 BELOW, ABOVE = 0.93, 1.03
 """Between which factors of a limit its neighbours lie: below it the best design for the coupling, which may need some
 gain less; above it little, since the limit is known to 1 % on the scan's frequencies."""
@@ -39,7 +39,7 @@ class GainLimits:
 
     Attributes
     ----------
-    corner, below : which of the grid's corners, and its last K_v below the limit there
+    corner, below : index of the grid's corner, and its last K_v below the limit there
     velocity : the limits
     scores : scores of the designs there, shape (corners, 1, time constants, drags)
     """

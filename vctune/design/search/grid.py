@@ -40,15 +40,15 @@ COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}
 """Least number of points of each axis.
 
 A basin has to show as a local minimum, no more: the limits of the gains and the refinement find its place. Half as many
-K_v, corners or time constants cost no reference problem and no basin of the tests more than 0.1 %, so that there is a
-factor of two in reserve; with half as many drags one of them gets twice the error. Twice as many of any find nothing
-better.
+K_v, corners or time constants cost no reference problem and no basin of the tests more than 0.1 %, so there is a
+reserve of a factor of two; with half as many drags one problem has twice the error. Twice as many of any find no better
+design.
 """
 PER_DECADE = 3.5
 """Least number of corners, and of time constants, in a decade: as many as `COUNTS` give on usual bounds, kept on wide
 ones."""
 LEAPS = 2
-"""How many intervals of forbidden scales are left one after the other. Half and twice: starts as good."""
+"""Number of intervals of forbidden scales that the scan leaves one after the other. Half and twice: starts as good."""
 MOST = 1e100
 """Stand-in for infinity where numbers are multiplied."""
 LOOPS_AT_ONCE = 160
@@ -78,9 +78,9 @@ class Scores:
     Attributes
     ----------
     missed : most serious constraint that is missed
-    violation : by how much, 0 where nothing is
-    error : transparency error where nothing is missed, else inf
-    damping : least scale within the bounds, which decides between equals where the coupling costs nothing
+    violation : amount of the violation, 0 if there is none
+    error : transparency error if nothing is violated, else inf
+    damping : least scale within the bounds, which decides between equals if the coupling costs nothing
     """
 
     missed: Kinds
@@ -160,7 +160,7 @@ def _count(name: str, low: float, high: float) -> int:
 def _axis(bounds: Range, count: int, floor: float) -> Floats:
     """Return a logarithmic grid over the bounds; a range from 0 or far below `floor` starts with its end and `floor`.
 
-    A low end other than 0 comes on top of the count: it makes the grid above no coarser.
+    A low end other than 0 comes on top of the count, so that the grid above is as fine as before.
     """
     if bounds.fixed:
         return np.array([bounds.min])
@@ -272,7 +272,7 @@ def responses(samples: Samples, gains: Gains) -> list[LoopResponse]:
 def _required(samples: Samples, gains: Gains, bands: list[LoopResponse]) -> tuple[Floats, Floats]:
     """Return the places at which a Re Z_c is required, and the greatest R there.
 
-    They are the frequencies of the coupling as it runs, or of an impedance display theta, and its R is R/s^2.
+    They are the frequencies of the coupling as it runs, or for an impedance display theta, and its R is R/s^2.
     """
     places = []
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -308,7 +308,7 @@ def _least_damping(problem: Problem, samples: Samples, gains: Gains, bands: list
 
 
 def _within_bounds(problem: Problem, scale: Floats, at: Axes) -> tuple[Floats, Floats]:
-    """Return a scale raised to the least within the bounds, and log(how far it exceeds the upper one)."""
+    """Return a scale raised to the least within the bounds, and log of its ratio to the upper bound."""
     least, most = scale_limits(problem, at.time_constant[..., None, None, :, None])
     b_c = np.maximum(scale, least)
     slack = 1 + 1e-9
@@ -372,7 +372,7 @@ def _forbidding(
 
 
 def _times(limit: float, number: Floats) -> Floats:
-    """Return a limit times a number >= 0; without a limit nothing is beyond it, not at 0 either."""
+    """Return a limit times a number >= 0; without a limit the product is infinite, also at 0."""
     return limit * number if limit < inf else np.full_like(number, inf)
 
 

@@ -32,15 +32,15 @@ from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.running import OutOfTimeError, check_time, out_of_time, seconds_left, time_limit
 
 WORTH_POLISHING = 1.05
-"""A start is polished if its scanned error is at most this much above the best polished one, which is about what the
-refined grid may miss of a local minimum. Less skips a start that polishing would have made the best; more polishes
-starts that do not win."""
+"""A start is polished if its scanned error is at most this much above the best polished one, which is about the error
+of the refined grid at a local minimum. Less skips a start that polishing would have made the best; more polishes starts
+that do not win."""
 PROOF_ROUNDS, MORE_DIGITS = 4, 2
 """How often a refuted optimum is polished again, and how many more digits are then written. With 4 rounds the
 tightening reaches 1e-3, which makes a design 0.1 % worse. Half gives up designs that a third round proves; twice tries
-what costs more than another start."""
+designs that cost more than another start."""
 LONG_SHOTS = 2
-"""How many starts are polished when none is feasible: the nearest misses may be feasible between the points of the
+"""Number of starts that are polished if none is feasible: the nearest misses may be feasible between the points of the
 grid. One would bet on the scan's order, more cost time before the search of every box begins, which finds them too."""
 NEARLY = 0.1
 """A start that misses a constraint by more than this share is not polished where only an opinion is wanted: the grid's
@@ -74,7 +74,7 @@ class Optimum:
     judgement : judgement of the best design that is proved, or failing that of one that is undecided; None if there
         is neither
     polished : the local optimum it was rounded from
-    optima : how many local optima were found
+    optima : number of local optima
     seconds : seconds of polishing and of proving
     cut : stages that the time limit cut short
     """
@@ -93,7 +93,7 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
     ----------
     prepared : prepared problem that leaves something free
     scanned : result of its scan, dimensionless
-    progress : told the stage of the work
+    progress : function that receives the current stage
     """
     began = perf_counter()
     optima, searched = local_optima(prepared, scanned, progress, WORTH_POLISHING)
@@ -150,8 +150,8 @@ def nominal_start(prepared: Prepared) -> tuple[Start, float] | None:
 def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
     """Return a design of a problem that leaves something free that the optimiser takes for feasible, SI units.
 
-    It stops at the first and proves nothing, and where it finds none no box is searched: an opinion in a fraction of
-    the time of `solve`.
+    It stops at the first design and proves nothing, and without one it does not search the boxes: an estimate in a
+    fraction of the time of `solve`.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | 
     Parameters
     ----------
     prepared : prepared problem that leaves something free
-    gains : where to look, SI units; any coupling is sought beside them
+    gains : gains to start from, SI units; the function tries any coupling beside them
     incumbent : `Judgement.compared` to fall below
     """
     scaled, units = prepared.scaled, prepared.units
@@ -201,7 +201,7 @@ def local_optima(
     ----------
     prepared : prepared problem that leaves something free
     scanned : starts of it, dimensionless
-    progress : told the stage of the work
+    progress : function that receives the current stage
     worth : factor by which a start's error may exceed the least known
 
     Returns
@@ -269,8 +269,8 @@ def _best_proved(
 def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Iterator[tuple[Polished, Judgement]]:
     """Judge the rounded optimum; while it is not proved, polish again with its witness, sharper, to more digits.
 
-    A hand that requires more by more than what was tightened is one that only the proof has met: it has to be known,
-    not the constraints tightened.
+    If a hand requires more by more than the tightening, only the proof has found it: the search has to add it, not
+    tighten the constraints.
     """
     polished: Polished | None = optimum
     tightening, witnesses, sharpened = TIGHTENING, WorkingSet(), 0

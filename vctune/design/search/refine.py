@@ -14,8 +14,8 @@ from vctune.model.gains import Gains
 from vctune.model.problem import Problem
 
 HALVINGS = 3
-"""How often the spacing of the grid around a local minimum is halved: to an eighth, 5 % of K_v, near enough for the
-order of the starts; the rest is the optimiser's, which takes a millisecond for it."""
+"""How often the spacing of the grid around a local minimum is halved: to an eighth, 5 % of K_v, which suffices for the
+order of the starts; the optimiser does the rest in a millisecond."""
 
 Index = tuple[int, ...]
 """Index of a design on a grid: K_v, corner, tau_c, b_0."""
@@ -24,7 +24,7 @@ Index = tuple[int, ...]
 def minima_of(problem: Problem, scores: Scores) -> list[Index]:
     """Return the local minima of a grid, best first: of the feasible designs or, without any, of all.
 
-    Where the coupling costs nothing, every coupling of a loop is as good, and minima are sought over the loops only.
+    If the coupling costs nothing, every coupling of a loop is as good, and minima are sought over the loops only.
 
     Parameters
     ----------

@@ -52,7 +52,7 @@ class Samples:
 
     Attributes
     ----------
-    device : the one whose loops are examined
+    device : the device whose loops are evaluated
     integrator : whether the law has its K_p/s term
     band : band of stability
     nodes, averages : nodes and weights of the transparency band's quadrature

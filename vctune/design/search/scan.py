@@ -57,8 +57,8 @@ class ScanResult:
 def scan(posed: Posed) -> ScanResult:
     """Scan a dimensionless problem for starts.
 
-    K_p = 0 is scanned by itself: the integrator's absence changes the low-frequency demands. Minima of the rest that
-    lie at its lowest K_p belong to that basin and are left to it.
+    K_p = 0 is scanned separately, because the absence of the integrator changes the constraints at low frequency.
+    Minima of the rest that lie at its lowest K_p belong to that basin and are left to it.
     """
     problem, faces = posed.problem, _faces(posed.problem)
     found: list[Start] = []
@@ -128,7 +128,7 @@ def start_at(posed: Posed, gains: Gains) -> Start | None:
     Parameters
     ----------
     posed : dimensionless
-    gains : dimensionless; with K_p = 0 no integrator is examined
+    gains : dimensionless; with K_p = 0 no integrator is tried
     """
     problem, (samples, fine) = posed.problem, _surroundings(posed, gains)
     scores, _ = evaluated(problem, samples, fine)
@@ -190,7 +190,7 @@ def in_same_basin(posed: Posed, starts: list[Start], gains: Gains) -> list[Start
     Parameters
     ----------
     posed : dimensionless
-    starts : of which those that are feasible count, with an integrator where the gains have one
+    starts : starts, of which only the feasible ones are used, with an integrator if the gains have one
     gains : dimensionless
     """
     problem = posed.problem

@@ -22,8 +22,8 @@ STABILITY_MARGIN = 1e-4
 """Least distance from the stability boundary, as a share of the open loop's F, if no other constraint stops a design. A
 limit on |S| keeps it further away; without one, half or twice is that much of a share of the gains."""
 MAX_CUTS = 24
-"""Tangents of the stability boundary at most: a curve in the plane of the gains, of which a box sees a piece. Beyond,
-the box is halved as after any bad step."""
+"""Greatest number of tangents of the stability boundary: a curve in the plane of the gains, of which a box contains a
+piece. Beyond, the box is halved as after any bad step."""
 
 
 def stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | None:
@@ -34,7 +34,7 @@ def stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | 
     Parameters
     ----------
     problem : dimensionless, with the bounds of the gains
-    cases : the problem of each device that is examined
+    cases : the problem of each device that is evaluated
     start : the design, dimensionless
 
     Returns

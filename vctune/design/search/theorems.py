@@ -1,6 +1,7 @@
 """Requirements that no design can meet: theorems with their numbers filled in.
 
-Each limit is taken at the corner of the bounds that is kindest to it: a request is refused only where even that fails.
+Each limit is evaluated at the vertex of the bounds that is most favourable; a requirement is refused only if even that
+fails.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def impossible(problem: Problem) -> Infeasibility | None:
 
 
 def _without_damping(problem: Problem) -> Infeasibility | None:
-    """In any passive hand an impedance display without damping can meet a response of any size."""
+    """In any passive hand an impedance display without damping can face a response of any size."""
     if not problem.any_hand or problem.device.least_damping > 0:
         return None
     cause = (
@@ -125,9 +126,9 @@ def _negative_resistance(problem: Problem) -> tuple[str, str] | None:
 def _least_velocity(problem: Problem) -> float:
     """Return the K_v above which Re G_hh > 0 with the least K_p at the band's lower edge, -inf if that is not known.
 
-    Re D > 0 needs tau K_p < b + K_v for omega -> 0, and for an ideal device with "lag" without delay tau K_p <
-    b (1 + (omega tau)^2) + K_v: there Re D = b + (K_v - tau K_p)/(1 + (omega tau)^2). An operator's b_h adds to b. The
-    loss in a structure's spring eases it by what grows with K_p.
+    Re D > 0 needs tau K_p < b + K_v for omega -> 0, and for an ideal device with "lag" without delay tau K_p < b (1 +
+    (omega tau)^2) + K_v: there Re D = b + (K_v - tau K_p)/(1 + (omega tau)^2). An operator's b_h adds to b. The loss in
+    a structure's spring eases it by an amount that grows with K_p.
     """
     device, omega = problem.device, problem.stability.band.min
     if device.structure is not None or (omega > 0 and not is_rational(device)):
@@ -186,7 +187,7 @@ def _with_integrator(problem: Problem) -> tuple[str, str] | None:
 def _without_integrator(problem: Problem) -> tuple[str, str] | None:
     """K_v/(b + K_v)^2 rises to a maximum at K_v = b and falls after it: it is least at an end of the range of K_v.
 
-    Of a device that is not ideal the inertia depends on K_v, and nothing is reported.
+    For a non-ideal device the inertia depends on K_v, and nothing is reported.
     """
     device, bounds, factor = problem.device, problem.bounds, problem.stability.safety_factor
     if not device.ideal:
@@ -204,7 +205,7 @@ def _without_integrator(problem: Problem) -> tuple[str, str] | None:
 
 
 def _at_infinity(problem: Problem) -> tuple[str, str] | None:
-    """Re Z_c tends to b_c + b_0 and R grows with K_v, of which Re G_hh > 0 needs some where K_p is not small."""
+    """Re Z_c tends to b_c + b_0 and R grows with K_v; Re G_hh > 0 needs some K_v unless K_p is small."""
     device, bounds, factor = problem.device, problem.bounds, problem.stability.safety_factor
     most = Coupling(bounds.damping.max, bounds.mass.max, bounds.drag.max)
     K_v = max(bounds.velocity.min, _least_velocity(problem))

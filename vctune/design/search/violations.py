@@ -36,12 +36,12 @@ the next answer brings to the limit, which takes another round; with less peaks 
 
 @dataclass(slots=True)
 class Violations:
-    """Where the constraints are not met at a point, and by how much (relative).
+    """Points at which a design violates the constraints, and by how much (relative).
 
     Attributes
     ----------
     ratio, sensitivity, peak, unmodelled, in_hand : points
-    greatest : by how much at most
+    greatest : greatest violation
     near_peak : where |S| is greatest, if it is near its limit
     positive : whether Re(D + Z_h) > 0 throughout
     """
@@ -64,9 +64,9 @@ def violations(
     Parameters
     ----------
     posed : dimensionless
-    cases : the problem of each device that is examined, those of `posed` and others
+    cases : the problem of each device that is evaluated, those of `posed` and others
     values : K_v, K_p, b_c, m_c, b_0
-    tightening : relative amount by which the constraints are tightened
+    tightening : relative tightening of the constraints
     refuted : points in hands, found by a proof, that the search for the least ratio may miss
 
     Returns
@@ -195,7 +195,7 @@ def near_peak(cases: list[Problem], gains: Gains) -> ConstraintPoint | None:
 
     Parameters
     ----------
-    cases : the problem of each device that is examined, dimensionless
+    cases : the problem of each device that is evaluated, dimensionless
     gains : dimensionless
     """
     loops = of_own_loops(cases)

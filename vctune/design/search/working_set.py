@@ -92,12 +92,12 @@ class WorkingSet:
     ) -> WorkingSet:
         """Return the same frequencies on other devices, in the same hands or in others.
 
-        Where the loop is sampled it is the angle omega T that stays, so that what is imposed at Nyquist stays there.
+        If the loop is sampled the angle omega T stays fixed, so that constraints at Nyquist stay there.
 
         Parameters
         ----------
         changed : function that converts a device, in the units of the set
-        time : their sample time, of which the new set has its times in units
+        time : their sample time, the unit of time of the new set
         held : function that converts a hand, in the units of the set
         """
 

@@ -1,8 +1,8 @@
 """The devices of an uncertain box on which the ratio Re Z_c / R of a design is least, or |S| greatest: estimates, no
 proof.
 
-At a frequency omega the delay d counts only by the phase omega d, which turns fully within 2 pi/omega: the delays of
-one turn stand for all longer ones.
+At a frequency omega the delay d only matters through the phase omega d, which turns fully within 2 pi/omega: the delays
+of one turn stand for all longer ones.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ and an unmodelled response turn a phase once: 13 values see every half turn six 
 the proof then finds; twice means four to eight times the devices, whose number is limited: with many uncertain numbers
 three values of each are tried, or two."""
 MOST = 24
-"""Minima over frequency that are refined, the lowest ones; all at once on arrays. A long delay makes more of them, of
-which the higher ones do not bind."""
+"""Minima over frequency that are refined, the lowest ones; all at once on arrays. A long delay makes more of them; the
+higher ones do not bind."""
 FIRST_STEP = 0.02, 0.1
 """First steps of the refinement: of the frequency, relative, and of a number as a share of its reach. About half of the
 grid's: with less a minimum is reached in more rounds, with more another one may be."""
@@ -39,8 +39,8 @@ STEPS, SHRINK = 40, 0.5
 """Rounds of the refinement, and the factor by which its steps shrink if no neighbour is lower: to 1e-10 of the first in
 40 rounds, half of them for moving. The ratio is flat at its minimum, so half as many still give it to 1e-6."""
 MANY, TOGETHER = 5, 2
-"""Numbers, the frequency among them, of which any may move in one step; of more only so many do, which of nine numbers
-leaves 162 steps of 19,682. Half and twice as many at a time lead to designs as good."""
+"""Numbers, including the frequency, of which any may move in one step; beyond, only so many move at once, which for
+nine numbers leaves 162 steps of 19,682. Half and twice as many at a time lead to designs as good."""
 
 SWEEPS = 3
 """How often all numbers are moved to their ends, for a greater |S|. Once is mostly enough; the proof finds any
@@ -130,7 +130,7 @@ def _device(box: DeviceBox, numbers: Sequence[Any]) -> Device:
 
 
 def _reach(box: DeviceBox, name: str, omega: Floats) -> Floats:
-    """Return how far an uncertain number is followed at each frequency: over its range, at most a turn."""
+    """Return the range over which an uncertain number is varied at each frequency: its range, at most a turn."""
     reach = box.high.number(name) - box.low.number(name)
     return np.minimum(reach, 2 * pi / omega) if name in DELAYS else np.full_like(omega, reach)
 

@@ -131,7 +131,7 @@ def finding_of(
     ----------
     file : the problem
     judgement : judgement of the gains
-    repairs : that were found by now; None if not sought
+    repairs : repairs found so far; None if not sought
     notes : beside those of any judged gains
     repairing, proving : how long it took, s
     """

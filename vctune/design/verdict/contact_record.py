@@ -93,7 +93,7 @@ def _stiffest(
     Parameters
     ----------
     problem, judgement : those of the design
-    hands : to be met, of which a certified design bears all
+    hands : hands of the claim; a certified design bears all of them
     bears : the stiffest contact in double precision
     """
     if judgement.status is Status.CERTIFIED and (bears == inf or _floored(bears) <= hands.high.stiffness):

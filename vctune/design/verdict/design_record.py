@@ -102,7 +102,7 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
     file : the problem and its text
     solved : its result
     ipopt : IPOPT's version; None if it took no part
-    date : on which it is written (`vctune.document.text.date.today`); None if that is nobody's business
+    date : day on which it is written (`vctune.document.text.date.today`); None if it must not be written
     """
     judgement, problem = solved.judgement, solved.problem
     proved = _proved(problem, judgement) if judgement is not None else {}

@@ -44,14 +44,14 @@ def edits(problem: Problem, judgement: Judgement, solved: Mapping[str, float]) -
     ----------
     problem : that the design is of
     judgement : judgement of the numbers as they are
-    solved : the numbers of the solved design by their keys, or none
+    solved : the numbers of the solved design by their keys, or empty
     """
     given = design_numbers(judgement.kind, judgement.gains, judgement.coupling)
     return [change_of_gain(problem, key, given[key], new) for key, new in solved.items() if new != given[key]]
 
 
 def undone(pasted: dict[str, Any], changed: Sequence[ParameterChange], test: RepairTest) -> list[Repair]:
-    """Return the edits each of which alone, taken back, leads to a certified design, the least error first.
+    """Return the edits of which each alone, taken back, gives a certified design, the least error first.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ OTHER_VERSION = Note("other-version", "the gains were made for another version o
 
 @dataclass(frozen=True, slots=True)
 class _Input:
-    """A file that is read once, for it may be a pipe."""
+    """A file that is read only once, because it may be a pipe."""
 
     path: Path
     text: str
@@ -61,8 +61,8 @@ def check_files(
     Parameters
     ----------
     paths : paths of the files
-    progress : told the stage of the work
-    begun : told each problem before the work on it
+    progress : function that receives the current stage
+    begun : function that receives each problem before the work on it
 
     Returns
     -------

@@ -46,10 +46,10 @@ class Infeasibility:
 
     Attributes
     ----------
-    cause : which constraint fails, where and by how much
+    cause : violated constraint, where and by how much
     advice : its possible repair
-    proved : whether it follows from a theorem or from a search that has emptied every box of gains, not from one that
-        found nothing
+    proved : whether it follows from a theorem or from a search that has pruned every box of gains, not from a search
+        without result
     """
 
     cause: str

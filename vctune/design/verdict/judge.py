@@ -76,7 +76,7 @@ class Judgement:
     compared : the same for the terms that can differ between designs, to which a bound applies
     min_ratio, worst : least Re Z_c / R on the band and where, rad/s (0 or inf at an end of the axis)
     tightest : the device on which it is least, of the nominal one and those of a box
-    in_hand : the least Re Z_c / R in the hands to be met, and in which; None if none are
+    in_hand : the least Re Z_c / R in the hands of the claim, and its hand; None without such hands
     in_any_hand : the least Re(1/Z_c)/R of an impedance display in any passive hand, if any is required
     peak_sensitivity, worst_sensitivity : greatest |S| of these devices up to Nyquist and where, rad/s
     certificate : the proved claims
@@ -178,7 +178,7 @@ def _place(outcome: Outcome, units: Units) -> str:
 
 
 def judge(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Judgement:
-    """Judge given gains against a problem's demands.
+    """Judge given gains against a problem's constraints.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
 
 @np.errstate(all="ignore")
 def judge_all(problem: Problem, designs: Sequence[tuple[Gains, AnyCoupling]]) -> list[Judgement]:
-    """Judge several designs against a problem's demands, as `judge` does, their proofs made together.
+    """Judge several designs against a problem's constraints, as `judge` does, with their proofs made together.
 
     Parameters
     ----------
@@ -245,7 +245,7 @@ def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: C
 
 
 class _InHands(NamedTuple):
-    """A device, and its least ratios in the hands to be met and in any passive one."""
+    """A device, and its least ratios in the hands of the claim and in any passive one."""
 
     device: Device
     held: RatioInHand | None

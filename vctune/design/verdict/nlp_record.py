@@ -30,7 +30,7 @@ ACTIVE = 1e-5
 def active(solved: Solved) -> list[ActiveRecord]:
     """Return the constraints that hold the design, the dearest first: kind, frequency and multiplier.
 
-    The multiplier is d log(error)/d log(demand): by how many per cent the error falls when the constraint is eased by
+    The multiplier is d log(error)/d log(constraint): by how many per cent the error falls if the constraint is eased by
     one.
     """
     if solved.polished is None:

@@ -101,7 +101,7 @@ class ParameterChange:
         return abs(new - self.old) / min(new, self.old) if new > 0 else inf
 
     def size(self, new: float) -> float:
-        """Return the size of a change, by which changes of all numbers are compared: r/(1 + r), r the relative change.
+        """Return the size of a change, for comparing changes of all numbers: r/(1 + r), r the relative change.
 
         It is at most 1, the change relative to the greater of the old and the new value.
         """
@@ -131,7 +131,7 @@ class ParameterChange:
         Parameters
         ----------
         relative : the least change that is wanted
-        growth : how much greater it may be, as a share of it
+        growth : greatest relative increase
 
         Returns
         -------
@@ -160,7 +160,7 @@ class ParameterChange:
 
         Parameters
         ----------
-        document : parsed TOML, which stays as it is
+        document : parsed TOML, which is not modified
         new : the new value, in the file's unit
         """
         beside = () if self.other is None else (((*self.path[:-1], OTHER_END[self.path[-1]]), self.other),)
@@ -222,7 +222,7 @@ def _of_device(problem: Problem) -> Iterator[ParameterChange]:
 def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
     """Yield fewer hands: with more damping, or where a box of them is required with less mass or stiffness.
 
-    Where none of a box has a stiffness, nothing may return the handle: then stiffer hands, too.
+    If no hand of a box has a stiffness, nothing may return the handle: then stiffer hands, too.
     """
     device, low, high = problem.device, problem.hands.low, problem.hands.high
     meaning, loop = "more damping in every hand", _natural_impedance(problem)
@@ -347,10 +347,10 @@ def _natural_sizes(problem: Problem) -> dict[str, float]:
 
 
 def _upwards(old: float, natural: float) -> float:
-    """Return how far upwards to go."""
+    """Return the greatest upward change."""
     return max(FURTHEST * old, 10 * natural)
 
 
 def _downwards(old: float, key: str) -> float:
-    """Return how far downwards to go: to 0 where a gain may be that."""
+    """Return the greatest downward change: to 0 if a gain may be 0."""
     return 0.0 if key.startswith("gains.") else old / FURTHEST

@@ -77,7 +77,7 @@ class _OfDevice:
         return device.with_numbers({self.name: factor * device.number(self.name)})
 
     def held(self, hand: Hand, hands: Hands, factor: float) -> Hand:
-        """Return a hand of the box, which stays as it is."""
+        """Return a hand of the box, which is not modified."""
         return hand
 
 
@@ -104,7 +104,7 @@ class _OfHands:
         return float(getattr(problem.hands.low if self.end == "min" else problem.hands.high, self.name))
 
     def changed(self, device: Device, factor: float) -> Device:
-        """Return a device, which stays as it is."""
+        """Return a device, which is not modified."""
         return device
 
     def held(self, hand: Hand, hands: Hands, factor: float) -> Hand:

@@ -1,7 +1,7 @@
 """Repairs that make a design possible: changes of one number, each sufficient on its own, the least error first.
 
-Numbers of the problem are changed as little as will do; a number of a design takes the value with the least error, or
-the one that it had when it was solved. Nothing here imports the optimiser before it is needed.
+Numbers of the problem change as little as possible; a number of a design takes the value with the least error, or that
+of the solved design. Nothing here imports the optimiser before it is needed.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ from vctune.running import OutOfTimeError, check_time, out_of_time, time_limit
 SHARE = 0.9
 """The share of a repair that must not suffice."""
 ROUNDS = 10
-"""How often a first opinion is corrected: a little more where it does not suffice, a tenth less where less does. Two or
-three times are usual; half as many leave out repairs, twice as many wait for none."""
+"""Number of corrections of a first estimate: a little more if it does not suffice, a tenth less if less suffices. Two
+or three times are usual; half as many leave out repairs, twice as many wait for none."""
 REPAIRS = "the repairs"
 """A stage that a time limit may cut short."""
 LONGEST = 30.0
@@ -60,7 +60,7 @@ def _posed(document: dict[str, Any]) -> Problem | None:
 
 
 def _seems_admissible(problem: Problem) -> bool:
-    """Return whether a problem's fixed design meets the constraints in double precision, and its poles are proved."""
+    """Return whether a problem's fixed design meets the constraints in double precision and its poles are proved."""
     return all(_seems_admissible_on(case, *problem.fixed_design) for case in pose_devices(problem).cases)
 
 
@@ -132,7 +132,7 @@ def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda 
     ----------
     file : the problem
     solved : its result
-    progress : told the stage of the work
+    progress : function that receives the current stage
     """
     problem, judgement, began = file.problem, solved.judgement, perf_counter()
     idle = judgement is not None and judgement.idle
@@ -291,7 +291,7 @@ class _Search:
         return posed is not None and self.test.estimate(posed)
 
     def certified(self, new: float) -> Judgement | None:
-        """Return the design that there is with a new value, if it is certified."""
+        """Return the design with a new value, if it is certified."""
         posed = self.posed(self.change.applied(self.document, new))
         check_time()
         judgement = self.test.verify(posed) if posed is not None else None
@@ -305,7 +305,7 @@ class _Search:
 
         Parameters
         ----------
-        low, high : relative changes of which the second seems to suffice
+        low, high : relative changes; the second seems to suffice
         """
         change, width = self.change, self.test.width
         relative = self._narrowed(low, high)

@@ -109,7 +109,7 @@ WITHOUT_ID: dict[str, ClaimId] = {
     "stable in every hand with every passive environment, Re Z_c >= safety_factor R up to Nyquist": "hands",
     "stable in every hand with every passive environment, Re 1/Z_c >= safety_factor R up to Nyquist": "hands",
 }
-"""The sentences by which files name claims that were written before claims had identifiers. No new ones come."""
+"""The sentences that name claims in files written before claims had identifiers. No new ones come."""
 
 
 def _id_may_lack(schema: dict[str, Any]) -> None:

@@ -1,6 +1,6 @@
 """The region file: the feasible gains, cell by cell, as a baseline for continuous integration.
 
-Each key of region.json once, with its type: what is written and what a file must hold to be read back.
+Each key of region.json once, with its type: this determines what is written and what a file must hold to be read back.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class CheckedProblemRecord(Part):
 class RegionDocument(Document):
     """The plane of gains and its cells, in SI units: the object of region.json.
 
-    Of one that was `interrupted`, cells that were skipped are undecided.
+    If it was `interrupted`, skipped cells are undecided.
     """
 
     SCHEMA = "vctune/region/1"

@@ -23,7 +23,7 @@ class RowsHeader(Document):
 class FeltRecord(Part):
     """How a design feels, on no yardstick (`vctune.analysis.feel`); null without a design, or above Nyquist.
 
-    The wall is examined at 10 Hz; tracking ends where |G_he|, for an impedance display |A H/N|, falls below 1/sqrt 2.
+    The wall is evaluated at 10 Hz; tracking ends where |G_he|, for an impedance display |A H/N|, falls below 1/sqrt 2.
     """
 
     felt_mass_1hz: Annotated[Number, Shown("mass felt at 1 Hz", of="mass")]
@@ -118,9 +118,9 @@ class ObjectiveRecord(Part):
 class SweepRecord(Document):
     """The summary of a sweep.
 
-    `units` are those of axes and numbers, `idle` counts certified designs, and `stability_high_hz` is the least and the
-    greatest upper edge of the stability band where neither problem nor axes state it and the points' own devices differ
-    in it.
+    `units` are those of axes and numbers, `idle` is the number of such certified designs, and `stability_high_hz` is
+    the least and the greatest upper edge of the stability band if neither problem nor axes state it and the points'
+    devices differ in it.
     """
 
     SCHEMA = "vctune/sweep/2"

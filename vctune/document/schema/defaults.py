@@ -146,7 +146,7 @@ def _on(yardstick: Transparency | None, own: Transparency, table: TransparencyTa
 def _hands(table: OperatorTable, system: UnitSystem) -> Hands:
     """Return the hands of a table; a plain number is the least, the greatest is then a human hand's, or as much.
 
-    What a human hand is to a rotary device nobody knows but who states it: there a plain number is all.
+    The hands of a rotary device have no default, so that a plain number is all.
     """
     most = astuple(HUMAN_HANDS.high) if system == "linear" else (0.0, 0.0, 0.0)
     each = (table.mass, table.damping, table.stiffness)
@@ -182,7 +182,7 @@ def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag:
     Parameters
     ----------
     table : as stated
-    criterion : which hands are met
+    criterion : selects the hands
     device, lag : whose loop it is, and its lag, s
     slowest : lower edge of the transparency band, rad/s
     """

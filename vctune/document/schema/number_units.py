@@ -19,7 +19,7 @@ QUANTITIES = {
     "time": ("sample_time", "delay"),
     "frequency": ("band_hz", "bandwidth_hz", "filter_hz", "frequency_hz"),
 }
-"""Which keys are which quantity (`vctune.model.numbers.units`), whatever table they stand in."""
+"""The quantity of each key (`vctune.model.numbers.units`), independent of its table."""
 SHARES = ("uncertainty", "weights")
 """Tables of numbers without a unit."""
 

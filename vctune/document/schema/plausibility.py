@@ -68,7 +68,7 @@ def in_finer_unit(value: float, most: float) -> tuple[str, float]:
 
     Parameters
     ----------
-    value : as it is written
+    value : the written value
     most : the greatest plausible time, s
     """
     scale, unit = next(((scale, unit) for scale, unit in reversed(FINER) if value * scale < most / 5), FINER[0])

@@ -119,7 +119,7 @@ def _line(lines: toml.Lines, path: KeyPath) -> int:
 
 
 def dotted(path: KeyPath) -> str:
-    """Return a key as it is written: tables joined by dots, elements of lists in brackets."""
+    """Return a key in its written form: tables joined by dots, elements of lists in brackets."""
     text = ""
     for step in path:
         name = step if isinstance(step, int) or re.fullmatch(r"[\w-]+", step) else json.dumps(step, ensure_ascii=False)
@@ -203,7 +203,7 @@ def _elements(path: KeyPath) -> str:
 
 
 def _pair(path: KeyPath) -> str:
-    """Return how the pair at a path, or that of which it is an element, is written."""
+    """Return the written form of the pair at a path, or of the pair that contains it."""
     return next((form for key, (form, _) in PAIR_LISTS.items() if path[: len(key)] == key), "[lower, upper]")
 
 
@@ -227,7 +227,7 @@ def _field_at(model: type[BaseModel], path: KeyPath) -> FieldInfo | None:
 def _table_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
     """Return the table at a path: a key's own, that of each element of a list, or one that may be left out.
 
-    A tag in the path says which of several tables a key holds; without one it is the first.
+    A tag in the path says which of several tables a key holds; without a tag it is the first.
     """
     tables, annotation = [model], None
     for step in path:
@@ -283,7 +283,7 @@ def _unknown(model: type[BaseModel], path: KeyPath) -> str:
 
 
 def _tables(model: type[BaseModel], told: KeyPath, tag: KeyPath) -> Iterator[tuple[str, set[str]]]:
-    """Yield the tables of a document with their keys: of the one at `told` that which the tag names."""
+    """Yield the tables of a document with their keys; at `told` only the table of the tag."""
     for name in model.model_fields:
         table = _table_at(model, (name, *(tag if (name,) == told else ())))
         if table:

@@ -10,7 +10,7 @@ PREFIXED = {"g": ("kg", 1e-3), "ms": ("s", 1e-3), "us": ("s", 1e-6), "µs": ("s"
     "g cm2": ("kg m2", 1e-7), "kg cm2": ("kg m2", 1e-4), "mNm": ("N m", 1e-3), "mN m": ("N m", 1e-3),
     "deg": ("rad", pi / 180), "rpm": ("rad/s", pi / 30),
 }  # fmt: skip
-"""Units that are written where those of the file are meant: which of these they are so much of."""
+"""Units that users write instead of those of the file, and their conversion."""
 CALLED = {
     "inertia": "mass",
     "moment_of_inertia": "mass",
@@ -29,7 +29,7 @@ def number_meant(text: str) -> str:
 
     Parameters
     ----------
-    text : as it is written
+    text : the written text
     """
     comma = WITH_COMMA.fullmatch(text)
     if comma:

@@ -15,11 +15,12 @@ from vctune.identification.motion.signals import Signals
 from vctune.identification.motion.spectral_filters import filtered, smooth, spectrum, stride
 
 CLEAR = 4.0
-"""How many standard deviations the rise at low speed must have: its velocity is chosen after the data were seen."""
+"""Required significance of the rise at low speed, in standard deviations: its velocity is chosen after the data were
+seen."""
 TRIED = 24
 """Velocities of the curve that are tried, from a hundredth of the peak speed to a half."""
 WITHIN = 12
-"""Greatest rise, in Coulomb's friction, that counts as Stribeck's."""
+"""Greatest rise, in units of Coulomb's friction, of Stribeck's curve."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,7 +44,7 @@ class MotionFit:
     values : shape (p,), SI units
     covariance : shape (p, p), of correlated residuals
     cutoff_hz : of the low-pass on both sides
-    samples : how many were used, and of the log's samples how many there are
+    samples : number of used samples, and number of the log's samples
     residual, force : root mean squares, N
     """
 
@@ -167,13 +167,13 @@ def _covariance(
 
 @dataclass(frozen=True, slots=True)
 class PlacedScores:
-    """Residual times sensitivity at every sample in time, of which no more is made at once than is summed.
+    """Residual times sensitivity at every sample in time, made in pieces for the sum.
 
     Attributes
     ----------
-    sensitivity, residual : at the samples that count
+    sensitivity, residual : at the used samples
     places : places of those, rising
-    count : count of all samples
+    count : number of all samples
     """
 
     sensitivity: Floats
@@ -202,7 +202,7 @@ def _pushed(
     kept: Flags,
     slopes: Floats,
 ) -> Floats:
-    """Return the force at the samples that count; `slopes` is filled with those of the fitted force by free delays."""
+    """Return the force at the used samples; `slopes` is filled with those of the fitted force by free delays."""
     every = stride(cutoff_hz, signals.sample_time)
     force = np.zeros(len(slopes))
     for name, column, sign in (("delay", "command", -1j), ("sensor_delay", "hand", 1j)):
@@ -223,7 +223,7 @@ def _pushed(
 
 
 def _kept(signals: Signals, cutoff_hz: float, least: float) -> Flags:
-    """Return which samples count: neither at an end nor at a turn."""
+    """Return the used samples: neither at an end nor at a turn."""
     T, v = signals.sample_time, signals.velocity
     kept = np.ones(v.size, dtype=bool)
     margin = edge(cutoff_hz, 4 * T, T)

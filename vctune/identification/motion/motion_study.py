@@ -90,7 +90,7 @@ class MotionStudy:
         return found
 
     def _excess(self, name: str) -> tuple[float, float]:
-        """Return by how much the other cut-offs differ beyond their own spread, below and above."""
+        """Return the difference of the other cut-offs beyond their own spread, below and above."""
         own, below, above = self.directional.value(name), 0.0, 0.0
         for fit in self.others:
             beyond = abs(fit.value(name) - own) - 2 * fit.sigma(name) - 2 * self.directional.sigma(name)

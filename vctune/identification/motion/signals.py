@@ -43,8 +43,9 @@ class Signals:
     is_command : whether the force is a command, held between samples
     actuator : actuator behind a held command, if it is known
     noise : standard deviation of a position sample, m
-    velocity : behind the highest cut-off that its noise bears, m/s: says which way the device moves
-    spectra : spectra of position, command and hand, the command's behind hold and actuator, and of what `WAYS` names
+    velocity : behind the highest cut-off that its noise allows, m/s; gives the direction of motion
+    spectra : spectra of position, command and hand, the command's behind hold and actuator, and of the columns of
+        `WAYS`
     """
 
     position: Floats

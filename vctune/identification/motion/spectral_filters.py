@@ -109,12 +109,12 @@ def filtered(column: Spectrum, response: Response, every: int = 1) -> Floats:
 
 
 def edge(cutoff_hz: float, delay: float, sample_time: float) -> int:
-    """Return how many samples at each end of a filtered column are not of the log alone.
+    """Return the number of samples at each end of a filtered column that do not depend on the log alone.
 
     Parameters
     ----------
     cutoff_hz : of the low-pass, Hz
-    delay : by which the column is shifted, s
+    delay : shift of the column, s
     sample_time : s
     """
     return ceil((REACH / cutoff_hz + abs(delay)) / sample_time) + 1

@@ -102,7 +102,7 @@ def point(numbers: Mapping[str, float], candidate: Candidate) -> Floats:
     Parameters
     ----------
     numbers : by name, SI units
-    candidate : says which, and in what order
+    candidate : the numbers and their order
     """
     return np.array([log(numbers[name]) if name in SCALED else numbers[name] for name in candidate.names])
 

@@ -17,7 +17,7 @@ from vctune.identification.response.response_fit import ResponseFit
 from vctune.model.device import Device
 
 TOLD = 3.0
-"""How many deviations a lag must be from none: no interval of a box is wider."""
+"""Significance of a lag in deviations: no interval of a box is wider."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class PeriodicStudy:
 
     @property
     def left(self) -> Floats:
-        """By how much the fit differs from each line of the position, relatively."""
+        """Relative difference of the fit from each line of the position."""
         return np.abs(self.fit.position / self.measured.position.ratio - 1)
 
     @property

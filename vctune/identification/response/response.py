@@ -11,7 +11,7 @@ from vctune.document.recording import Channel, Floats, Recording
 
 Complex = NDArray[np.complex128]
 LEAST_PERIODS = 4
-"""Fewer say nothing of a line's variance once the first is dropped."""
+"""Least number of periods; fewer do not show a line's variance once the first is dropped."""
 LEAST_LINES = 8
 REPEATS = 0.9
 """Least correlation of a column with itself a period later. Noise of a tenth of the power takes away less."""
@@ -52,7 +52,7 @@ class Response:
     Attributes
     ----------
     period : samples
-    periods : how many were averaged
+    periods : number of averaged periods
     input : "force" or "command", the divisor of position and handle
     position, handle : m/N; no handle where it was not recorded
     drive : from command to force, where both were recorded
@@ -116,7 +116,7 @@ def response(recording: Recording, sample_time: float) -> Response | None:
 
 
 def find_period(values: Floats) -> int | None:
-    """Return after how many samples a column repeats itself, at least `LEAST_PERIODS` times; None if it does not."""
+    """Return the period of a column in samples, if it repeats at least `LEAST_PERIODS` times; None if it does not."""
     centred = values - values.mean()
     n = centred.size
     size = 1 << (2 * n - 1).bit_length()

@@ -19,8 +19,8 @@ START_FLOOR = 0.1
 """Model error with which the search starts: half and twice it lead to the same fits."""
 ROUNDS = 20
 CLEARER = 2.0
-"""How many times smaller a second mass has to make chi2: model errors of neighbouring lines are alike, and friction
-bends a response a little everywhere, while a resonance is worth a hundred."""
+"""Factor by which a second mass has to reduce chi2: model errors of neighbouring lines are alike, and friction bends a
+response a little everywhere, while a resonance reduces it by a hundred."""
 DAMPED = 0.5
 """Damping ratio from which on a peak does not count."""
 UNKNOWN = 1e-12
@@ -45,7 +45,7 @@ class ResponseFit:
         noise
         alone explains the residual
     chi2 : with the noise alone, over degrees of freedom
-    lines : how many, of all outputs
+    lines : number of lines of all outputs
     speed : root mean square of the motor's, m/s
     device : device with the fitted numbers
     position, handle : those of the model at the lines, m/N
@@ -72,7 +72,8 @@ class ResponseFit:
 def fit_response(
     measured: Response, actuator: Actuator | None = None
 ) -> tuple[ResponseFit, tuple[ResponseFit, ...]] | None:
-    """Return the simplest candidate that explains a response as well as the best, and all; None with too few lines.
+    """Return the simplest candidate that explains a response as well as the best does, and all candidates; None with
+    too few lines.
 
     Parameters
     ----------

@@ -26,9 +26,9 @@ MARGIN = 1 + 1e-6
 
 
 def distances(device: Device, bounds: Sequence[Bounded], measured: Response, coulomb: float) -> Floats:
-    """Return by how much each line of the position differs, relatively, from the nearest device of the box.
+    """Return the relative difference of each line of the position from the nearest device of the box.
 
-    Coulomb friction is taken out of the line first: it is nothing linear.
+    Coulomb friction is first subtracted from the line, because it is not linear.
 
     Parameters
     ----------

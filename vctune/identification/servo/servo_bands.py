@@ -18,7 +18,7 @@ LOWEST = 3.0
 CLEAR = 0.02
 """Greatest relative deviation of a band that is used."""
 HANN = 1.5
-"""Bins of which a window makes one."""
+"""Number of bins in a window."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ def bands(seen: ServoLog, fit: ServoFit) -> Bands:
 
     Parameters
     ----------
-    seen : the log as it was fitted
+    seen : the fitted log
     fit : the servo that explains the log best
     """
     T = seen.sample_time

@@ -22,13 +22,13 @@ SETTLED = 6.0
 VALLEYS = 14
 """Bandwidths at which a better fit is sought."""
 ROUNDS = 2
-"""How often noise and numbers are fitted to each other."""
+"""Number of alternations between fitting noise and numbers."""
 LEAST_SPAN = 8
 """Rows over which a way is compared: in one of them the encoder is all that one sees."""
 FINE = 1e-4
 """Relative step of a derivative."""
 WILD = 1.5
-"""How many times the half-width by chi2 a deviation may say."""
+"""Greatest ratio of a deviation to the half-width by chi2."""
 STATED = 2
 """Numbers that are stated together: delay and bandwidth."""
 
@@ -73,17 +73,17 @@ class ServoFit:
     ----------
     order : order of the low-pass
     delay, bandwidth : s and Hz; the ends hold both at once
-    gain, gain_sigma : how many times its command it moves, and its standard deviation
+    gain, gain_sigma : motion relative to the command, and its standard deviation
     lag : lag of its low-pass at rest, s
     jitter : standard deviation of its delay from command to command, s
     noise : Noise, as the likelihood has it
-    exposed : by which variance jitter goes into each row, over that of the delay
+    exposed : variance of the jitter in each row, over that of the delay
     first : row from which on it was fitted
     unlikely : -2 log likelihood
     inflation : factor by which the residuals' correlation increases a variance
     left : steps of the position that the fit leaves, m
     left_share : residual motion in as many rows as the servo is late by, root mean square
-    told : whether the bandwidth ends below the highest that is examined
+    told : whether the bandwidth ends below the highest tried one
     """
 
     order: int
@@ -125,7 +125,7 @@ class _Task:
         return np.diff(np.stack([self.seen.position, moved], axis=1)[self.first :], axis=0)
 
     def gain(self, at: Floats) -> float:
-        """Return how many times its command the servo moves."""
+        """Return the servo's motion relative to its command."""
         measured, made = self._whitened(self.steps(at)).T
         return float(measured @ made / (made @ made))
 

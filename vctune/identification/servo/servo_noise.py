@@ -35,13 +35,13 @@ class Noise:
 
 
 def exposure(velocity: Floats, *, is_position: bool, late: int, lag: float) -> Floats:
-    """Return by which variance a link's jitter goes into each row, over that of the delay.
+    """Return the variance of a link's jitter in each row, over that of the delay.
 
     Parameters
     ----------
     velocity : commanded, per row, m/s
     is_position : whether the command was a position
-    late : rows by which the servo is late
+    late : delay of the servo in rows
     lag : lag of its low-pass, rows
     """
     from scipy.signal import lfilter
@@ -81,7 +81,7 @@ def likeliest(
     Parameters
     ----------
     steps : residuals of a fit, m
-    near : where it is sought
+    near : value near which it is sought
     least : deviation of a position sample, m
     T : sample time, s
     exposed, is_position : as for `whitened`

@@ -57,10 +57,10 @@ class ServoStudy:
 
     Attributes
     ----------
-    seen : the log as it was fitted
+    seen : the fitted log
     fit : fit of the order that explains it best
     other : fit of the other order
-    told : whether chi2 tells the orders apart
+    told : whether chi2 separates the orders
     yielding : part of the motion that follows the force; None if no force was recorded
     bands : measured response
     """
@@ -236,7 +236,7 @@ def _yielding(recording: Recording, seen: ServoLog, fit: ServoFit) -> Yielding |
 
 
 def _slopes(seen: ServoLog, fit: ServoFit) -> list[Floats]:
-    """Return the steps that the fit makes, and by how much they change with delay and bandwidth."""
+    """Return the steps of the fit, and their derivatives with respect to delay and bandwidth."""
     delay, bandwidth = fit.delay.value, fit.bandwidth.value
 
     def made(delay: float, bandwidth: float) -> Floats:

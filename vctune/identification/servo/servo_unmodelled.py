@@ -35,7 +35,7 @@ def response_of(device: Device, omega: Floats) -> Complex:
 
 
 def servo_distances(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> Floats:
-    """Return by how much each band differs, relatively, from the nearest servo of the box.
+    """Return the relative distance of each band from the nearest servo of the box.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def servo_distances(device: Device, bounds: Sequence[Bounded], study: ServoStudy
 
 
 def off_other_order(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> tuple[Floats, Floats]:
-    """Return frequencies up to Nyquist's, Hz, and by how much a servo of the order that is not stated is off the box.
+    """Return frequencies up to Nyquist's, Hz, and the distance of a servo of the other order from the box.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """The device's constants in its loop at a frequency, independent of the gains (README, sections 1 and 12).
 
-An ideal device is a mass and a damping, and a hold with its delay. What else there is, an actuator, a velocity
-estimate, a force sensor, a spring between motor and handle, comes beside them, and costs nothing where it is not.
+An ideal device is a mass and a damping, and a hold with its delay. Other parts (an actuator, a velocity estimate, a
+force sensor, a spring between motor and handle) are optional, and cost nothing if absent.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class DeviceResponse(NamedTuple):
     sensor : F_s, from the hand's force to the sensed force; None for 1
     spring : between motor and handle; None if rigid
     operator : b_h, the damping of the least operator, N s/m; None without one
-    factor : x = 1 + delta, by which the mechanism's response is multiplied; None for 1
+    factor : x = 1 + delta, factor of the mechanism's response; None for 1
     follows : whether the motion follows the command alone, as a servo's
     """
 

@@ -1,6 +1,6 @@
 """Non-ideal parts of a device at a frequency: velocity estimate, actuator, force sensor (README, section 12).
 
-All have gain 1 at rest, so that what they take away, not what they leave, is computed: nothing cancels.
+All have gain 1 at rest, so that the code computes their loss, not their remainder: nothing cancels.
 """
 
 from __future__ import annotations

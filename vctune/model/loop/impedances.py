@@ -27,8 +27,8 @@ class LoopResponse(NamedTuple):
     im_slope : that over omega, regular at omega = 0; None if it does not vanish there
     resistance : Re(N conj D) + b_h |N|^2, not scaled, N s/m: |D|^2 Re G_hh, and of a rigid device in the hand of its
         least operator Re(D + Z_h)
-    operator_relief : 2 b_h Re(F_s C_0 conj N), by which an operator eases the conditions, (N s/m)^2, not scaled; None
-        without one
+    operator_relief : 2 b_h Re(F_s C_0 conj N), the term by which an operator eases the conditions, (N s/m)^2, not
+        scaled; None without one
     """
 
     C_scaled: Pair

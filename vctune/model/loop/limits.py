@@ -18,7 +18,7 @@ class EndLimit:
     Attributes
     ----------
     coupling : the limit of Re Z_c
-    required : the limit of R; inf if no coupling will do
+    required : the limit of R; inf if no coupling suffices
     """
 
     coupling: Number
@@ -126,7 +126,7 @@ def high_frequency_limit(device: Device, gains: Gains, coupling: Coupling) -> En
     Parameters
     ----------
     device : ideal, in SI units; b_h is its least operator's damping
-    gains : only K_v counts, N s/m
+    gains : only K_v matters, N s/m
     coupling : b_c, m_c and b_0 of an admittance display
 
     Returns

@@ -190,7 +190,7 @@ def _estimated(
 def _turned(at: DeviceResponse, gains: Gains, C_0: Impedance, scale: _Scale, ops: Arithmetic) -> _Turned:
     """Return Im(C_0 conj W) scaled: C_0 against b, against m omega, and against the loss of F in C_f.
 
-    C_0 against itself contributes nothing, and is therefore not in it.
+    C_0 against itself contributes nothing, and is therefore left out.
     """
     integral = scale.own is not None
     slope = -(at.mass * C_0.re)
@@ -209,7 +209,7 @@ def _on_spring(
 ) -> _Handle:
     """Put the handle on its spring beside the motor's part W.
 
-    Of Im(C_0 conj(Z_2 (1 + y W))) what has y in it is Im(C_0 conj W) Re(y Z_2) - Re(C_0 conj W) Im(y Z_2).
+    In Im(C_0 conj(Z_2 (1 + y W))), the part with y is Im(C_0 conj W) Re(y Z_2) - Re(C_0 conj W) Im(y Z_2).
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ class Arithmetic(Protocol):
     def pi(self) -> Number: ...
     @property
     def precision(self) -> float:
-        """How much of a number rounding takes, relative."""
+        """Relative rounding of a number."""
 
     @property
     def arrays(self) -> ArrayArithmetic | None:
@@ -76,7 +76,8 @@ class Arithmetic(Protocol):
         Parameters
         ----------
         x : real number that decides
-        yes, no : take nothing and return a number of x's shape; yes() need not be valid where no() is taken
+        yes, no : functions without arguments that return a number of x's shape; yes() need not be valid where no() is
+            used
 
         Returns
         -------

@@ -30,7 +30,7 @@ class Block:
     Attributes
     ----------
     entries : array of shape (n, m, ...)
-    nonzero : which of them are not 0 by structure
+    nonzero : the entries that are not 0 by structure
     ops : arithmetic of the entries
     """
 
@@ -142,7 +142,7 @@ def half_coth(matrix: Matrix, ops: Arithmetic) -> Matrix:
 
     Parameters
     ----------
-    matrix : A, n x n, dimensionless, no eigenvalue of which is 2 pi j times an integer other than 0
+    matrix : A, n x n, dimensionless, without an eigenvalue 2 pi j times an integer other than 0
     ops : arithmetic of its entries
 
     Returns
@@ -412,7 +412,7 @@ def shared(matrix: AnyMatrix, count: Number) -> AnyMatrix:
     Parameters
     ----------
     matrix : A
-    count : the divisor, not 0: of the arithmetic of the entries, or a plain number
+    count : the divisor, not 0: in the arithmetic of the entries, or a plain number
 
     Returns
     -------

@@ -50,7 +50,7 @@ class Units:
         return unit
 
     def translated(self, text: str) -> str:
-        """Return a text about a linear device as it is of this one: its words, and units that stand alone.
+        """Return a text about a linear device in the words and units of this one.
 
         Parameters
         ----------

@@ -65,7 +65,7 @@ class AnyHand(NamedTuple):
         return InAnyHand(self.short, -(self.beyond * low_pass.re), 2 * along, low_pass.abs2() * inside)
 
     def required(self, gains: Gains) -> Required:
-        """Return R/s^2 as a quotient; of the gains only K_v counts."""
+        """Return R/s^2 as a quotient; only K_v of the gains matters."""
         K_v, of = gains.velocity, self.of_velocity
         return Required(of.lost + K_v * of.lost_slope, 1 + K_v * of.size_slope + K_v * K_v * of.size_square)
 

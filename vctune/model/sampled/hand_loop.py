@@ -1,8 +1,8 @@
 """The sampled loop with a hand at the handle, and the impedance that the environment sees (model/README.md, section
 14).
 
-The position x_1, the velocity estimate and the sensed force f of device and hand (`plant_in_hand`) make the return
-difference and the impedance that the environment meets,
+The position x_1, the velocity estimate and the sensed force f of device and hand (`plant_in_hand`) give the return
+difference and the impedance that the environment sees,
 
     Delta = 1 + K_v G_v + K_p G_x,   Z_seen = -G_f (K_v + (T/2) K_p (1 + z^-1)/d)/Delta,
 

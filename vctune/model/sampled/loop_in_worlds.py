@@ -6,8 +6,8 @@ Y = y Z_c + Z_seen, s_d = j u and u = (2/T) tan(theta/2). As b has no upper limi
     Re Y + b_1 > 0,   or   -Im Y > m_2 u - k_1/u,   or   -Im Y < m_1 u - k_2/u.
 
 The safety factor g requires this with every y from 1/g to 1. The values of y at which all three fail form an interval:
-the first fails below a y, the second above one, the third below one. So none of it is met if the first or the third
-holds at y = 1/g, the second at y = 1, or the first from where on the second fails. The last is
+the first fails below a y, the second above one, the third below one. So the interval is outside if the first or the
+third holds at y = 1/g, the second at y = 1, or the first from where the second fails. The last is
 
     Re Z_c (-Im Z_seen - m_2 u + k_1/u) > Im Z_c (R - b_1).
 
@@ -60,7 +60,7 @@ class Offered(NamedTuple):
 class Disjuncts(NamedTuple):
     """Margins as the terms that they are sums of: where one of them is positive, no environment holds a pole there.
 
-    None for one that no coupling can meet, or that the others contain.
+    None for an environment that no coupling can have, or that the others contain.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ def posed(worlds: Worlds, factor: float) -> tuple[str, ...]:
 def disjuncts(
     offered: Offered, worlds: Worlds, sample_time: Number, seen: Seen, factor: Number, theta: Number, ops: Arithmetic
 ) -> Disjuncts:
-    """Return the margins of which one must be positive.
+    """Return the margins, of which one must be positive.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def limp_disjuncts(
 def room_of(terms: tuple[Number, ...], absolute: Callable[[Number], Number]) -> Number:
     """Return how far a margin is from 0: twice the sum of its terms, relative to the sum of their sizes.
 
-    Near 0 that is the logarithm of the ratio of what is gained to what is lost.
+    Near 0 that is the logarithm of the ratio of gain to loss.
 
     Parameters
     ----------

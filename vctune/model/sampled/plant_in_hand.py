@@ -104,7 +104,7 @@ class PlantInHand:
     sample_time, mass : T and m, of the units
     difference : whether the velocity is that of the position
     low_pass, order : a and r of the firmware's low-passes of the velocity; None without
-    meets_position : whether the environment meets the position, as an impedance display's does
+    meets_position : whether the environment acts on the position, as an impedance display's does
     """
 
     rates: Matrix
@@ -124,7 +124,7 @@ class PlantInHand:
 
     @property
     def poles(self) -> int:
-        """How many poles the loop's F has more than there are delays, by which it turns if none is unstable."""
+        """Return the number of the loop F's poles beyond its delays, which gives its turns if none is unstable."""
         return len(self.push) + (0 if self.meets_position else self.order)
 
 
@@ -137,7 +137,7 @@ class ServoInHand:
 
     @property
     def poles(self) -> int:
-        """How many poles a loop has, which is not there."""
+        """Return the number of poles of a loop, which is not part of it."""
         return 0
 
 
@@ -150,7 +150,7 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
 
     Parameters
     ----------
-    device : in SI units; its least operator does not count, the hand takes its place
+    device : in SI units; its least operator is ignored, the hand takes its place
     hand : M, B and K at the handle
     delays : whole samples of the device's delay alone, and with the force sensor's
     ops : arithmetic of device and hand

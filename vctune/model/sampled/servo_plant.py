@@ -6,9 +6,9 @@ transfer functions from the held velocity are
 
     G_v = w^N V/O,   G_a = w^N A/O,   G_x = w^N X/(d O),
 
-with polynomials that are homogeneous in d and w, of degree n + 1, n + 1, n + 2 and n. On the unit circle
-d = 2 j s e^(-j theta/2) and w = (c - j s) e^(-j theta/2), s = sin(theta/2), c = cos(theta/2). Divided by powers of
-e^(-j theta/2) each polynomial is one of 2 j s and c with real coefficients, and what is met of 1/O is multiplied out:
+with polynomials that are homogeneous in d and w, of degree n + 1, n + 1, n + 2 and n. On the unit circle d = 2 j s
+e^(-j theta/2) and w = (c - j s) e^(-j theta/2), s = sin(theta/2), c = cos(theta/2). Divided by powers of e^(-j
+theta/2), each polynomial is one of 2 j s and c with real coefficients, and the factors of 1/O are multiplied out:
 
     G_x = e^(-j mu theta) (e(y) + j s c o(y))/(2 j s D(y)),   D = |O|^2,   mu = N + 1/2,
 

@@ -1,6 +1,6 @@
 """A device with an actuator or a structure over one sample, exactly: its states and their step.
 
-Time is counted in T, impedances in m/T, so that all numbers are dimensionless and of the size of what they mean for the
+Time is in units of T, impedances in m/T, so that all numbers are dimensionless and of the size of their effect on the
 sampled loop (README, section 12).
 """
 

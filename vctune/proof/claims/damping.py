@@ -28,7 +28,7 @@ operations on positive numbers, a tangent of 8 units in the last place among the
 times. Half and twice it decide alike.
 """
 ROUNDING_OF_BOUNDS = 1e-9
-"""By how much more than rounding two constraints on b_c have to exclude each other. Half and twice it decide alike, but
+"""Rounding allowance by which two constraints on b_c have to exclude each other. Half and twice it decide alike, but
 where the interval between them is as narrow."""
 
 

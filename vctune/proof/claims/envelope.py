@@ -1,7 +1,7 @@
 """An upper bound of what hands require of a coupling: straight pieces over the angle, each of them proved.
 
-What is required in a hand is of the gains alone. Where many couplings meet the same gains it is examined once, and each
-coupling is then compared with the bound over the angle, without a hand.
+What is required in a hand is of the gains alone. If many couplings have the same gains the prover bounds it once, and
+compares each coupling with the bound over the angle, without a hand.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ WITHIN = 5
 """Angles of a piece at which they are. Half and twice as many: the same, on average to 1e-4."""
 SLACK, RAISED = 5e-3, 4.0
 """Relative amount by which a piece is first raised above the tried hands, and its growth in each further attempt. Half
-of either takes a third more boxes, twice a sixth fewer. Of a plane, half and twice the first leave half as much again
+of either takes a third more boxes, twice a sixth fewer. For a plane, half and twice the first leave half as much again
 open, of the second a tenth."""
 SMALL = 1e-4
 """Share of the greatest bound below which a piece is raised as one of so much is. Half and twice: the same."""

@@ -39,15 +39,15 @@ ANGLES, LEAST_ANGLE = 400, 1e-6
 """Angles at which the size of a loop is estimated, and the least of them. The prover then proves the estimate, so that
 half and twice it only cost time."""
 MAX_BOXES, MAX_BOXES_OF_CURVES = 1_600_000, 40_000
-"""Boxes examined for one claim before it is left open; a curve that is not nearly 0 anywhere takes some dozens, the
-uncertain friction wheel 27,000 for all claims, a device of two masses with seven uncertain numbers and a disc a million
-for one. Half and twice it: as long to give up."""
+"""Boxes for one claim before it is left open; a curve that is nowhere nearly 0 takes some dozens, the uncertain
+friction wheel 27,000 for all claims, a device of two masses with seven uncertain numbers and a disc a million for one.
+Half and twice it: as long to give up."""
 FEW = 64
 """Boxes that are halved again before evaluation: as many take about as long as one. None: three times as long for the
 band around a proved one; four times as many: a third longer."""
 MAX_HALVINGS = 80
-"""How often a box is halved at most: twenty times in each of four rows. Half and twice as often take as many boxes for
-the uncertain friction wheel."""
+"""Greatest number of halvings of a box: twenty in each of four rows. Half and twice as often take as many boxes for the
+uncertain friction wheel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class RobustDesign:
     ----------
     design : with the nominal device
     box : box of devices
-    demands : on each of them
+    demands : constraints on each of them
     """
 
     design: Design
@@ -107,7 +107,7 @@ class RobustDesign:
 
 
 NominalProof = Callable[[Device, float], Outcome]
-"""Judges a claim for one device, of which it is in doubt at a frequency, rad/s or rad."""
+"""Function that judges a claim for one device at a doubtful frequency, rad/s or rad."""
 
 
 def prove_conditions_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:

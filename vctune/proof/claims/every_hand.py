@@ -51,16 +51,15 @@ from vctune.proof.engine.winding import turned_angle
 STEP = 1.4
 """Ratio of the edges of the first intervals. Its square root and its square take as many boxes within a tenth."""
 MAX_BOXES = 400_000
-"""Boxes examined before the claim is left open; an optimal design takes some thousand. Half and twice it: as long to
-give up."""
+"""Boxes before the claim is left open; an optimal design takes some thousand. Half and twice it: as long to give up."""
 EASY_BOXES = 20_000
 """Boxes after which hands near a sharp resonance get boxes of their own; if the constraint leaves room there, some
 hundred suffice. If they do not, half or twice as many cost half or twice as much: some seconds."""
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
-"""How far from an end of the angles, as a share of pi, a witness is sought. Fewer: growth that takes longer to see;
-more: none that is seen."""
+"""Distance from an end of the angles, as a share of pi, at which a witness is sought. Fewer: growth that takes longer
+to see; more: none that is seen."""
 MAX_HALVINGS = 120
-"""How often a box is halved at most: twenty times in each of six rows. Half and twice as often: the same proofs."""
+"""Greatest number of halvings of a box: twenty in each of six rows. Half and twice as often: the same proofs."""
 
 
 def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
@@ -70,7 +69,7 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     ----------
     design : taken as the decimals that it is written as
     demands : with the hands and the factor
-    box : devices for all of which the claim is proved; None for the design's own alone
+    box : devices for which the claim is proved; None for the design's own alone
 
     Returns
     -------
@@ -121,7 +120,7 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
 def _of_margins(
     demands: Demands, uncertain: tuple[str, ...], part: _Part, fixed: Values, near: Resonance | None = None
 ) -> Test:
-    """Return the test of the margins of which one must be positive, in hands next to resonance or in all."""
+    """Return the test of the margins, of which one must be positive, in hands next to resonance or in all."""
     both = [hands_margins(demands, uncertain, part.delays, ops) for ops in (ENCLOSURES, TAYLOR)]
     slopes, polynomials = (near.margins(each) for each in both) if near else both
     spans, servo = part.spans, demands.device.servo
@@ -181,7 +180,7 @@ def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = Non
     ----------
     design : taken as the decimals that it is written as
     demands : with the factor
-    box : devices for all of which the claim is proved; None for the design's own alone
+    box : devices for which the claim is proved; None for the design's own alone
 
     Returns
     -------
@@ -207,7 +206,8 @@ def _and_without_reserve(
     demands: Demands,
     box: DeviceBox | None,
 ) -> Outcome:
-    """Return an outcome that holds with the factor 1 too, which of a coupling that may drive is no weaker demand."""
+    """Return an outcome that holds with the factor 1 too; for a coupling that may drive, the factor 1 is no weaker
+    constraint."""
     if found.verdict is not Verdict.PROVED or demands.factor == 1 or not design.device.coupling_may_drive:
         return found
     again = proof(design, replace(demands, factor=1.0), box)
@@ -378,7 +378,7 @@ def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) ->
 def _whole(low: float, high: float, T: float, *, last: bool) -> range:
     """Return the whole samples of delays between two; of the `last` delays also the whole number that they end at.
 
-    What is sensed at a whole number is not the limit of what is sensed just below it.
+    The sensed force at a whole number is not the limit of that just below it.
     """
     first, end = floor(low / T * (1 + SNAP)), high / T
     return range(first, max(first + 1, floor(end * (1 + SNAP)) + 1 if last else ceil(end * (1 - SNAP))))

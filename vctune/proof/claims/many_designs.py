@@ -40,7 +40,7 @@ class Certified:
 
     Attributes
     ----------
-    proved : the cells all of whose designs meet all constraints
+    proved : the cells in which every design meets all constraints
     boxes : number for each claim of `ON_ARRAYS`, 0 for claims that are not made; shape (4, n)
     """
 
@@ -163,13 +163,13 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
 
 
 def _have_the_same_gains(cells: Cells) -> bool:
-    """Return whether these are several couplings that meet the same gains."""
+    """Return whether these are several couplings with the same gains."""
     # rows 0 and 1 are the gains
     return cells.extended and not np.ptp((cells.low[:2], cells.high[:2]), axis=(0, 2)).any()
 
 
 def _above_envelope(demands: Demands, hands: Hands | None, claims: Claims, cells: Cells) -> Flags:
-    """Prove the constraint in every hand of a box, or in any, for couplings that meet the same gains.
+    """Prove the constraint in every hand of a box, or in any, for couplings with the same gains.
 
     Cells are divided too, as the angle alone is besides; their callers divide those that are left.
     """
@@ -212,7 +212,7 @@ class Places:
 
 
 def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
-    """Return the cells none of whose designs meets all constraints.
+    """Return the cells in which no design meets all constraints.
 
     Parameters
     ----------

@@ -173,7 +173,7 @@ CLAIMS: dict[ClaimId, Claim] = {
 
 
 IN_HANDS: tuple[ClaimId, ...] = ("hands", "worlds")
-"""Claims about the hands of a box, of which a certificate makes one."""
+"""Claims about the hands of a box; a certificate makes one of them."""
 
 
 def claims_about(*quantities: Quantity) -> tuple[ClaimId, ...]:
@@ -186,7 +186,7 @@ def claims_asked(demands: Demands, box: DeviceBox | None = None) -> list[ClaimId
 
     Parameters
     ----------
-    demands : on a design; they decide which claims apply
+    demands : constraints on a design; they decide which claims apply
     box : uncertain devices that add claims of their own; None for one known device
 
     Returns

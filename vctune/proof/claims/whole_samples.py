@@ -1,7 +1,7 @@
 """Delays at and near a whole number of samples, where the sensed force jumps with the delay.
 
-Force is sampled just before a new command acts. Where the delay is shorter than a whole number of samples by next to
-nothing that command acts before the sample, and the force of a hand's mass differs by a whole step (model/README.md,
+Force is sampled just before a new command acts. If the delay is shorter than a whole number of samples by next to
+nothing, that command acts before the sample, and the force of a hand's mass differs by a whole step (model/README.md,
 section 14). Neither side is the safe one. So a design of a device whose delay lies near a whole number of samples is
 proved on both sides of it, beside the delay that the file states.
 """
@@ -20,11 +20,11 @@ from vctune.model.servo import latency
 from vctune.proof.device_box import DELAYS, DeviceBox
 
 NEAR = 0.05
-"""Share of a sample within which a delay counts as near a whole number of samples: clocks, buses and amplifiers are not
-known better. Half and twice it make other promises, not other proofs."""
+"""Share of a sample within which a delay is near a whole number of samples: clocks, buses and amplifiers are not known
+better. Half and twice it make other promises, not other proofs."""
 NEXT_TO = 1e-7
-"""How near to a whole sample, in samples, a delay is taken: decimals tell both sides apart. Half and twice it find the
-same designs."""
+"""Distance from a whole sample, in samples, at which a delay is placed: decimals tell both sides apart. Half and twice
+it find the same designs."""
 PEAK = 0.75
 """Time, as a share of the lag of a servo and its sensor, at which the sensed acceleration is greatest. Half and 4/3 of
 it see three quarters of the greatest."""
@@ -40,7 +40,7 @@ def sensed_force_jumps(device: Device, hands: Hands) -> bool:
     Parameters
     ----------
     device : a device of any display; only an admittance display senses force
-    hands : the box of hands; without mass nothing jumps
+    hands : the box of hands; without mass the force does not jump
 
     Returns
     -------
@@ -58,7 +58,7 @@ def beside_whole_sample(device: Device, hands: Hands) -> tuple[Device, ...]:
 
     Parameters
     ----------
-    device : plain floats; the sum of its delay and the force sensor's counts
+    device : plain floats; the sum of its delay and the force sensor's matters
     hands : the box of hands
 
     Returns
@@ -163,7 +163,7 @@ def delay_in_samples(device: Device) -> float:
 
 
 def _with(device: Device, samples: float, key: str | None = None) -> Device:
-    """Return a device whose delays add up to so many samples, in decimals that a reader knows again.
+    """Return a device whose delays add up to so many samples, in readable decimals.
 
     The device's own delay is changed, or that of its force sensor where it has no other.
     """

@@ -2,7 +2,7 @@
 
 An `Enclosure` holds every number within `rad` of `mid`. IEEE addition, multiplication, division and square root are
 correct to half a unit in the last place; each result's radius grows by a whole one, and by the rounding of the radius
-itself. What overflows or divides by 0 gets a radius that is not a finite number, of which nothing can be proved.
+itself. A result that overflows or divides by 0 gets a radius that is not finite, with which nothing can be proved.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ class Enclosure:
         return Enclosure(mid, (rad + 8 * UNIT * np.abs(mid)) * SWELL + TINY)
 
     def sqrt(self) -> Enclosure:
-        """Return the square root of a number that cannot be negative, whatever its enclosure says."""
+        """Return the square root of a number that cannot be negative, for any enclosure of it."""
         low = np.sqrt(np.maximum(self.mid - self.rad, 0.0))
         high = np.sqrt(self.mid + self.rad)
         return Enclosure(0.5 * (low + high), (0.5 * (high - low) + 4 * UNIT * high) * SWELL + TINY)
@@ -180,7 +180,7 @@ def stacked(numbers: Sequence[Any]) -> Enclosure:
 def matmul(a: Enclosure, b: Enclosure) -> Enclosure:
     """Return enclosures of the matrix products A B, one for each index of the further axes.
 
-    A rounded sum of m products is right to m units of the sum of their sizes, in whatever order it is formed.
+    A rounded sum of m products is correct to m units of the sum of their sizes, in any order.
 
     Parameters
     ----------

@@ -15,8 +15,8 @@ from vctune.proof.enclosures.array_intervals import TINY, UNIT, Enclosure, betwe
 LIBRARY_ERROR = 8 * UNIT
 """Bound on the error of NumPy's sin, cos, exp and expm1 in double precision: 8 units in the last place.
 
-Of exp and expm1 relative to the value, of sin and cos to 1, and of sin to the value too for |x| < 1, where sinc divides
-by x: next to other zeros nothing is required of the reduction of the argument but not to fail.
+Errors of exp and expm1 are relative to the value, of sin and cos to 1, and of sin to the value too for |x| < 1, where
+sinc divides by x. Next to other zeros the reduction of the argument only has to be correct.
 
 NumPy evaluates them by the C library, or by Intel's SVML on processors with AVX-512. The GNU C library states 1 unit
 for each of them ("Known Maximum Errors in Math Functions" of its manual), 2 for its vector variants; NumPy states at
@@ -348,7 +348,7 @@ def interpolated_over(x: Enclosure, table: Table) -> Enclosure:
 
 
 def _exponents(x: Enclosure, table: Table) -> Enclosure:
-    """Return the slopes of a table on logarithmic axes wherever x may be: they bound its rise, for it has no jumps."""
+    """Return the slopes of a table on logarithmic axes for any x: they bound its rise, for it has no jumps."""
     low, high = x.mid - x.rad, x.mid + x.rad
     edges = [0.0, *(at for at, _ in table), np.inf]
     slopes = [0.0, *(np.log(d / b) / np.log(c / a) for (a, b), (c, d) in pairwise(table)), 0.0]

@@ -2,7 +2,7 @@
 
 A `Taylor` is a number as a polynomial in e_1 ... e_k, each between -1 and 1: the rows of a box from one end to the
 other. A radius holds all that is of higher order and every rounding (Taylor models: Makino and Berz 2003). Unlike the
-slopes of a jet it knows how rows act together: at a resonance mass and stiffness may change much, if only both do.
+slopes of a jet it shows how rows act together: at a resonance mass and stiffness may change much, if only both do.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ class Taylor:
         return Enclosure(self.poly[0], rad * SWOLLEN)
 
     def reciprocal(self) -> Taylor:
-        """Return 1/x; nothing is known of it where x may be 0."""
+        """Return 1/x; unbounded where x may be 0."""
         gap = np.abs(self.poly[0]) - self.enclosed().rad
         one, least = 1 / self.poly[0], np.where(gap > 0, gap, np.nan)
         return self.mapped((one, -one * one, one**3), 6 / least**4, UNIT * np.abs(one))
@@ -225,7 +225,7 @@ def _product(a: Taylor, b: Taylor, times: Times, terms: int) -> Taylor:
     Parameters
     ----------
     times : product of arrays of numbers or matrices; one, or both, may have another axis in front
-    terms : how many products are summed up
+    terms : number of products in the sum
     """
     k, A, B = a.rows, a.sizes, b.sizes
     poly = times(a.poly, b.poly[0])

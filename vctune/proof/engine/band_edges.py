@@ -14,11 +14,11 @@ are a step, and end at the same edge."""
 EDGE_DIGITS = 5
 """Digits of an edge, Hz, beyond the requested band: all that are shown, ten times as coarse as the steps at least."""
 BEYOND = 1e-12
-"""By how much an edge in rad/s is beyond its decimals in hertz, relative: more than the rounding of 2 pi f."""
+"""Relative amount by which an edge in rad/s is beyond its decimals in hertz: more than the rounding of 2 pi f."""
 
 
 def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float) -> float:
-    """Return how far from an edge towards a goal a proof holds.
+    """Return the farthest point from an edge towards a goal up to which a proof holds.
 
     The result has `EDGE_DIGITS` digits in hertz. Searches that reach the same edge by different steps therefore return
     the same number.

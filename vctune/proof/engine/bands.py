@@ -12,8 +12,8 @@ STEP = 1.4
 """Ratio of the edges of the first intervals. Its square root takes 60 % more boxes, its square 16 % fewer; a cell that
 is nearly blurred is proved by the one and not the other."""
 HALVINGS = 24
-"""How often an interval of frequency is halved for a single design: to 2e-8 of it, where an optimal design touches its
-constraint. Half and twice as often prove the same designs around those of problems/."""
+"""Greatest number of halvings of an interval of frequency for a single design: to 2e-8 of it, where an optimal design
+touches its constraint. Half and twice as often prove the same designs around those of problems/."""
 CELL_HALVINGS = 10
 """The same for a cell, whose own size soon blurs a curve more than the interval does. Half as often leaves cells open,
 up to half of those near the edge of the feasible ones; twice as often proves no more."""

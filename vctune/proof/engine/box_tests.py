@@ -1,8 +1,8 @@
 """Tests of boxes: that a margin is positive throughout, that a curve misses 0.
 
-A margin is bounded from below by its value at one point of the box: the middle in those rows in which it may both rise
-and fall, which costs their slope times their half-width, and the worse end in those in which its slope keeps its sign,
-which costs nothing. So a worst device, or a worst design, at a vertex of its box is met exactly.
+The test bounds a margin from below by its value at one point of the box: the middle in those rows in which the margin
+may both rise and fall, which costs their slope times their half-width, and the worse end in those in which its slope
+keeps its sign, which costs nothing. So a worst device, or a worst design, at a vertex of its box is evaluated exactly.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ NARROW = 1.02
 """Ratio of a box's frequencies below which it is worth another margin that needs it narrower. Half and twice its excess
 over 1 take as many boxes."""
 FROM_ZERO = 0.1
-"""As how wide, relative, an interval from frequency 0 counts: halved it is no narrower. Half and twice it take as many
-boxes."""
+"""Relative width that an interval from frequency 0 is taken to have: halving makes it no narrower. Half and twice it
+take as many boxes."""
 
 FEW = 128
 """Boxes that take about as long as one. Half and twice it: as long for random devices in hands; four times: a third
 more."""
 
 NEAR_ZERO = 1e-3
-"""Share of its range below which a number that may be 0 counts as 0, if nothing else is known of a box. A tenth takes a
-fifth more boxes, ten times as much as many; 0 would halve such a row again and again."""
+"""Share of its range below which a number that may be 0 is taken as 0, if nothing else is known of a box. A tenth takes
+a fifth more boxes, ten times as much as many; 0 would halve such a row again and again."""
 
 FREQUENCY_FIRST = 64.0
 """Weight of the width of the frequency if nothing is known of a box and one of several margins has to be positive:
@@ -51,12 +51,12 @@ Half takes as many boxes, without an integrator up to five times as many; two an
 some of the latter open."""
 
 LOST = -1.0
-"""How near a margin counts as to being proved that all that it varies by would not make positive."""
+"""Room of a margin whose whole variation would not make it positive."""
 
 Margin = Callable[[Number, Values], Number]
 """A function that must be positive, of a frequency and of numbers by name, over enclosures and jets."""
 Margins = Callable[[Number, Values], tuple[Number, ...]]
-"""Margins of which one must be positive."""
+"""Margins, of which one must be positive."""
 Curve = Callable[[Number, Values], Pair]
 """A function that must not be 0."""
 Rows = Sequence[Number]
@@ -163,7 +163,7 @@ def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -
     ----------
     curve : function of a frequency and of values by name
     fixed : values that are no rows of the boxes
-    sufficient : a margin that is positive only where the curve is not 0; None for none
+    sufficient : a margin that is positive only where the curve is not 0; None if there is none
 
     Returns
     -------
@@ -197,7 +197,7 @@ def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -
 
 
 def turned_angles(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
-    """Return the function that measures how far a curve turns around 0 over a box's frequencies.
+    """Return the function that measures the turn of a curve around 0 over a box's frequencies.
 
     The curve must miss 0 on the box, and the box must be a single point in every row but the frequency.
 
@@ -251,8 +251,8 @@ def next_to_zero(rows: Sequence[int], sufficient: Sequence[Margin], fixed: Value
     Parameters
     ----------
     rows : which ones
-    sufficient : margins any of which proves as much there, the more so the narrower these rows are; where they are
-        negative, or least, says nothing of the claim's
+    sufficient : margins, each of which is a proof there, the stronger the narrower these rows are; where they are
+        negative, or least, has no meaning for the claim
     fixed : the values that are not among a box's rows
     test : test of the other boxes
     """
@@ -351,7 +351,7 @@ def _by_polynomials(number: Number, boxes: Boxes, spans: Floats) -> Decided:
 
 
 def _relative(boxes: Boxes, spans: Floats) -> Floats:
-    """Return the width of each row relative to its numbers, which count as `NEAR_ZERO` of their range at least."""
+    """Return the width of each row relative to its numbers, which are at least `NEAR_ZERO` of their range."""
     sizes = np.abs(boxes.low) + np.abs(boxes.high)
     sizes[1:] += NEAR_ZERO * spans
     relative = (boxes.high - boxes.low) / sizes
@@ -407,7 +407,7 @@ def _any_by_slopes(margins: Callable[[Rows], tuple[Number, ...]], boxes: Boxes) 
 def _common_sides(numbers: Sequence[Number], boxes: Boxes) -> Floats:
     """Return the end of each row at which all margins are least that are not negative throughout, 0 where they differ.
 
-    Where all of them are negative throughout any end will do.
+    Where all of them are negative throughout, any end is as good.
     """
     least, most = np.ones_like(boxes.low), -np.ones_like(boxes.low)
     for number in numbers:
@@ -485,8 +485,8 @@ class _Bounded:
 def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Bounded:
     """Bound a margin from below by its value at one point of each box and by its slopes.
 
-    Halving a row saves what its slope costs; where the margin is negative at that point, what it varies by; where
-    nothing is known of the slopes, the widest row is as good as any.
+    Halving a row saves the cost of its slope; where the margin is negative at that point, its variation; where no
+    slopes are known, the widest row is as good as any.
     """
     check_time()
     varied = boxes.varied()
@@ -524,7 +524,7 @@ def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Boun
 def _room(value: Floats, uncertain: Floats, reach: Floats) -> Floats:
     """Return how near a margin is to a proof, from its least value, the error of that value, and the margin's reach.
 
-    Where it is negative it is what share of the reach is missing; nan, where nothing is known, counts as that it is 0.
+    Where it is negative it is the missing share of the reach; nan, if nothing is known, is taken as 0.
     """
     return np.nan_to_num(np.where(value > 0, value / uncertain, np.maximum(value / reach, LOST)), nan=0.0)
 

@@ -48,7 +48,7 @@ def coupling_of(values: Values) -> AnyCoupling:
 class Cells:
     """Boxes of designs, [low, high] in each number of a design; arrays of shape (numbers, cells).
 
-    A cell whose edges meet is a single design.
+    A cell whose edges coincide is a single design.
     """
 
     low: Floats
@@ -85,7 +85,7 @@ class Boxes:
     ----------
     names : names of the rows, `FREQUENCY` first
     low, high : edges, shape (rows, n)
-    owner : which of several proofs each box belongs to, shape (n,)
+    owner : number of the proof to which each box belongs, shape (n,)
     whole_samples : N, of the delay, where that is uncertain, shape (n,)
     """
 
@@ -109,7 +109,7 @@ class Boxes:
         )
 
     def count(self, owners: int) -> Integers:
-        """Return how many boxes each owner has."""
+        """Return the number of boxes of each owner."""
         return np.bincount(self.owner, minlength=owners)
 
     def rows(self) -> list[Number]:
@@ -140,7 +140,7 @@ class Boxes:
         return {**fixed, **dict(zip(self.names[1:], rows[1:], strict=True)), WHOLE_SAMPLES: self.whole_samples}
 
     def varied(self) -> list[bool]:
-        """Return for each row whether some box has a width there; a frequency always counts."""
+        """Return for each row whether some box has a width there; a frequency always has."""
         return [True, *np.any(self.low[1:] < self.high[1:], axis=1).tolist()]
 
     def ends(self, side: Floats) -> Boxes:

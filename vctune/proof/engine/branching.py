@@ -31,9 +31,9 @@ class Decided:
     fails : where it does not hold at `point`
     point : a point of each box, shape (rows, n)
     cost : contribution of each row to the uncertainty of each box, of the same shape
-    known : where that is more than the row's width: nothing is known of the slopes elsewhere
-    side : end of each row at which the margin is least, -1 and 1, whatever the others; 0 where that is not known
-    room : how near the test is to proving the claim, greater than 1 where it does, of several tests of one kind
+    known : where that is more than the row's width; elsewhere the slopes are not known
+    side : end of each row at which the margin is least, -1 and 1, for all values of the others; 0 if that is not known
+    room : how near the test is to proving the claim, greater than 1 if it does; for several tests of one kind
     """
 
     proved: Flags
@@ -55,9 +55,9 @@ class Proofs:
     Attributes
     ----------
     proved : whether it holds throughout, shape (owners,)
-    failing : a point at which it does not hold, nan if none was met, shape (rows, owners)
+    failing : a point at which it does not hold, nan if none was found, shape (rows, owners)
     open : a point of a box that stays open, nan if there is none, of the same shape
-    boxes : how many boxes were examined
+    boxes : number of evaluated boxes
     total : sum of the measure over the proved boxes
     """
 
@@ -171,7 +171,8 @@ def _halved(boxes: Boxes, axis: Integers, cost: Floats, halved: Flags, few: int)
 
 
 def _stage(boxes: int, open_: float) -> str:
-    """Return how far a proof is: all boxes of a round have been halved equally often, and their number is a share."""
+    """Return the progress of a proof: all boxes of a round have been halved equally often, and their number is a
+    share."""
     return f"{boxes} boxes, {1 - open_:.1%} proved"
 
 

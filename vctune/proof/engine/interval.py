@@ -32,8 +32,8 @@ CURVED = 1.1
 """Boxes wider than this ratio are halved without looking at the second derivative: it is only worth its price next to a
 minimum that nearly touches 0. Between 1.03 and 1.2 the time of a proof hardly changes."""
 GROWTH = 1.5
-"""How much wider than a proved box, in the logarithm, the next is tried. Less than 1 gets stuck; 1 takes twenty times
-as many boxes for the designs of problems/, twice as much half as many more."""
+"""Factor by which the next box is wider than a proved one, in the logarithm. Less than 1 gets stuck; 1 takes twenty
+times as many boxes for the designs of problems/, twice as much half as many more."""
 
 
 class Verdict(StrEnum):
@@ -62,7 +62,7 @@ class Outcome:
     Attributes
     ----------
     verdict : proved, refuted, or undecided at the resolution limit
-    boxes : boxes examined
+    boxes : number of evaluated boxes
     witness : where it is refuted or undecided, if at a certain place, rad/s
     device : device of the box that is refuted or undecided
     hand : hand of the box in which it is
@@ -147,8 +147,8 @@ def prove_positive(
     margin : evaluated on `flint.arb` and on `flint.arb_series`
     low, high : 0 <= low <= high
     max_boxes : effort before giving up
-    curved : whether the second derivative is examined where the first does not decide: for a margin that nearly touches
-        0 inside it takes a third of the boxes, for one that does so at an end it is wasted
+    curved : whether the second derivative is used where the first does not decide: for a margin that nearly touches 0
+        inside it takes a third of the boxes, for one that does so at an end it is wasted
 
     Returns
     -------

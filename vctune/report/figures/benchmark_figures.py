@@ -34,7 +34,7 @@ class Panel:
     ----------
     title, x, y : labels
     series : the drawn series
-    floor : where values at or below it are drawn, on a dotted line; None if there are none
+    floor : place of values at or below it, on a dotted line; None if there are none
     """
 
     title: str

@@ -24,7 +24,8 @@ from vctune.model.problem import Problem
 
 POINTS = 400
 NARROWER = 6.0
-"""How much narrower than it is a resonance is sampled as. Half shows corners, twice is twice as long a file."""
+"""Factor by which a resonance is sampled more finely than its width. Half shows corners, twice is twice as long a
+file."""
 UNMOVED = 1e-6
 """Share of a command below which a servo stands still, as at Nyquist with interpolation; the hand then feels a rigid
 handle. Half and twice show the same curves."""
@@ -124,8 +125,8 @@ def handle_impedance(
 ) -> tuple[Floats, dict[str, tuple[Floats, Floats]]]:
     """Return hz and the impedance felt at the handle, free, with a damper, a spring and rigid, and the ideal ones.
 
-    The ideal handle feels Z_e itself. Of a rotary device, which the paper has not, the damper is Z_0 and the spring as
-    stiff as it in the middle of the transparency band.
+    The ideal handle feels Z_e itself. For a rotary device, which the paper has not, the damper is Z_0 and the spring
+    has that impedance in the middle of the transparency band.
 
     Parameters
     ----------

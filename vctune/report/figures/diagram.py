@@ -34,7 +34,7 @@ POSITION_AT = 4.58
 def loop_figure(device: Device, gains: Gains, coupling: AnyCoupling) -> Figure:
     """Return the block diagram of a design: force sensor, coupling, law, hold, actuator, mechanism, velocity estimate.
 
-    Of an impedance display the coupling is fed by what is measured of the motion, and what follows it adds up forces.
+    For an impedance display the measured motion drives the coupling, and the part after it adds up forces.
 
     Parameters
     ----------

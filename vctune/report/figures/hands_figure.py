@@ -42,8 +42,8 @@ from vctune.report.figures.style import (
 CURVES = 40
 """Angles per decade of the curves. Half shows corners, twice is twice as long a file."""
 PLACES, DAMPINGS = 17, (0.0, 0.1, 1.0)
-"""Masses and stiffnesses of the map along each side, and the shares of the range of dampings, of which the worst
-counts."""
+"""Masses and stiffnesses of the map along each side, and the shares of the range of dampings, of which the worst is
+shown."""
 LOWEST, MAPPED = 1e-3, 24
 """Least angle and angles per decade of the map. Half as many are 2 % off at the steepest place, twice as many 0.1 %."""
 LEVELS = (0, 20, 40, 60, 70, 80, 90, 95, 100, 120)
@@ -62,7 +62,7 @@ def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoup
     Parameters
     ----------
     problem : the device
-    hands : to be met
+    hands : hands of the claim
     gains, coupling : the design
 
     Returns

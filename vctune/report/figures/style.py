@@ -56,7 +56,7 @@ def canvas(
     top: float = 0.15,
     gaps: tuple[float, float] = (0.0, 0.0),
 ) -> Figure:
-    """Return a figure whose axes keep their place whatever stands beside them.
+    """Return a figure whose axes keep their place beside any text.
 
     Parameters
     ----------

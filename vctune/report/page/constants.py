@@ -1,6 +1,6 @@
 """A device as complex constants per frequency, in which every response is affine, for the script of a page.
 
-The script closes the loop with them for any gains (README.md, section 1); it knows no device.
+The script closes the loop with them for any gains (README.md, section 1); it does not know the device.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ misses a resonance in the band, twice is a longer page."""
 SHOWN = 100
 """Frequencies of the curves beside the nodes. Half shows corners, twice is a longer page."""
 ANGLES, PER_SAMPLE = 120, 16
-"""Angles of the sampled loop up to Nyquist, and how many more of them even for each sample of delay, so that its curve
-turns by less than half a turn from one to the next. Half shows corners in Nyquist's picture."""
+"""Angles of the sampled loop up to Nyquist, and the additional ones for each sample of delay, so that its curve turns
+by less than half a turn from one to the next. Half shows corners in Nyquist's picture."""
 IN_HAND, LOWEST = 128, 1e-3
 """Angles in each hand, and the least beside 0. Half steps over the narrow minima of stiff hands, twice is a longer
 page."""
@@ -86,7 +86,7 @@ def frequency_model(problem: Problem, record: DesignRecord) -> dict[str, Any]:
 def _force_model(device: Device, known: LoopConstants, omega: Floats) -> dict[str, Any]:
     """Return the constants of an impedance display; those of k_c stand where an admittance display has K_p's.
 
-    Before a wall b_c acts as K_v does, and k_c as b_c times what one has of Z_c over what the other has.
+    Before a wall b_c acts as K_v does, and k_c as b_c times the quotient of their factors in Z_c.
     """
     theta = omega * device.sample_time
     low_pass, drive = firmware_filter(device, theta, FLOATS), known.controller.velocity

@@ -24,7 +24,7 @@ FOLLOWED = BLOCKS | {"law": "Coupling, and the command that the servo follows"}
 
 
 def controller_page(controller: dict[str, Any], device: Device, gains: Gains, coupling: AnyCoupling) -> str:
-    """Return the HTML of a controller, one page that needs nothing from outside.
+    """Return the HTML of a controller, one page without external files.
 
     Parameters
     ----------

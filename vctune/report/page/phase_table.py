@@ -24,7 +24,7 @@ class PhaseTable:
     ----------
     headings : headings of the columns
     rows : part, and its phase in each column; the last row is their sum
-    remark : how much the force sensor loses; empty without one
+    remark : loss of the force sensor; empty without one
     """
 
     headings: tuple[str, ...]

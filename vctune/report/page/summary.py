@@ -190,6 +190,6 @@ def _mark(label: str, error: float) -> Mark:
 
 
 def _share(error: float) -> float:
-    """Return a place on the scale: even up to `LINEAR_UP_TO`, of which it takes three quarters, then ever closer."""
+    """Return a place on the scale: linear up to `LINEAR_UP_TO`, which takes three quarters of it, then ever closer."""
     placed = error if error <= LINEAR_UP_TO else LINEAR_UP_TO + 0.5 * (1 - LINEAR_UP_TO / error)
     return round(placed / (LINEAR_UP_TO + 0.5), 5)

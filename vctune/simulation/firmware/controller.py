@@ -39,7 +39,7 @@ class Law:
     position_resolution : resolution of the encoder, m; 0 for none
     difference : whether the velocity is the backward difference of the measured position; measured itself if not
     smoothing : a of the low-passes y += a (x - y) that the velocity goes through; None for none
-    low_passes : how many of them, up to 2
+    low_passes : number of them, up to 2
     limit : greatest force, N; None for none. Behind it the integral parts of the law do not wind up
     command : kind of command; without a force there is no law and no limit
     """

@@ -56,7 +56,7 @@ Term = Expression | float
 
 @dataclass(frozen=True, slots=True)
 class Symbol(Expression):
-    """The value of a quantity: at this sample, or as it was left by the sample before."""
+    """The value of a quantity: at this sample, or after the previous sample."""
 
     name: str
     before: bool = False

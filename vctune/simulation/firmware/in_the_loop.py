@@ -75,8 +75,8 @@ def run_in_the_loop(
     ----------
     scene : device, operator, friction and the design's own firmware
     controller : the firmware
-    progress : told the share of the samples that is done
-    tolerance : greatest difference of a command that passes, in its unit; None for what rounding explains
+    progress : function that receives the share of the finished samples
+    tolerance : greatest difference of a command that passes, in its unit; None for the effect of rounding
 
     Returns
     -------

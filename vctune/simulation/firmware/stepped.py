@@ -52,7 +52,7 @@ def exported_parts(law: Law) -> Parts:
 
 
 class SteppedFirmware:
-    """A firmware with its state, every operation of which is rounded to one precision."""
+    """A firmware with its state; every operation is rounded to one precision."""
 
     def __init__(self, parts: Parts, coefficients: Mapping[str, float], start: Start, precision: Precision) -> None:
         """Begin before the first sample.

@@ -3,8 +3,8 @@
 The parts are an actuator, a handle on a spring, a servo, and a filter of the force sensor or a delay of it that is no
 whole number of samples. All of it is linear except for friction: it moves on by matrix exponentials, exactly
 (`transition`), and with friction exactly except for a force that is held over a step (`assembly_friction`). A device
-that moves as one mass and whose force is sensed at a sample is not of this kind (`plant`). A servo moves as it is
-commanded: the hand has no part in its rates, and what the hand does to it follows from its motion.
+that moves as one mass and whose force is sensed at a sample is not of this kind (`plant`). A servo follows its command:
+the hand does not affect its rates, and the force of the hand follows from the motion.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Assembly:
     states : position and velocity of the motor first; bend and handle_velocity, drive and its rate, the rate of a
         servo's velocity, sensed and its rate where the device has the part
     rates : over states and given
-    units : units of states and given, with which all rates are about as large as what they mean for a sample
+    units : units of states and given, in which all rates are about as large as their effect on a sample
     position, velocity : rows of the handle's, m, m/s
     force : row of f_h, N, the force of the hand on the handle
     sensed : row of the sensor's force, without its delay, N
@@ -53,7 +53,7 @@ class Assembly:
 
     @property
     def size(self) -> int:
-        """How many states there are."""
+        """Number of states."""
         return len(self.states)
 
     def changed(self, time: float) -> Floats:
@@ -68,7 +68,7 @@ class Sensing:
 
     Attributes
     ----------
-    whole_samples : how many samples ago
+    whole_samples : number of samples ago
     instant : how long after the sample before, s; None for at the sample itself
     """
 
@@ -202,8 +202,8 @@ def _units(names: tuple[str, ...], force: float, command: float, sample_time: fl
 def transition(scene: Scene, moving: Assembly) -> Transition:
     """Return the exact transition of an assembly without friction over one sample.
 
-    Where the force is sensed between samples, what is sensed then is one more number after the states; it has no part
-    in what follows.
+    If the force is sensed between samples, the sensed value is one more number after the states; it does not affect the
+    rest.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""LuGre friction (Canudas de Wit, Olsson, Astrom, Lischinsky 1995), and a step made for it.
+"""LuGre friction (Canudas de Wit, Olsson, Astrom, Lischinsky 1995), and a step designed for it.
 
 With the bristles' deflection z, the rate a(v) = stiffness |v|/g(v) and Stribeck's curve g,
 
@@ -121,7 +121,7 @@ def slide_step(
     With the rate and the damping at the foreseen velocity, and w the same over the step, the bristles are followed
     exactly: with y = a h their mean is phi_1 z + phi_2 h w, phi_1 = (1 - e^-y)/y, phi_2 = (1 - phi_1)/y. The friction
     is then linear in w, and the momentum balance is solved for w. Since the bristles take exactly the work that
-    friction does at the velocity w, no step creates energy, whatever h, the stiffness and what was foreseen.
+    friction does at the velocity w, no step creates energy, for any h, stiffness and prediction.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ class BristleStep:
     Attributes
     ----------
     rate : a(v), 1/s
-    time : h phi_1, by which z continues at its rate of the beginning, s
+    time : h phi_1, the time for which z continues at its initial rate, s
     stiffness, slope : N/m, N s/m
     """
 

@@ -31,7 +31,7 @@ class Timing:
 
 
 def timing(scene: Scene) -> Timing:
-    """Return the timing of a scene's commands; the real zero-order hold, whatever `hold` the frequency model has."""
+    """Return the timing of a scene's commands; the real zero-order hold, for any `hold` of the frequency model."""
     T = scene.device.sample_time
     whole, fraction = split_delay(scene.device.latency, T)
     return Timing(whole, fraction * T, T - fraction * T)

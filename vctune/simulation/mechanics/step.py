@@ -2,7 +2,7 @@
 
 A sample goes: sensors read, the firmware runs, the device moves on for a sample time under the forces that have
 arrived. Friction, quantisation, saturation, filters, the coupling and a device's parts are operations of the function
-only where the scene has them.
+only if the scene has them.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ INPUTS = 5
 class Step:
     """A compiled step, one(state, inputs) -> (state, record), and its state at rest where the motion starts.
 
-    The state is x, v and what else moves, with friction z, and the force that was sensed within the last sample if it
-    is sensed there; what the firmware remembers and changes; commands and sensed forces on their way.
+    The state contains x, v and the other moving parts, with friction z, and the force that was sensed within the last
+    sample if it is sensed there; the firmware's state; commands and sensed forces on their way.
     """
 
     one: Any
@@ -59,8 +59,8 @@ class Step:
 class OpenStep:
     """A compiled step without its firmware.
 
-    sense(state, inputs) -> (position, velocity, force) is what a firmware reads; one(state, inputs) -> (state, record)
-    has what it gives, `ANSWER`, behind its other inputs.
+    sense(state, inputs) -> (position, velocity, force) is the firmware's input; one(state, inputs) -> (state, record)
+    has the firmware's output, `ANSWER`, behind its other inputs.
     """
 
     sense: Any
