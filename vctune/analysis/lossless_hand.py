@@ -77,7 +77,7 @@ def growing_in_any_hand(
     Returns
     -------
     tuple or None
-        The hand without what is always held; None if nothing grows, as where the constraint is met.
+        The hand without the least operator; None if nothing grows, for example where the constraint holds.
     """
     with np.errstate(all="ignore"):
         places = list(_places(device, gains, coupling))

@@ -125,7 +125,7 @@ def bound(
     Raises
     ------
     InputError
-        If the problem is none or fixes every number, or the design is not of it or not proved.
+        If the problem is invalid or fixes every number, or the design is not of it or not proved.
     """
     require_gap(gap)
     file = require_bounded(require_free(problem_of(problem)))

@@ -51,8 +51,8 @@ def check(
     Returns
     -------
     Checked
-        `result`, `message` in one line, `warnings`; `finding.judgement` is proved, `finding.repairs` what would mend a
-        violated design.
+        `result`, `message` in one line, `warnings`; `finding.judgement` has the proved claims, `finding.repairs` the
+        repairs of a violated design.
 
     Raises
     ------
@@ -76,12 +76,12 @@ def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
     Returns
     -------
     Checked
-        `result`, `message`, `warnings`; `finding.again` is what was proved again.
+        `result`, `message`, `warnings`; `finding.again` has the verdicts.
 
     Raises
     ------
     InputError
-        If problem or baseline are none, or the problem no longer has such a region.
+        If problem or baseline is invalid, or the problem no longer has such a region.
     """
     return recheck(problem_of(problem), Path(baseline))[0]
 

@@ -47,7 +47,7 @@ def compare(
     Raises
     ------
     InputError
-        If one of them is none.
+        If one of them is invalid.
     """
     record_a, problem_a = _designed(a, None, progress)
     record_b, problem_b = _designed(b, problem_a, progress)

@@ -43,7 +43,7 @@ def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> 
     Raises
     ------
     InputError
-        If the folder cannot be written, or holds the design of another problem or file; what is there stays.
+        If the folder cannot be written, or holds the design of another problem or file; its files stay.
     """
     file, folder = problem_of(problem), Path(folder)
     claim_folder(file, folder)
@@ -88,7 +88,7 @@ def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: 
     Raises
     ------
     InputError
-        If there is no such design, or its object is none, or the folder cannot be written.
+        If there is no such design, or its object is invalid, or the folder cannot be written.
     """
     from vctune.report.design_report import write_report as write
 

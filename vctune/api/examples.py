@@ -29,7 +29,7 @@ def example_text(name: str) -> str:
     Raises
     ------
     InputError
-        If there is none of this name.
+        If there is no example of this name.
     """
     if name not in example_names():
         raise InputError.of(name, "unknown-name", f"is no example; there are: {', '.join(example_names())}")
@@ -54,7 +54,7 @@ def write_example(name: str, folder: Path) -> Path:
     Raises
     ------
     InputError
-        If there is none of this name, or a file is there already.
+        If there is no example of this name, or a file exists already.
     """
     text, path = example_text(name), folder / f"{name}.toml"
     if path.exists():

@@ -133,7 +133,7 @@ def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment,
     Raises
     ------
     InputError
-        If there is none.
+        If there is no experiment.
     """
     experiments = file.problem.experiments
     if not experiments:

@@ -74,7 +74,7 @@ def explain(name: str) -> ExplanationRecord:
     Raises
     ------
     InputError
-        If there is no such name, with the nearest that there are.
+        If there is no such name, with the nearest existing ones.
     """
     asked = _plain(name)
     found = next(filter(None, map(_called, _alike(asked))), [])

@@ -80,7 +80,7 @@ def identify(
     Raises
     ------
     InputError
-        If a file cannot be read or says nothing, with line, column and remedy, or SciPy is not there.
+        If a file cannot be read or has no information, with line, column and remedy, or SciPy is not installed.
     """
     paths = [Path(logs)] if isinstance(logs, str | Path) else [Path(path) for path in logs]
     if not paths:

@@ -119,7 +119,7 @@ def region(
     Raises
     ------
     InputError
-        If the problem is none, or x and y span no plane.
+        If the problem is invalid, or x and y span no plane.
     """
     file = problem_of(problem)
     x, y = axes_of(file.problem, x, y)

@@ -46,7 +46,7 @@ def solve(
     Raises
     ------
     InputError
-        If the problem is none, or the gap out of range.
+        If the problem is invalid, or the gap out of range.
     """
     file = problem_of(problem)
     if gap is not None:

@@ -114,12 +114,12 @@ def sweep(
     Returns
     -------
     Swept
-        `table.columns()` is what `pandas.DataFrame` takes, `table.rows()` a dict a point.
+        `pandas.DataFrame` accepts `table.columns()`; `table.rows()` has a dict for each point.
 
     Raises
     ------
     InputError
-        If problem or study are none, or the folder cannot be written.
+        If problem or study is invalid, or the folder cannot be written.
     """
     study = _study(problem, axes, sample)
     with worker_pool(executor, jobs or available_cores()) as pool, _kept(folder) as place:
@@ -153,7 +153,7 @@ def front(
     Raises
     ------
     InputError
-        If the problem is none or fixes every number, or the folder cannot be written.
+        If the problem is invalid or fixes every number, or the folder cannot be written.
     """
     file = require_free(problem_of(problem), "trade")
     studies = [terms_study(file.document, file.problem)]

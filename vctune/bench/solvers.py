@@ -112,7 +112,7 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
     Returns
     -------
     Measured
-        A row for each solver on each problem, and what they come to.
+        A row for each solver on each problem, and sentences on them.
 
     Raises
     ------

@@ -72,7 +72,7 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
     Returns
     -------
     Measured
-        A row for each device, and what they come to.
+        A row for each device, and sentences on them.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def examined(seed: int, number: int) -> Row:
     Returns
     -------
     Row
-        Its status, its time, and what of it an independent evaluation contradicts.
+        Its status, its time, and the contradictions of an independent evaluation.
     """
     document, problem = device(seed, number)
     said, began = json.dumps(document), process_time()

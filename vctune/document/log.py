@@ -85,12 +85,12 @@ def read_log(path: Path, known: LogMap) -> Recording:
     Returns
     -------
     Recording
-        Columns in SI units, by what they are.
+        Columns in SI units, by their roles.
 
     Raises
     ------
     InputError
-        Listing what cannot be read, each with its line and column.
+        If the log cannot be read; each fault has its line and column.
     """
     table = read_table(path)
     headers = table.headers

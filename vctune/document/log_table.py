@@ -59,7 +59,7 @@ def read_table(path: Path) -> LogTable:
     Raises
     ------
     InputError
-        Listing what cannot be read, each with its line and column.
+        If the log cannot be read; each fault has its line and column.
     """
     packed = _bytes(path)
     _check_text(path, packed)

@@ -56,7 +56,7 @@ def check(recording: Recording, sample_time: float | None, *, servo: bool = Fals
     Raises
     ------
     InputError
-        Listing what is wrong.
+        If it is unusable, with all faults.
     """
     _refuse(recording, _too_short(recording))
     T, faults = _sample_time(recording, sample_time, LINK if servo else LOOP)

@@ -75,12 +75,12 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
     Returns
     -------
     Identified
-        The device, its box, and what the recordings do not tell; SI units and hertz.
+        The device, its box, and remarks; SI units and hertz.
 
     Raises
     ------
     InputError
-        If a recording cannot be used, says nothing, or the sample times differ.
+        If a recording cannot be used, has no information, or the sample times differ.
     """
     times = [check(recording, known.document.sample_time, servo=known.servo) for recording in recordings]
     T = times[0]

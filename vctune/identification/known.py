@@ -32,7 +32,7 @@ def check_known(known: LogMap, sample_time: float) -> None:
     Raises
     ------
     InputError
-        Listing what cannot be, each with its line and key.
+        If a number is impossible, with its line and key.
     """
     raw: dict[str, Any] = toml.parse(known.text, known.source) if known.text else {}
     device = raw.get("device", {}) | {"sample_time": sample_time}
@@ -100,7 +100,7 @@ def with_known(
     Raises
     ------
     InputError
-        If nothing tells the delay.
+        If no recording determines the delay.
     """
     stated = known.document.device
     if known.servo:

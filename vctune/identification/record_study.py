@@ -119,12 +119,12 @@ def record_study(recording: Recording, T: float, known: LogMap) -> RecordStudy:
     Returns
     -------
     RecordStudy
-        A force without a command is taken for what explains the recording better.
+        A force without a command takes the role that explains the recording better.
 
     Raises
     ------
     InputError
-        If nothing explains it.
+        If neither role explains it.
     """
     if known.servo:
         study = servo_study(recording, T)

@@ -98,7 +98,7 @@ def metrics(
     Returns
     -------
     Metrics
-        SI units; None for what the environment or the motion does not have.
+        SI units; None if the environment or the motion does not have it.
     """
     stroke = stroke_time(operator)
     counted = traces.time >= (2 * stroke if operator.cycles > 1 else 0.0)

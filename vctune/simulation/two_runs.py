@@ -74,7 +74,7 @@ def simulate(
     Returns
     -------
     Simulated
-        Traces, SI units, and what was measured on them; no measures of a run that diverged.
+        Traces, SI units, and their measures; no measures of a run that diverged.
     """
 
     def ran(scene: Scene, name: str) -> Run:

@@ -66,7 +66,7 @@ class Rows:
         Raises
         ------
         InputError
-            If the file cannot grow; what is in it stays.
+            If the file cannot grow; its content stays.
         """
         line = (json.dumps(row, allow_nan=False) + "\n").encode()
         place = os.lseek(self.handle, 0, os.SEEK_END)
@@ -104,7 +104,7 @@ def open_rows(path: Path, study: Study, *, restart: bool, time_limit: float = in
     Raises
     ------
     InputError
-        If the file is of another study, no file of rows, in use or not writable; it is then left as it is.
+        If the file is of another study, no file of rows, in use or not writable; it then stays as it is.
     """
     header = json.dumps(RowsHeader(study=study.sha256, axes=[axis.key for axis in study.axes]).to_json()) + "\n"
     if not path.exists() or not path.stat().st_size:

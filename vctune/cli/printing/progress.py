@@ -61,7 +61,7 @@ def bar_on_stderr(title: str, total: int, *, shown: bool) -> Iterator[Callable[[
     Returns
     -------
     context manager
-        Of the function, which takes nothing.
+        Yields the function, which takes no arguments.
     """
     if not (shown and sys.stderr.isatty()):
         yield lambda: None

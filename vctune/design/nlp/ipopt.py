@@ -153,7 +153,7 @@ def lagrangian(structure: NlpStructure, given: NlpNumbers, solution: Solution) -
     Returns
     -------
     float
-        Up to what the multipliers do to the bounds of the constraints, which is constant.
+        Without the constant product of multipliers and constraint bounds.
     """
     unknowns = np.concatenate((given.guess[: len(structure.free)], solution.others))
     multipliers = np.zeros(given.least.shape)

@@ -94,7 +94,7 @@ def polish(
     Raises
     ------
     OutOfTimeError
-        If the time limit has passed and there is none yet.
+        If the time limit has passed and there is no answer yet.
     """
     witnesses, cases = witnesses or WorkingSet(), list(posed.cases)
     seen = (*witnesses.ratio, *witnesses.sensitivity, *witnesses.unmodelled, *witnesses.in_hand)

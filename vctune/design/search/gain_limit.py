@@ -84,7 +84,7 @@ def gain_limits(problem: Problem, samples: Samples, grid: Axes, loops: LoopFeasi
     Returns
     -------
     GainLimits
-        Where they are and what the designs there are worth; empty where no corner has one.
+        The limits and the scores of their designs; empty if no corner has one.
     """
     last = loops.feasible[:-1] & ~loops.feasible[1:]
     corner = np.flatnonzero(last.any(axis=0))

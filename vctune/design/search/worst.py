@@ -107,7 +107,7 @@ def loudest(posed: Posed, gains: Gains, case: Problem, peaks: Minima) -> tuple[P
     Returns
     -------
     problem and Minima, or None
-        None if the device is the one to begin with, and where all vertices of the box are examined anyway.
+        None if the device is the first one, or if all vertices of the box are tried anyway.
     """
     if posed.box is None or len(posed.box.modelled.uncertain) <= MOST_AT_ONCE:
         return None

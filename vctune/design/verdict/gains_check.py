@@ -99,12 +99,12 @@ def check_problem(file: ProblemFile, design: GainsFile | None = None) -> Checked
     Returns
     -------
     Checked
-        Verdict, message, warnings, and what was found.
+        Verdict, message, warnings, and details.
 
     Raises
     ------
     InputError
-        If the design is for another kind of device, or there is none and the problem does not fix every number.
+        If the design is for another kind of device, or there is no design and the problem does not fix every number.
     """
     name = Path(file.problem.name)
     if design is not None:

@@ -79,7 +79,7 @@ def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> In
     Returns
     -------
     Infeasibility
-        In words: the constraint, the frequency, by how much, and what may repair it.
+        In words: the constraint, the frequency, the violation, and possible repairs.
     """
     opening = OPENINGS[proved]
     if not scanned.starts:

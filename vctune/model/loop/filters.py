@@ -149,7 +149,7 @@ def velocity_estimate(
     Returns
     -------
     FilterResponse or None
-        Of the shape of omega; None if the firmware knows the true velocity.
+        An array of the shape of omega; None if the firmware measures the true velocity.
     """
     theta, T, found = omega * sample_time, sample_time, None
     half = ops.sinc(theta / 2)

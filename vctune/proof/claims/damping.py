@@ -66,7 +66,7 @@ def no_damping(demands: Demands, cells: Cells, places: Places) -> Flags:
     Returns
     -------
     array of bool
-        Shape (n,); False where nothing is proved.
+        Shape (n,); False if nothing is proved.
     """
     # rows in the order of `KEYS`: 2 is b_c, 3 is m_c, 4 is b_0
     least, most = cells.low[2].copy(), cells.high[2].copy()

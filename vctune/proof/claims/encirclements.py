@@ -58,7 +58,7 @@ def encirclements(demands: Demands, cells: Cells) -> Encirclements:
     Returns
     -------
     Encirclements
-        Numbers of shape (rows, n); 0 where a loop is stable, nan if nothing is decided.
+        Numbers of shape (rows, n); 0 where a loop is stable, nan if undecided.
     """
     parts = [_encirclements(replace(demands, device=loop), cells) for loop in demands.device.loops]
     if not parts:
@@ -148,7 +148,7 @@ def turns_in_hand(demands: Demands, points: Cells) -> Floats:
     Returns
     -------
     array of float
-        Shape (n,); 0 where the loop is stable, nan if nothing is decided.
+        Shape (n,); 0 where the loop is stable, nan if undecided.
     """
     claims = claims_of(demands)
     turns, _ = _turns_at(claims.poles_in_hand, points, HALF_TURN, pi, fixed=_middle(demands))

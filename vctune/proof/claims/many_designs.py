@@ -223,7 +223,7 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
     Returns
     -------
     array of bool
-        Shape (n,); False where nothing is proved.
+        Shape (n,); False if nothing is proved.
     """
     fails = np.zeros(len(cells), bool)
     for at in by_integrator(cells):

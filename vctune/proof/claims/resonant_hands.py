@@ -110,7 +110,7 @@ class Resonance:
         Returns
         -------
         Test
-            Of the same boxes; a failure counts only at a stiffness that a hand has.
+            The test for the same boxes; a failure is valid only at a stiffness that a hand has.
         """
         ratio = 1 + names.index(RATIO)
         tied = np.array([0, *(1 + k for k, name in enumerate(names) if name in (HAND[0], DEVICE_MASS, RATIO))])

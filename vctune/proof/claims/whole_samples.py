@@ -64,7 +64,8 @@ def beside_whole_sample(device: Device, hands: Hands) -> tuple[Device, ...]:
     Returns
     -------
     tuple of Device
-        Without the device itself; empty if its delay is not near a whole number of samples or nothing jumps there.
+        Without the device itself; empty if its delay is not near a whole number of samples or the force does not jump
+        there.
     """
     samples = delay_in_samples(device)
     whole = round(samples)

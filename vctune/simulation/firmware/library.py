@@ -43,7 +43,7 @@ class CompiledController:
         Raises
         ------
         InputError
-            If there is none, it cannot be loaded, or it has not the functions of vctune_bridge.c.
+            If there is no library, it cannot be loaded, or it lacks functions of vctune_bridge.c.
         """
         place = path / LIBRARY if path.is_dir() else path
         if not place.is_file():

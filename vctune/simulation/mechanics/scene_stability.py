@@ -82,7 +82,7 @@ def least_virtual(device: Device, experiment: Experiment, pid: Baseline) -> floa
     Returns
     -------
     float or None
-        The share; 0 if it is stable with next to nothing, None if it is with nothing that was tried.
+        The share; 0 if it is stable with next to nothing, None if no tried share is stable.
     """
 
     def stable(share: float) -> bool:

@@ -106,7 +106,7 @@ def build_open(scene: Scene, stretch: Stretch = fixed_steps) -> OpenStep:
     Returns
     -------
     OpenStep
-        Compiled: what the firmware measures, and a sample with its answer.
+        Compiled functions: the firmware's measurement, and a sample with its answer.
     """
     wired = _wire(scene, INPUTS + len(ANSWER))
     given = [wired.inputs[INPUTS + k] for k in range(len(ANSWER))]
