@@ -13,7 +13,7 @@ def html_table(caption: str, rows: Iterable[Sequence[Cell]], head: Sequence[str]
 
     Parameters
     ----------
-    caption : above it
+    caption : text above it
     rows : rows of texts, numbers and None
     head : heading of the columns; empty for none
     """
@@ -27,7 +27,7 @@ def html_facts(caption: str, facts: Mapping[str, Cell]) -> str:
 
     Parameters
     ----------
-    caption : above them
+    caption : text above them
     facts : value by name
     """
     return html_table(caption, [(name, value) for name, value in facts.items() if value is not None])

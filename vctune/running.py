@@ -37,7 +37,7 @@ def time_limit(seconds: float) -> Iterator[None]:
 
     Parameters
     ----------
-    seconds : from now on; inf for no limit
+    seconds : seconds from now on; inf for no limit
     """
     token = _END.set(min(_END.get(), perf_counter() + seconds))
     try:
@@ -57,7 +57,7 @@ def time_limit_of_command(seconds: float) -> Iterator[None]:
 
     Parameters
     ----------
-    seconds : from the beginning of the process, where it is known; inf for no limit
+    seconds : seconds from the beginning of the process, where it is known; inf for no limit
     """
     began = _BEGAN.get()
     with time_limit(seconds if began is None else seconds - (perf_counter() - began)):
@@ -149,7 +149,7 @@ def tell(words: Callable[[], str]) -> None:
 
     Parameters
     ----------
-    words : makes the text, if somebody listens
+    words : function that makes the text, if somebody listens
     """
     listener = _LISTENER.get()
     if listener is not None and _ALOUD.get():

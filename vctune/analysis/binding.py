@@ -33,7 +33,7 @@ def binding_world(
     Parameters
     ----------
     device, gains, coupling : a design, plain numbers
-    hand, omega : where it has least to spare, rad/s
+    hand, omega : hand and frequency with the least reserve, rad/s
     factor : the safety factor
     worlds : the box; None for every passive environment
     """

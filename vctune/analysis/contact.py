@@ -62,7 +62,7 @@ def greatest_drag(devices: Sequence[Device], hands: Hands) -> Greatest:
 
     Parameters
     ----------
-    devices, hands : as of `drag_at_rest`
+    devices, hands : see `drag_at_rest`
     """
     return max((_greatest(device, demand_of(device, hands), hands) for device in devices), key=_drag)
 
@@ -84,7 +84,7 @@ def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupl
 
     Parameters
     ----------
-    devices, hands : as of `drag_at_rest`
+    devices, hands : see `drag_at_rest`
     coupling : plain numbers
     factor : factor by which Re Z_c has to be greater than R
 

@@ -264,7 +264,7 @@ def coupling_response(coupling: AnyCoupling, device: Device, omega: Floats) -> P
     Parameters
     ----------
     coupling : plain numbers
-    device : whose firmware runs it
+    device : device whose firmware runs it
     omega : rad/s, > 0
     """
     if not isinstance(coupling, SpringDamper):

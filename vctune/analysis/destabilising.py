@@ -85,7 +85,7 @@ def destabilising(
     ----------
     device, gains, coupling : a design, plain numbers
     hand : hand in which the constraint is violated
-    omega : where it is not, rad/s, from 0 to pi/T
+    omega : frequency where it does not hold, rad/s, from 0 to pi/T
 
     Returns
     -------
@@ -111,7 +111,7 @@ def growing_in_worlds(
     ----------
     device, gains, coupling : a design, plain numbers
     hand : hand in which the constraint is violated
-    omega : where it is not, rad/s, from 0 to pi/T
+    omega : frequency where it does not hold, rad/s, from 0 to pi/T
     worlds : the box
 
     Returns

@@ -46,8 +46,8 @@ class Feel:
     static_stiffness, stiffness : those of the stiffest wall, at 0 and at `WALL_HZ`, N/m; inf for a servo, which
         stands still
     force : to move the handle steadily at `SPEED`, N
-    loop_latency : around the loop at low frequency, s; for a servo, from its command to its motion
-    force_latency : from the hand's force to the velocity that answers it, at `WALL_HZ`, s
+    loop_latency : lag around the loop at low frequency, s; for a servo, from its command to its motion
+    force_latency : lag from the hand's force to the velocity that answers it, at `WALL_HZ`, s
     tracking_bandwidth : up to which |G_he| is at least `HALF_POWER`, Hz, the Nyquist frequency at most and 0 where it
         is nowhere; for an impedance display that of |A H/N|
     """

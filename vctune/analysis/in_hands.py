@@ -361,7 +361,7 @@ def needs_in_worlds(
 
     Parameters
     ----------
-    loop : in hands
+    loop : loop in hands
     device : plain numbers
     gains, coupling : a design, plain numbers or arrays that broadcast against the loop
     theta : omega T, rad

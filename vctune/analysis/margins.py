@@ -61,7 +61,7 @@ def loop_margins(device: Device, gains: Gains) -> Margins:
     Parameters
     ----------
     device : let go, plain numbers
-    gains : with which its sampled loop is stable
+    gains : gains with which its sampled loop is stable
 
     Returns
     -------

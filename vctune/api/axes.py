@@ -93,7 +93,7 @@ def solve_axes(
     Parameters
     ----------
     axes : the problem file
-    gap, prices : as for `vctune.solve`
+    gap, prices : see `vctune.solve`
     progress : function that receives the axis and the stage of the work
 
     Returns
@@ -189,7 +189,7 @@ def check_axes(
     Parameters
     ----------
     axes : the problem file
-    gains : by the name of the axis; None for the numbers that the file fixes
+    gains : gains by the name of the axis; None for the numbers that the file fixes
     progress : function that receives the axis
 
     Returns
@@ -297,9 +297,9 @@ def export_axes(
     Parameters
     ----------
     axes : the problem file
-    gains : by the name of the axis; None for the numbers that the file fixes
+    gains : gains by the name of the axis; None for the numbers that the file fixes
     out : in which the folder of the problem is
-    to, precision, unproved, progress : as of `vctune.export`
+    to, precision, unproved, progress : see `vctune.export`
 
     Returns
     -------

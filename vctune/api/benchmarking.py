@@ -20,10 +20,10 @@ def benchmark(
     Parameters
     ----------
     name : name of a module of `vctune.bench` that measures
-    folder : for the files, made if it is not there
+    folder : folder for the files, made if it is not there
     quick : whether to stay under a minute
     seed : seed of the random devices
-    command : that makes it again, for the page
+    command : command that makes it again, for the page
     progress : function that receives the current stage
 
     Raises

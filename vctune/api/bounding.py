@@ -47,7 +47,7 @@ class Known:
     ----------
     record : record of its design
     best : today's judgement of its design; None if it has none
-    resume : where an earlier search stood; None if there was none
+    resume : state of an earlier search; None if there was none
     """
 
     record: DesignRecord

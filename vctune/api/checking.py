@@ -158,7 +158,7 @@ def write_lost(checked: Checked, again: Recheck, folder: Path) -> None:
 
     Parameters
     ----------
-    checked : whose finding becomes lost.json
+    checked : check whose finding becomes lost.json
     again : the cells and gain sets, drawn in lost.svg
     folder : made if it is not there
 

@@ -31,7 +31,7 @@ def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> 
 
     Parameters
     ----------
-    problem : that was solved
+    problem : problem that was solved
     solved : its result
     folder : made if it does not exist; files of an earlier design in it are renamed
 

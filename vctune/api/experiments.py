@@ -167,7 +167,7 @@ def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
 
     Parameters
     ----------
-    simulation : to be written
+    simulation : simulation to write
     folder : one that is there
 
     Returns

@@ -47,8 +47,8 @@ class Entry:
     ----------
     kind : "code", "key", "term" or "claim"
     names : under which it is found
-    text : in Markdown
-    guide : where it stands
+    text : text in Markdown
+    guide : guide that contains it
     """
 
     kind: Literal["code", "key", "term", "claim"]

@@ -213,7 +213,7 @@ def stated_design(
 
     Parameters
     ----------
-    source, gains, coupling : as of `export`
+    source, gains, coupling : see `export`
 
     Raises
     ------

@@ -110,7 +110,7 @@ def write_identification(identified: Identification, folder: str | Path, *, repo
 
     Parameters
     ----------
-    identified : to be written
+    identified : identification to write
     folder : made if it is not there
     report : whether to draw
 

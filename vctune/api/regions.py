@@ -141,7 +141,7 @@ def best_design(problem: Problem, progress: Progress = lambda stage: None) -> So
 
     Parameters
     ----------
-    problem : in SI units
+    problem : problem in SI units
     progress : function that receives the current stage
     """
     with limited(SOLVING * seconds_left()):

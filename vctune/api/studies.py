@@ -66,8 +66,8 @@ class Fronts:
 
     Attributes
     ----------
-    terms : in |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0
-    band : in error and upper edge of the stability band; None if hands are required at every frequency, no others
+    terms : terms in |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0
+    band : front in error and upper edge of the stability band; None if hands are required at every frequency, no others
     """
 
     terms: Table
@@ -103,7 +103,7 @@ def sweep(
         or `{"log": [a, b], "n": n}`, in the units of the problem file
     sample : `{"kind": "grid"}`, every combination, the default; `{"kind": "lhs", "n": n, "seed": seed}`, a Latin
         hypercube; or `{"kind": "list"}`, the axes' lists side by side
-    folder : for rows, table and picture, where an interrupted sweep continues; None to keep nothing
+    folder : folder for rows, table and picture, where an interrupted sweep continues; None to keep nothing
     jobs : number of workers; None for the number of cores
     executor : "serial" for this process alone; "processes", which a script starts from under `if __name__ ==
         "__main__":`; "dask" or "dask:ADDRESS"

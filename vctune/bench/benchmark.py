@@ -64,8 +64,8 @@ def page(name: str, measured: Measured, command: str, machine: str) -> str:
     ----------
     name : stem of the benchmark's files
     measured : its result
-    command : that makes it again
-    machine : on which it ran
+    command : command that makes it again
+    machine : machine of the run
     """
     lines = [
         f"# {measured.title}",
@@ -88,7 +88,7 @@ def record_of(name: str, measured: Measured, machine: str) -> BenchRecord:
     ----------
     name : name of the benchmark
     measured : its result
-    machine : on which it ran
+    machine : machine of the run
     """
     rows = [{key: _existing(value) for key, value in asdict(row).items()} for row in measured.rows]
     return BenchRecord(name=name, title=measured.title, machine=machine, facts=measured.facts, table=rows)
@@ -103,11 +103,11 @@ def write_measured(folder: Path, name: str, measured: Measured, command: str, ma
 
     Parameters
     ----------
-    folder : for the files
+    folder : folder for the files
     name : their stem
     measured : the result
-    command : that makes it again
-    machine : on which it ran
+    command : command that makes it again
+    machine : machine of the run
 
     Raises
     ------

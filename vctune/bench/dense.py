@@ -39,7 +39,7 @@ class Dense:
     ----------
     prepared : the problem
     structure, free, fixed : structure of the NLP, its variables, and the values of the others
-    numbers : where to start, parameters, bounds
+    numbers : start, parameters, bounds
     """
 
     prepared: Prepared
@@ -106,7 +106,7 @@ def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> Dense
     Parameters
     ----------
     prepared : the problem
-    start : where to begin; decides whether the law has an integrator
+    start : start; it decides whether the law has an integrator
     count : number of frequencies of each kind
     reserve : relative tightening of the constraints
 

@@ -39,7 +39,7 @@ def worth(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Worth:
 
     Parameters
     ----------
-    problem : with its constraints
+    problem : problem with its constraints
     gains, coupling : the answer
 
     Returns

@@ -151,7 +151,7 @@ def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
 
     Parameters
     ----------
-    problem : with its constraints
+    problem : problem with its constraints
     judgement : judgement of a design, of any status; only a certified one can be contradicted
     """
     from vctune.bench import digits

@@ -59,7 +59,7 @@ class Posed:
 
     Attributes
     ----------
-    problem : in SI or in the optimiser's units
+    problem : problem in SI or in the optimiser's units
     cases : the problem of each device, known exactly: the nominal one and, if it is uncertain, its box's vertices; the
         same of other delays for which the constraints hold too
     hand_cases : the problems of the devices that are evaluated in hands: those of `cases`, and other delays if they
@@ -195,8 +195,8 @@ def with_device(problem: Problem, device: Device) -> Problem:
 
     Parameters
     ----------
-    problem : whose device is replaced and whose uncertainty is dropped
-    device : in the problem's units
+    problem : problem whose device is replaced and whose uncertainty is dropped
+    device : device in the problem's units
     """
     return replace(problem, device=device, uncertainty=None)
 

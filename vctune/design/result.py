@@ -52,7 +52,7 @@ class Round:
     Attributes
     ----------
     frequencies : number of its frequencies
-    solution : where IPOPT stopped
+    solution : point at which IPOPT stopped
     """
 
     frequencies: int
@@ -65,7 +65,7 @@ class Polished:
 
     Attributes
     ----------
-    start : where it began
+    start : its start
     values : K_v, K_p, b_c, m_c, b_0
     error : transparency error
     structure, working_set, solution : the last NLP, its working set and where IPOPT stopped

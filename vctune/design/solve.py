@@ -55,7 +55,7 @@ def solve(
 
     Parameters
     ----------
-    problem : in SI units
+    problem : problem in SI units
     progress : function that receives the current stage
     gap : prove that no design has an error lower by more than this share
     exhaustive : whether every box is searched where the optimiser finds no design

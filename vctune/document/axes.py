@@ -27,7 +27,7 @@ class Axis:
     Attributes
     ----------
     key : dotted key, in the unit of the problem file
-    path : where it stands in the problem
+    path : its place in the problem
     scale : "list", or how a range is divided
     values : values of a list; the two ends of a range
     n : number of values; None for a range that is only sampled

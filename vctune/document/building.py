@@ -133,7 +133,7 @@ def design_for(file: ProblemFile, gains: DesignSource, coupling: AnyCoupling | N
     Parameters
     ----------
     file : the problem
-    gains, coupling : as of `design`
+    gains, coupling : see `design`
 
     Raises
     ------

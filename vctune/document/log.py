@@ -33,7 +33,7 @@ class LogMap:
 
     Attributes
     ----------
-    document : as written, checked
+    document : document as written, checked
     source : path of the file; "log.toml" if there is none
     text : text of the file, "" if there is none
     servo : whether the logs are of a servo and its command

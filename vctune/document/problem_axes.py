@@ -43,7 +43,7 @@ class AxesFile:
     Attributes
     ----------
     name : name of the problem
-    axes : in the file's order, at least one
+    axes : axes in the file's order, at least one
     """
 
     name: str

@@ -165,7 +165,7 @@ class GainsFile:
     kind : kind of display of the design
     gains, coupling : the design
     sha256 : digest of the problem that it was made for, if the file says so
-    units : that the numbers are in, if the file says so
+    units : units that the numbers are in, if the file says so
     text : the file's text
     source : the path of the file; "design" if there is none
     solved : the numbers of the design that it was made of, by key; none if the file does not say so

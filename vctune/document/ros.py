@@ -69,7 +69,7 @@ class AdmittanceFile:
 
     Attributes
     ----------
-    axes : in the file's order, at least one
+    axes : axes in the file's order, at least one
     filter_coefficient : share of each new sample in the filter of the force
     line : line of the file, with the selection
     lines : lines of the file, by the dotted keys of `TUNED` or of the nearest table that is there

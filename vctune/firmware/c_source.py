@@ -45,7 +45,7 @@ def rendered_template(name: str, given: dict[str, Any]) -> str:
 
     Parameters
     ----------
-    name : without .j2
+    name : name without .j2
     given : its variables
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined

@@ -142,8 +142,8 @@ def rounded(problem: Problem, coefficients: dict[str, float]) -> tuple[Problem, 
 
     Parameters
     ----------
-    problem : in SI units; supplies the data that the coefficients lack
-    coefficients : as of `controller_coefficients`
+    problem : problem in SI units; supplies the data that the coefficients lack
+    coefficients : see `controller_coefficients`
     """
     T, device, stability = coefficients["sample_time"], problem.device, problem.stability
     estimate = device.velocity

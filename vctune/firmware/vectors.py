@@ -119,7 +119,7 @@ def greatest_difference(firmware: Firmware, made: list[Replay]) -> float:
 
     Parameters
     ----------
-    firmware : in single precision
+    firmware : firmware in single precision
     made : the simulated runs to replay
     """
     return max(float(np.abs(commands(firmware, one) - one.command).max()) for one in made)
@@ -130,7 +130,7 @@ def commands(firmware: Firmware, one: Replay) -> Floats:
 
     Parameters
     ----------
-    firmware : with its coefficients
+    firmware : firmware with its coefficients
     one : the simulated runs to replay
     """
     start = Start(one.experiment.environment, one.experiment.limit, one.position, one.reference)

@@ -37,7 +37,7 @@ class Estimate:
 
     Attributes
     ----------
-    key : in the device's table
+    key : name in the device's table
     value, sigma : SI units, frequencies in Hz
     source : which record, and how
     excess : excess difference of other estimates from the same record, below and above
@@ -60,12 +60,12 @@ class Bounded:
 
     Attributes
     ----------
-    key : in the device's table
+    key : name in the device's table
     value : middle of the interval
     low, high : its ends
     sampled : half-width of the widest interval that a single estimate has by its sigma
     limits : sources of the interval
-    estimates : that it holds
+    estimates : estimates that it holds
     """
 
     key: str

@@ -37,11 +37,11 @@ class Identified:
     Attributes
     ----------
     name : name of the device
-    device : in the middle of the box
+    device : device in the middle of the box
     bounds : the box
     unmodelled : (Hz, radius) of the response that no device of the box has; empty for slow motion alone
     distances : relative, of each line or band to the nearest device of the box, for each record that has them
-    friction : for the simulation; None if none was found
+    friction : friction for the simulation; None if none was found
     force_noise : noise of a sample of the sensed force, N; None if no force was recorded
     records : one for each recording
     remarks : remarks on what the recordings do not show

@@ -95,7 +95,7 @@ def with_known(
     estimates : estimates of all recordings
     known : the log.toml, which may state the delay
     T : sample time, s
-    recordings : for messages
+    recordings : recordings for messages
 
     Raises
     ------

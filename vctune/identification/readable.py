@@ -21,7 +21,7 @@ def readable(bounds: Sequence[Bounded], recording: Recording, sample_time: float
     Parameters
     ----------
     bounds : the identified box
-    recording : for messages
+    recording : recording for messages
     sample_time : s
 
     Raises

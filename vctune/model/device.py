@@ -74,7 +74,7 @@ class Servo:
 
     Attributes
     ----------
-    delay : from sampling to motion beyond the hold, s, >= 0
+    delay : delay from sampling to motion beyond the hold, s, >= 0
     bandwidth_hz : bandwidth of the low-pass from the late command to the motion, Hz, > 0
     order : order of that low-pass, 1 or 2 with damping ratio 1/sqrt(2)
     command : "velocity", held over a sample, or "position", interpolated linearly over it

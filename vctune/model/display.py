@@ -23,7 +23,7 @@ class Display:
 
     Attributes
     ----------
-    name : in a problem file
+    name : name in a problem file
     makes : input and output, in words; {force} stands for force or torque
     keys : keys of the numbers of a design, in order
     absent : those of `keys` that are always 0

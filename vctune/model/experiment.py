@@ -21,9 +21,9 @@ class Environment:
     mass : kg
     damping : N s/m
     stiffness : N/m
-    zero : where the spring is without force, m
+    zero : position without spring force, m
     wall : whether damping and stiffness only push, towards negative x
-    rule : how it runs in the firmware; a wall by backward Euler
+    rule : its integration in the firmware; a wall by backward Euler
     """
 
     mass: float

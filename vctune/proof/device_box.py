@@ -149,7 +149,7 @@ def in_longer_hands(box: DeviceBox, hands: Hands, keys: Sequence[str]) -> tuple[
 
     Returns
     -------
-    box : with these numbers at their least
+    box : box with these numbers at their least
     hands : with these numbers' upper ends raised by the box's range, rounded upwards
     """
     least = {key: box.low.number(key) for key in keys}

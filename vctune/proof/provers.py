@@ -35,7 +35,7 @@ class Question:
 
     Attributes
     ----------
-    design : in plain numbers
+    design : design in plain numbers
     demands : its constraints
     box : devices for which it is to be proved, None for the design's own
     """

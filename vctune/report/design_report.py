@@ -23,7 +23,7 @@ def write_report(record: DesignRecord, folder: Path, simulation: SimulationRecor
     Parameters
     ----------
     record : record of the design
-    folder : for report.html and the figures
+    folder : folder for report.html and the figures
     simulation : simulation of this design; None without one
 
     Raises
@@ -41,7 +41,7 @@ def report_files(record: DesignRecord, folder: Path, simulation: SimulationRecor
     Parameters
     ----------
     record : record of the design
-    folder : for the files
+    folder : folder for the files
     simulation : simulation of this design; None without one
 
     Returns
@@ -71,7 +71,7 @@ def simulation_files(simulation: SimulationRecord, folder: Path) -> dict[Path, s
     Parameters
     ----------
     simulation : simulation of any design
-    folder : for the file
+    folder : folder for the file
 
     Returns
     -------

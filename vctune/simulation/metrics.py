@@ -90,7 +90,7 @@ def metrics(
     Parameters
     ----------
     traces : traces of a run that did not diverge
-    environment : that was rendered
+    environment : environment that was rendered
     operator : the hand
     limit : greatest force of the actuator, N; None for none
     commanded : kind of the firmware's command

@@ -58,7 +58,7 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
     ----------
     scene : device, operator, friction and firmware
     progress : function that receives the share of the finished samples
-    stretch : how friction is integrated; skipped without friction, where the device moves on exactly
+    stretch : integration of friction; skipped without friction, where the device moves on exactly
 
     Returns
     -------
@@ -116,7 +116,7 @@ def traces_of(scene: Scene, recorded: Floats, wanted: Floats, *, diverged: bool)
 
     Parameters
     ----------
-    scene : that was run
+    scene : scene that was run
     recorded : a row a sample, of `columns`
     wanted : intended position at each of these samples, m
     diverged : whether the handle left where the hand wants it

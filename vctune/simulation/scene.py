@@ -20,7 +20,7 @@ class Scene:
 
     Attributes
     ----------
-    device : with all its parts; its hold is always the real, zero-order one
+    device : device with all its parts; its hold is always the real, zero-order one
     operator : the hand
     friction : friction of the device; None for none
     law : the firmware

@@ -45,7 +45,7 @@ class WorkerPool:
     max_pending : number of points to hand out at once
     worker_died : exceptions that say so
     unreachable : exceptions that say that all of them are out of reach
-    renew : makes the executor fit to go on after a worker has died
+    renew : function that renews the executor after a worker has died
     """
 
     executor: Executor

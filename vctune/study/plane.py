@@ -86,7 +86,7 @@ def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
 
     Parameters
     ----------
-    problem : with or without a region
+    problem : problem with or without a region
     x, y : dotted keys, of the problem's variables
 
     Returns

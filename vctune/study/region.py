@@ -65,7 +65,8 @@ class Region:
     plane : the variables and their edges
     squares : the cells, shape (4, n)
     kinds : kind of each cell, `Kind`
-    damping : for each feasible cell a b_c that serves all of it, N s/m, when the problem leaves b_c free; else nan
+    damping : for each feasible cell a b_c that serves all of it, N s/m, when the problem leaves b_c free;
+        else nan
     interrupted : whether undecided cells remain that had not been evaluated, or could have been divided
     """
 

@@ -48,7 +48,7 @@ class Rows:
     Attributes
     ----------
     path, handle : those of the file
-    places : where the row of each key begins
+    places : first row of each key
     dropped : lines that were no whole rows
     """
 
@@ -92,7 +92,7 @@ def open_rows(path: Path, study: Study, *, restart: bool, time_limit: float = in
     Parameters
     ----------
     path : path of the file
-    study : whose rows they are
+    study : study whose rows they are
     restart : begin again instead of going on
     time_limit : time limit of a point, s; rows that a shorter limit has cut are ignored
 

@@ -173,7 +173,7 @@ def table_files(table: Table, folder: Path, stem: str) -> dict[Path, str | bytes
     Parameters
     ----------
     table : a row a point
-    folder : for the files
+    folder : folder for the files
     stem : stem of their names
 
     Returns

@@ -23,7 +23,7 @@ def print_axes(name: str, designs: Mapping[str, DesignRecord], folder: Path) -> 
     Parameters
     ----------
     name : name of the problem
-    designs : by the name of the axis
+    designs : designs by the name of the axis
     folder : named at the end
     """
     with page(WIDE, folder) as console:

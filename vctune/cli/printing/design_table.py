@@ -182,7 +182,7 @@ def print_sweep(found: SweepRecord, folder: Path) -> None:
 
     Parameters
     ----------
-    found : in a few numbers
+    found : result in a few numbers
     folder : named at the end
     """
     with page(LEAST_WIDTH, folder) as console:

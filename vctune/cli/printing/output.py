@@ -64,7 +64,7 @@ def answer(style: str, quiet: bool, data: Callable[[], Any], people: Callable[[]
     ----------
     style : "json" for the object, "text" for people
     quiet : whether to print nothing for people
-    data : makes the object
+    data : function that makes the object
     people : prints it for them
     """
     if style == "json":

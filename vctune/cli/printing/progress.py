@@ -20,7 +20,7 @@ def progress_on_stderr(title: str, *, shown: bool) -> Iterator[Callable[[str], N
 
     Parameters
     ----------
-    title : before the stage
+    title : text before the stage
     shown : whether to show it, on a terminal
 
     Returns
@@ -54,7 +54,7 @@ def bar_on_stderr(title: str, total: int, *, shown: bool) -> Iterator[Callable[[
 
     Parameters
     ----------
-    title : before the bar
+    title : text before the bar
     total : number of items
     shown : whether to show it, on a terminal
 

@@ -82,7 +82,7 @@ class SeriesCouplings:
 
     Attributes
     ----------
-    problem : in SI units
+    problem : problem in SI units
     omega : rad/s, at which the error is evaluated; None for its mean
     """
 
@@ -164,7 +164,7 @@ class SpringDampers:
 
     Attributes
     ----------
-    problem : in SI units
+    problem : problem in SI units
     compliance : |1/Z_c|^2 weighted, at frequencies or over intervals, over boxes of b_c and k_c
     devices : number of devices whose intervals, one after another, the mean covers; None for frequencies
     """

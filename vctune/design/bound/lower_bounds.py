@@ -78,7 +78,7 @@ def without_integrator(problem: Problem, boxes: DesignBoxes) -> Flags:
 
     Parameters
     ----------
-    problem : in SI units
+    problem : problem in SI units
     boxes : n boxes of designs
 
     Returns

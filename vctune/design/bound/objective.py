@@ -53,7 +53,7 @@ class Objective:
     Attributes
     ----------
     admittance, tracking : those of the loop
-    couplings : whose share is the third
+    couplings : couplings whose share is the third
     omega : rad/s, at which the error is evaluated for norm "peak"; None for "rms"
     devices : number of devices the greatest of whose errors is the objective; their terms follow one another
     """
@@ -70,7 +70,7 @@ def objective_of(problem: Problem, devices: Sequence[Device], intervals: int) ->
 
     Parameters
     ----------
-    problem : in SI units
+    problem : problem in SI units
     devices : known exactly; the objective is the greatest of their errors
     intervals : number of intervals of the transparency band for norm "rms", or of frequencies for "peak"
 

@@ -135,7 +135,7 @@ def replaced(term: Term, numbers: Iterable[Number]) -> Term:
     Parameters
     ----------
     term : shows which numbers are there; None stays None
-    numbers : in the order of `listed`
+    numbers : numbers in the order of `listed`
 
     Returns
     -------

@@ -49,7 +49,7 @@ class Relaxation:
     ----------
     problem : the problem
     devices, places : at which the constraints are imposed
-    conditions : on the coupling
+    conditions : conditions on the coupling
     sensitivity : |S|^2 of the sampled loop; for an uncertain device the constraints are imposed at each vertex of its
         box too
     objective : the terms of the squared error
@@ -109,7 +109,7 @@ def relaxation(
 
     Parameters
     ----------
-    problem : in SI units
+    problem : problem in SI units
     devices : d devices at which the constraints are imposed, known exactly
     objective : those of them whose greatest error is the objective
     places : frequencies, angles and hands at which the constraints are imposed

@@ -21,7 +21,7 @@ class ResumeState:
 
     Attributes
     ----------
-    nodes : that are still open
+    nodes : nodes that are still open
     pruned_bound : the least lower bound of the boxes that were pruned
     boxes : lower bounds computed so far
     """

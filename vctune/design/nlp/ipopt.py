@@ -59,7 +59,7 @@ class NlpNumbers:
     Attributes
     ----------
     guess, low, high : where to start, and bounds of the variables
-    parameters : in the order of `nlp_parameters.tables`
+    parameters : parameters in the order of `nlp_parameters.tables`
     least, most : bounds of the constraints; -inf for one that is not used
     """
 
@@ -89,7 +89,7 @@ def numbers_of(
     free : its n variables
     start : the five numbers to start from; those that are not free stay
     box : least and greatest coordinates, each of shape (n,)
-    working_set : where the constraints are imposed
+    working_set : points at which the constraints are imposed
     tightening : relative tightening of the constraints, which leaves room for rounding the result
     """
     low, high = (list(bound) for bound in box)

@@ -112,7 +112,7 @@ def device_of(structure: NlpStructure, numbers: dict[str, Any], operator: Any) -
     Parameters
     ----------
     structure : structure of the NLP
-    numbers : by the names of `common_layout` and, of more weight, of `frequency_layout`
+    numbers : numbers by the names of `common_layout` and, of more weight, of `frequency_layout`
     operator : damping of the least operator; None without one
     """
     parts = {
@@ -138,7 +138,7 @@ def plant_of(structure: NlpStructure, rows: dict[str, Sequence[Any]]) -> Sampled
     Parameters
     ----------
     structure : structure of the NLP
-    rows : by the names of `plant_layout`
+    rows : rows by the names of `plant_layout`
     """
     return SampledPlant(
         open=tuple(rows["open"]),
@@ -192,7 +192,7 @@ def unpacked(layout: Layout, column: Any) -> dict[str, Any]:
     Parameters
     ----------
     layout : layout of the column's table
-    column : with a row for each of the layout's
+    column : column with a row for each of the layout's
     """
     ends = np.cumsum([*layout.values()]).tolist()
     return {name: column[end - count : end] for (name, count), end in zip(layout.items(), ends, strict=True)}
@@ -204,7 +204,8 @@ def packed(parts: dict[str, Table], numbers: dict[str, dict[str, Any]]) -> Float
     Parameters
     ----------
     parts : parts of `tables`
-    numbers : for each table that has columns, and each of its names, an array of shape (columns,) or (rows, columns);
+    numbers : for each table that has columns, and each of its names, an array of shape (columns,) or (rows,
+        columns);
         columns that are not used repeat the last one, those of a table without numbers are 0
     """
     return np.concatenate([_packed(table, numbers.get(name)) for name, table in parts.items()])

@@ -93,7 +93,7 @@ def nlp_structure(
     ----------
     posed : dimensionless
     free : its variables
-    working_set : where the constraints are imposed
+    working_set : points at which the constraints are imposed
     panels : panels of the quadrature of the error
     integrator : whether K_p > 0
     """

@@ -54,7 +54,7 @@ def as_problem(document: dict[str, Any]) -> dict[str, Any]:
 
     Parameters
     ----------
-    document : as of `document_of_both`
+    document : see `document_of_both`
     """
     device, coefficient = document["device"], document["ft_sensor"]["filter_coefficient"]
     axis, T = Admittance(axis="", line=0, **document["admittance"]), float(device["sample_time"])

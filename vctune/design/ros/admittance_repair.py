@@ -28,7 +28,7 @@ def repairs_of_axis(
     Parameters
     ----------
     document : the tables of the device and of the parameter file (`document_of_both`)
-    problem : that they state
+    problem : problem that they state
     judgement : judgement of the axis
     progress : function that receives the current stage
 

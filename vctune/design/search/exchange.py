@@ -78,7 +78,7 @@ def polish(
     Parameters
     ----------
     posed : dimensionless
-    start : from the scan
+    start : start from the scan
     scanned : result of the scan, which decides with which constraints the NLP begins
     incumbent : give up once the error cannot get below this: more frequencies only raise it
     tightening : relative tightening of the constraints
@@ -134,7 +134,7 @@ class _Search:
     cases : the devices at which the constraints are imposed
     witnesses : points in hands that a proof has refuted
     reference : the last point with sound loops, centre of the box
-    warm_start : where IPOPT starts
+    warm_start : start of IPOPT
     radius : half the box's width in log coordinates
     known, known_error : the best feasible design that is known, an answer or the start
     missed : greatest violation of the last answer

@@ -49,7 +49,7 @@ def loop_feasibility(problem: Problem, samples: Samples, gains: Gains, bands: li
     Parameters
     ----------
     problem : dimensionless
-    samples : where to look
+    samples : samples of the scan
     gains : arrays that fit each other
     bands : the loops' responses on the stability band, device by device (`grid.responses`)
     """

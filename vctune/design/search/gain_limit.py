@@ -55,7 +55,7 @@ class GainLimits:
         Parameters
         ----------
         problem : dimensionless
-        grid : whose limits these are
+        grid : grid whose limits these are
         minima : indices of designs in `scores`
 
         Returns
@@ -77,7 +77,7 @@ def gain_limits(problem: Problem, samples: Samples, grid: Axes, loops: LoopFeasi
     Parameters
     ----------
     problem : dimensionless
-    samples : where to look
+    samples : samples of the scan
     grid : one grid of designs
     loops : violations of its loops, shape (velocities, corners)
 

@@ -195,7 +195,7 @@ def evaluated(problem: Problem, samples: Samples, at: Axes) -> tuple[Scores, Loo
     Parameters
     ----------
     problem : dimensionless
-    samples : where to look
+    samples : samples of the scan
     at : the axes of the grids
 
     Returns
@@ -258,7 +258,7 @@ def responses(samples: Samples, gains: Gains) -> list[LoopResponse]:
 
     Parameters
     ----------
-    samples : where to look
+    samples : samples of the scan
     gains : dimensionless arrays that fit each other
 
     Returns

@@ -125,7 +125,7 @@ def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
 
     Parameters
     ----------
-    problem : that leaves something free
+    problem : problem that leaves something free
     """
     if impossible(problem) is not None:
         return None
@@ -155,7 +155,7 @@ def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
 
     Parameters
     ----------
-    problem : in SI units
+    problem : problem in SI units
     """
     if impossible(problem) is not None:
         return None

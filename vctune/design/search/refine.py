@@ -28,7 +28,7 @@ def minima_of(problem: Problem, scores: Scores) -> list[Index]:
 
     Parameters
     ----------
-    problem : whose weights say whether the coupling costs anything
+    problem : problem whose weights say whether the coupling costs anything
     scores : scores of one grid, shape (K_v, corner, tau_c, b_0)
     """
     ranks = scores.ranks()
@@ -76,7 +76,7 @@ def refined(problem: Problem, samples: Samples, near: Axes) -> list[Start]:
     Parameters
     ----------
     problem : dimensionless
-    samples : where to look
+    samples : samples of the scan
     near : each minimum between its neighbours, axes of shape (minima, 3)
 
     Returns

@@ -14,7 +14,7 @@ def rounded(problem: Problem, values: Point, digits: int = DIGITS) -> Point:
 
     Parameters
     ----------
-    problem : with the bounds, SI units
+    problem : problem with the bounds, SI units
     values : K_v, K_p, b_c, m_c, b_0, SI units
     digits : significant ones
 

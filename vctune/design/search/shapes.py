@@ -30,7 +30,7 @@ def unit_response(device: Device, omega: Floats, time_constant: Floats) -> tuple
 
     Parameters
     ----------
-    device : whose firmware runs the coupling
+    device : device whose firmware runs the coupling
     omega : rad/s, > 0
     time_constant : s, an array that broadcasts against omega
     """
@@ -63,7 +63,7 @@ def scale_per_resistance(device: Device, place: Floats, time_constant: Floats) -
 
     Parameters
     ----------
-    device : whose firmware runs the coupling
+    device : device whose firmware runs the coupling
     place : omega, rad/s, or of an impedance display theta, rad
     time_constant : s, an array that broadcasts against the places
     """
@@ -82,7 +82,7 @@ def scale_limits(problem: Problem, time_constant: Floats) -> tuple[Floats, Float
 
     Parameters
     ----------
-    problem : whose bounds hold
+    problem : problem whose bounds hold
     time_constant : time constant of the coupling, in the problem's unit of time, shape (n,)
 
     Returns
@@ -134,7 +134,7 @@ def coupling_of(problem: Problem, scale: float, time_constant: float, drag: floa
 
     Parameters
     ----------
-    problem : in the units of the numbers
+    problem : problem in the units of the numbers
     scale, time_constant, drag : plain floats
     """
     bounds = problem.bounds

@@ -59,7 +59,7 @@ def stable(problem: Problem, gains: Gains) -> bool:
     Parameters
     ----------
     problem : problem of one device
-    gains : in the problem's units
+    gains : gains in the problem's units
     """
     return all(_loop_stable(device, gains) for device in problem.device.loops)
 
@@ -77,7 +77,7 @@ def add_stability_cut(problem: Problem, working_set: WorkingSet, inside: Gains, 
     Parameters
     ----------
     problem : problem of one device, dimensionless
-    working_set : that the tangent is added to
+    working_set : working set to which the tangent is added
     inside, outside : stable and unstable gains
     """
     cuts = (stability_cut(device, inside, outside, STABILITY_MARGIN) for device in problem.device.loops)

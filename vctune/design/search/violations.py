@@ -42,7 +42,7 @@ class Violations:
     ----------
     ratio, sensitivity, peak, unmodelled, in_hand : points
     greatest : greatest violation
-    near_peak : where |S| is greatest, if it is near its limit
+    near_peak : point where |S| is greatest, if it is near its limit
     positive : whether Re(D + Z_h) > 0 throughout
     """
 

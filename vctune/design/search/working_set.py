@@ -29,7 +29,7 @@ def constraint_points(device: Device, omega: Iterable[float]) -> list[Constraint
 
     Parameters
     ----------
-    device : in the units of the frequencies
+    device : device in the units of the frequencies
     omega : rad per unit of time
     """
     return [ConstraintPoint(float(w), device) for w in omega]
@@ -56,7 +56,7 @@ class WorkingSet:
     stability : tangents of the stability boundary
     unmodelled : points of |1 - S| r < 1
     in_hand : points of Re Z_c >= R in a hand
-    tracked_peaks : where |S| peaks near its limit: the frequency of the peak is a variable of the NLP
+    tracked_peaks : points where |S| peaks near its limit: the frequency of the peak is a variable of the NLP
     """
 
     ratio: list[ConstraintPoint] = field(default_factory=list)

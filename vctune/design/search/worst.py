@@ -72,7 +72,7 @@ def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Wors
 
     Parameters
     ----------
-    posed : with a box of devices, in any units
+    posed : prepared problem with a box of devices, in any units
     gains, coupling : a design, plain floats, in these units
 
     Returns
@@ -100,7 +100,7 @@ def loudest(posed: Posed, gains: Gains, case: Problem, peaks: Minima) -> tuple[P
 
     Parameters
     ----------
-    posed : in any units
+    posed : prepared problem in any units
     gains : plain floats, in these units
     case, peaks : the problem of the device to begin with, and its maxima of |S|
 

@@ -43,7 +43,7 @@ def taken_back(repairs: Sequence[Repair], changed: Sequence[ParameterChange]) ->
 
     Parameters
     ----------
-    repairs, changed : as of `check_message`
+    repairs, changed : see `check_message`
     """
     solved = {(change.key, change.limit) for change in changed}
     return [repair for repair in repairs if (repair.key, repair.new) in solved]
@@ -55,7 +55,7 @@ def line_to_change(text: str, repairs: Sequence[Repair] | None, together: Sequen
     Parameters
     ----------
     text : text of the file that states the design
-    repairs, together : as of `check_message`
+    repairs, together : see `check_message`
     """
     lines = toml.Lines(text)
     of_gains = [repair.key for repair in repairs or [] if repair.key in SYMBOLS]

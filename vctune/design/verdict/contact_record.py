@@ -43,7 +43,7 @@ def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | No
 
     Parameters
     ----------
-    problem : with every default filled in, SI units
+    problem : problem with every default filled in, SI units
     judgement : judgement of the design
     """
     hands = problem.hands_met

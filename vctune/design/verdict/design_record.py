@@ -178,7 +178,7 @@ def at_bound(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[str]
 
     Parameters
     ----------
-    problem : with the bounds, SI units
+    problem : problem with the bounds, SI units
     gains, coupling : a design, SI units
     """
     return [key for key, _ in _touched(problem, point(gains, coupling))]

@@ -42,7 +42,7 @@ def edits(problem: Problem, judgement: Judgement, solved: Mapping[str, float]) -
 
     Parameters
     ----------
-    problem : that the design is of
+    problem : problem of the design
     judgement : judgement of the numbers as they are
     solved : the numbers of the solved design by their keys, or empty
     """
@@ -57,7 +57,7 @@ def undone(pasted: dict[str, Any], changed: Sequence[ParameterChange], test: Rep
     ----------
     pasted : the problem's document with the numbers as they are
     changed : the edited numbers
-    test : how changed problems are tried
+    test : test of changed problems
     """
     found = []
     for change in changed:
@@ -71,7 +71,7 @@ def undone_together(pasted: dict[str, Any], changed: Sequence[ParameterChange], 
 
     Parameters
     ----------
-    pasted, changed, test : as of `undone`
+    pasted, changed, test : see `undone`
     """
     document = reduce(lambda document, change: change.applied(document, change.limit), changed, pasted)
     return _verified(document, test) is not None
@@ -84,7 +84,7 @@ def solved_numbers(stated: dict[str, Any], judgement: Judgement, test: RepairTes
     ----------
     stated : the problem's document; its fixed numbers become free
     judgement : judgement of a design
-    test : how a problem with free numbers is solved
+    test : test of a problem with free numbers
     """
     problem = _with_free(stated, judgement, *design_numbers(judgement.kind, judgement.gains, judgement.coupling))
     design = test.verify(problem) if problem is not None and not problem.bounds.fixed else None
@@ -101,7 +101,7 @@ def best_values(stated: dict[str, Any], judgement: Judgement, test: RepairTest) 
     ----------
     stated : the problem's document
     judgement : judgement of the design
-    test : how problems with one free number are tried
+    test : test of problems with one free number
 
     Raises
     ------

@@ -182,7 +182,7 @@ def judge(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Judgement:
 
     Parameters
     ----------
-    problem : with every default filled in
+    problem : problem with every default filled in
     gains, coupling : plain floats, N s/m, N/m and kg
 
     Returns
@@ -199,7 +199,7 @@ def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
 
     Parameters
     ----------
-    posed : in SI units
+    posed : prepared problem in SI units
     gains, coupling : plain floats, N s/m, N/m and kg
 
     Returns
@@ -218,7 +218,7 @@ def judge_all(problem: Problem, designs: Sequence[tuple[Gains, AnyCoupling]]) ->
 
     Parameters
     ----------
-    problem : with every default filled in, SI units
+    problem : problem with every default filled in, SI units
     designs : gains and couplings, plain floats, SI units
 
     Returns

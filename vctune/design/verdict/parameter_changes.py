@@ -49,7 +49,7 @@ class ParameterChange:
 
     Attributes
     ----------
-    path : where it stands in the file
+    path : its place in the file
     meaning : meaning of the change
     old : the value that the file, or a default, gives it
     limit : the furthest value worth trying, above `old` or below it
@@ -173,7 +173,7 @@ def parameter_changes(document: dict[str, Any], problem: Problem) -> list[Parame
     Parameters
     ----------
     document : parsed TOML
-    problem : that it states
+    problem : problem that it states
     """
     return [*_of_device(problem), *_of_operator(problem), *changes_of_demands(document, problem)]
 
@@ -184,7 +184,7 @@ def changes_of_demands(document: dict[str, Any], problem: Problem) -> list[Param
     Parameters
     ----------
     document : parsed TOML
-    problem : that it states
+    problem : problem that it states
     """
     band = _of_band(document, problem) if problem.passive else ()
     return [*band, *_of_worlds(problem), *_of_demands(problem), *_of_gains(document, problem)]
@@ -321,7 +321,7 @@ def change_of_gain(problem: Problem, key: str, old: float, limit: float) -> Para
 
     Parameters
     ----------
-    problem : that the design is of
+    problem : problem of the design
     key : key of the number
     old, limit : the value that it has, and the furthest one
     """

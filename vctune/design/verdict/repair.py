@@ -201,7 +201,7 @@ def find_cures(document: dict[str, Any], problem: Problem, progress: Progress = 
     Parameters
     ----------
     document : parsed TOML
-    problem : that it states, whose own design does not
+    problem : problem that it states, whose own design does not
     progress : function that receives the current stage
     """
     test = OF_FIXED_IN_USE if problem.bounds.fixed else OF_FREE_IN_USE
@@ -236,7 +236,7 @@ def find_repairs(
     ----------
     document : parsed TOML
     changes : the numbers that may be changed
-    test : how changed problems are tried
+    test : test of changed problems
     progress : function that receives the current stage
     posed : the problem that a document states, or None
 
@@ -270,7 +270,7 @@ class _Search:
     ----------
     document : parsed TOML
     change : the number
-    test : how changed problems are tried
+    test : test of changed problems
     posed : the problem that a document states, or None
     """
 

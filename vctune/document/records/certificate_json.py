@@ -181,7 +181,7 @@ class WorldRecord(Part):
 
         Parameters
         ----------
-        hz : where it binds; None to leave that out
+        hz : frequency where it binds; None to leave it out
         units : units of its numbers
         """
         place = "" if hz is None else f" at {text(hz)} Hz"

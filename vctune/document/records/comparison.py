@@ -76,7 +76,7 @@ class Side:
     ----------
     source : its name
     record : the design
-    problem : that it was made for, on the yardstick on which it was
+    problem : problem that it was made for, on the yardstick on which it was
     felt : how the design feels; None without a design
     measured : its error on the yardstick of both, or on that of A and on that of B; None if there is none
     """

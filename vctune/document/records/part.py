@@ -95,7 +95,7 @@ def filled(part: Part, words: str, units: Units) -> str:
 
     Parameters
     ----------
-    part : whose fields are named
+    part : part whose fields are named
     words : text with names in braces, as in "of {band}"
     units : units of the shown numbers
     """

@@ -56,7 +56,8 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Transparenc
     ----------
     document : the tables of a problem file, in its units
     default_name : default name of the problem, where the document states none
-    yardstick : whose band and Z_0 replace the defaults of the objective; None for those of the device. The bounds have
+    yardstick : yardstick whose band and Z_0 replace the defaults of the objective; None for those of the device. The
+        bounds have
         the scales of the device in either case
     """
     hands = _hands(document.operator or OperatorTable(), document.device.units)
@@ -97,7 +98,7 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
     Parameters
     ----------
     document : which states some
-    device : whose scales the others have
+    device : device whose scales the others have
     lag : lag of its loop, s
     Z_0, middle : N s/m and rad/s, of the device's own transparency band unless they are stated
     """
@@ -181,7 +182,7 @@ def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag:
 
     Parameters
     ----------
-    table : as stated
+    table : table as stated
     criterion : selects the hands
     device, lag : whose loop it is, and its lag, s
     slowest : lower edge of the transparency band, rad/s

@@ -94,7 +94,7 @@ def refusal(faults: list[Fault], text: str | None, source: str) -> InputError:
     Parameters
     ----------
     faults : at least one
-    text : that was read; None if there is no file
+    text : text that was read; None if there is no file
     source : its name in the message
     """
     lines = toml.Lines(text) if text is not None else None

@@ -55,7 +55,7 @@ def as_record(value: Any, part: type[Record], source: str, *, kind: str, remedy:
     part : class of the record
     source : its name in messages
     kind : the expected object, for the message
-    remedy : for one that is damaged
+    remedy : remedy for one that is damaged
 
     Raises
     ------

@@ -29,7 +29,7 @@ class FrictionFound:
 
     Attributes
     ----------
-    coulomb : at high speed, N
+    coulomb : friction at high speed, N
     stiction, stribeck_velocity : at vanishing speed, N, and where one becomes the other, m/s; None if the data do not
         show it
     """

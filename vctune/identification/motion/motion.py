@@ -73,7 +73,7 @@ class FittedSamples:
     Attributes
     ----------
     rows : their places among every `stride` sample of the log
-    step : from one of these to the next, s
+    step : step from one of these to the next, s
     measured, fitted : N
     sensitivity : sensitivity of the fitted force to each number, shape (samples, p)
     """

@@ -104,7 +104,7 @@ def classical(recording: Recording, sample_time: float, recipe: ClassicalTable) 
 
     Parameters
     ----------
-    recording : with a force on the motor; None is returned without
+    recording : recording with a force on the motor; None is returned without
     sample_time : s
     recipe : filter and decimation
     """

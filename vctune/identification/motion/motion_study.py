@@ -47,7 +47,7 @@ class MotionStudy:
     force_noise : standard deviation of a sample of the sensed force, N; None without one
     checks : other ways to the mass
     classical : the classical inverse model, where it was required
-    friction : for the simulation; None for none
+    friction : friction for the simulation; None if there is none
     speed : root mean square of it, m/s
     position_noise : standard deviation of a position sample, m
     chi2 : power of the residual over that of the encoder's noise in it

@@ -204,7 +204,7 @@ def position_noise(position: Floats, quantum: float | None) -> float:
     Parameters
     ----------
     position : m
-    quantum : as stated, m; None for the least step between samples
+    quantum : quantum as stated, m; None for the least step between samples
     """
     step = np.abs(np.diff(position))
     least = float(step[step > 0].min(initial=np.inf)) if quantum is None else quantum

@@ -28,7 +28,7 @@ class PeriodicStudy:
     ----------
     measured : the averaged response
     fit, candidates : the structure that was chosen, and all of them
-    drive : from command to force; None if only one of them was recorded
+    drive : lag and delay from command to force; None if only one of them was recorded
     """
 
     measured: Response

@@ -102,7 +102,7 @@ def held_compliance(device: Device, omega: Floats) -> Complex:
 
     Parameters
     ----------
-    device : with its delay and actuator; a delay below 0 is a sample earlier and the rest of it later
+    device : device with its delay and actuator; a delay below 0 is a sample earlier and the rest of it later
     omega : rad/s, 0 < omega <= pi/T
     """
     T = device.sample_time

@@ -55,7 +55,7 @@ class Response:
     periods : number of averaged periods
     input : "force" or "command", the divisor of position and handle
     position, handle : m/N; no handle where it was not recorded
-    drive : from command to force, where both were recorded
+    drive : lag and delay from command to force, where both were recorded
     friction : lines of Coulomb friction over those of the input, 1/N, for 1 N
     speed : root mean square of the motor's, m/s
     sample_time : s

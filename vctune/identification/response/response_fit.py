@@ -44,7 +44,7 @@ class ResponseFit:
     model_errors : model errors of position and of handle, shares of the response with which chi2/dof is 1; 0 where
         noise
         alone explains the residual
-    chi2 : with the noise alone, over degrees of freedom
+    chi2 : chi2 with the noise alone, over degrees of freedom
     lines : number of lines of all outputs
     speed : root mean square of the motor's, m/s
     device : device with the fitted numbers

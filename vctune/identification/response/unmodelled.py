@@ -32,7 +32,7 @@ def distances(device: Device, bounds: Sequence[Bounded], measured: Response, cou
 
     Parameters
     ----------
-    device : in the middle of the box, without the parts before the recorded force
+    device : device in the middle of the box, without the parts before the recorded force
     bounds : the box; numbers that the device has not got are skipped
     measured : averaged response of a periodic recording
     coulomb : friction, N
@@ -52,7 +52,7 @@ def devices(device: Device, bounds: Sequence[Bounded]) -> list[Device]:
 
     Parameters
     ----------
-    device : in the middle
+    device : device in the middle
     bounds : the box; numbers that the device has not got are skipped
     """
     has = device.numbers()

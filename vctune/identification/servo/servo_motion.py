@@ -57,7 +57,7 @@ def positions(time: Floats, velocity: Floats, delay: float, bandwidth_hz: float,
     ----------
     time : time of the rows, s, increasing
     velocity : commanded, from each row to the next, m/s; before the first row it was the same as there
-    delay : from a row to when its command acts, s
+    delay : delay from a row to when its command acts, s
     bandwidth_hz, order : those of the low-pass
     """
     lag, pole, residue = modes(bandwidth_hz, order)

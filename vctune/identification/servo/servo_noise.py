@@ -84,7 +84,7 @@ def likeliest(
     near : value near which it is sought
     least : deviation of a position sample, m
     T : sample time, s
-    exposed, is_position : as for `whitened`
+    exposed, is_position : see `whitened`
     """
     from scipy.optimize import minimize
 
@@ -113,7 +113,7 @@ def jitter(left: Floats, encoder: float, lag: float, exposed: Floats, *, is_posi
     left : steps that a fit leaves, m
     encoder : deviation of a position sample, m
     lag : lag of the servo, in rows of the log
-    exposed, is_position : as for `whitened`
+    exposed, is_position : see `whitened`
     """
     window = max(ceil(2 * lag) + 2, 4)
     count = left.size // window

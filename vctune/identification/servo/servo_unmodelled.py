@@ -26,7 +26,7 @@ def response_of(device: Device, omega: Floats) -> Complex:
 
     Parameters
     ----------
-    device : with a servo
+    device : device with a servo
     omega : rad/s
     """
     servo = device.servo

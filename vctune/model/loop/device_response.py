@@ -169,7 +169,7 @@ def device_response(device: Device, omega: Number, ops: Arithmetic) -> DeviceRes
 
     Parameters
     ----------
-    device : in SI units; parts that it lacks are None in the result
+    device : device in SI units; parts that it lacks are None in the result
     omega : angular frequency, rad/s, may be 0; a number or an array of any shape
     ops : arithmetic of omega and of the device's numbers
 

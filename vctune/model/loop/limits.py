@@ -51,7 +51,7 @@ def lags(device: Device, ops: Arithmetic) -> Lags:
 
     Parameters
     ----------
-    device : in SI units
+    device : device in SI units
     ops : arithmetic of its numbers
 
     Returns
@@ -85,7 +85,7 @@ def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling, ops: A
 
     Parameters
     ----------
-    device : in SI units
+    device : device in SI units
     gains : K_v and K_p, N s/m and N/m
     coupling : b_c, m_c and b_0 of an admittance display
     ops : arithmetic of these numbers, which must compare with 0

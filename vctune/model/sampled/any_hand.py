@@ -196,7 +196,7 @@ def motor_disc(device: Device, omega: Number, ops: Arithmetic) -> tuple[Number, 
 
     Parameters
     ----------
-    device : with b > 0, in SI units
+    device : device with b > 0, in SI units
     omega : angular frequency, rad/s
     ops : arithmetic of both
 

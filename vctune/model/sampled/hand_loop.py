@@ -176,7 +176,7 @@ def _answers(
 
     Parameters
     ----------
-    number : makes complex numbers even + j s odd
+    number : function that makes complex numbers even + j s odd
     states : the states times the determinant, and those of b_1
     moved : d times the position's unit
     grip : sensed force of a position of that unit
@@ -256,7 +256,7 @@ def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> Seen:
     Parameters
     ----------
     loop : loop of an admittance display or a servo, at one or several angles
-    gains : in its numbers
+    gains : gains in its numbers
     """
     required = required_in_hand(loop, gains)
     if isinstance(loop, CommandInHand):

@@ -63,7 +63,7 @@ def has_sharp_form(device: Device) -> bool:
 
     Parameters
     ----------
-    device : in plain numbers
+    device : device in plain numbers
     """
     if device.structure is not None:
         return bool(device.structure.frequency_hz * device.sample_time < HIGHEST)

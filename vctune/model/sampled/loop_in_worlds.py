@@ -80,7 +80,7 @@ def offered_at(coupling: Coupling, sample_time: Number, theta: Number, ops: Arit
 
     Parameters
     ----------
-    coupling : in numbers of the arithmetic
+    coupling : coupling in numbers of the arithmetic
     sample_time : T, s
     theta : rad, in [0, pi]
     ops : arithmetic of all of these
@@ -140,7 +140,7 @@ def limp_disjuncts(
 
     Parameters
     ----------
-    offered, worlds, sample_time, factor, theta, ops : as of `disjuncts`
+    offered, worlds, sample_time, factor, theta, ops : see `disjuncts`
     seen : over rho^2, and its swing over s besides
     """
     sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)

@@ -150,7 +150,7 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
 
     Parameters
     ----------
-    device : in SI units; its least operator is ignored, the hand takes its place
+    device : device in SI units; its least operator is ignored, the hand takes its place
     hand : M, B and K at the handle
     delays : whole samples of the device's delay alone, and with the force sensor's
     ops : arithmetic of device and hand

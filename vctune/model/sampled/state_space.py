@@ -47,7 +47,7 @@ def sampled_states(device: Device, older: Number | None, ops: Arithmetic) -> Ste
 
     Parameters
     ----------
-    device : in SI units
+    device : device in SI units
     older : part of a sample for which the older force acts, s; None if the delay is a whole number of samples
     ops : arithmetic of both
 

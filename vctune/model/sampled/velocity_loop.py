@@ -112,7 +112,7 @@ def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fra
 
     Parameters
     ----------
-    device : in SI units; its force sensor and operator are ignored
+    device : device in SI units; its force sensor and operator are ignored
     whole_samples : N, the whole samples of its delay
     ops : arithmetic of the device's numbers
     fractional : whether the delay is longer than N samples, delta > 0

@@ -120,7 +120,7 @@ def encirclements_in_hand(demands: Demands, cells: Cells) -> tuple[Floats, Integ
 
     Parameters
     ----------
-    demands : with hands
+    demands : constraints with hands
     cells : n cells, either all with K_p > 0 or all with K_p = 0
 
     Returns
@@ -142,7 +142,7 @@ def turns_in_hand(demands: Demands, points: Cells) -> Floats:
 
     Parameters
     ----------
-    demands : with hands
+    demands : constraints with hands
     points : n cells without extent, either all with K_p > 0 or all with K_p = 0
 
     Returns
@@ -166,7 +166,7 @@ def model_curve_end(device: Device, cells: Cells, ops: Arithmetic = FLOATS) -> f
 
     Parameters
     ----------
-    device : in numbers of the arithmetic; enclosures stand for all devices of a box
+    device : device in numbers of the arithmetic; enclosures stand for all devices of a box
     cells : only their greatest gains matter
     ops : arithmetic of the device's numbers
 

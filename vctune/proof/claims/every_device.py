@@ -56,7 +56,7 @@ class RobustDesign:
 
     Attributes
     ----------
-    design : with the nominal device
+    design : design with the nominal device
     box : box of devices
     demands : constraints on each of them
     """

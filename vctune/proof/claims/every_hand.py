@@ -68,7 +68,7 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     Parameters
     ----------
     design : taken as the decimals that it is written as
-    demands : with the hands and the factor
+    demands : constraints with the hands and the factor
     box : devices for which the claim is proved; None for the design's own alone
 
     Returns
@@ -179,7 +179,7 @@ def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = Non
     Parameters
     ----------
     design : taken as the decimals that it is written as
-    demands : with the factor
+    demands : constraints with the factor
     box : devices for which the claim is proved; None for the design's own alone
 
     Returns

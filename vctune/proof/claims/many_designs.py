@@ -56,7 +56,7 @@ def prove(demands: Demands, cells: Cells) -> Certified:
 
     Parameters
     ----------
-    demands : on every design of a cell
+    demands : constraints on every design of a cell
     cells : n cells of designs
 
     Returns
@@ -216,9 +216,9 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
 
     Parameters
     ----------
-    demands : on a design
+    demands : constraints on a design
     cells : n cells of designs, as for `prove`
-    places : for each cell where a constraint may fail; the function uses the first of several places
+    places : for each cell, places where a constraint may fail; the function uses the first of several places
 
     Returns
     -------

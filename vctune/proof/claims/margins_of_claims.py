@@ -263,7 +263,7 @@ def limp_hand_margin(
     Parameters
     ----------
     plant : the device in the hand, over a sample
-    design : with K_p = 0, in numbers of the arithmetic
+    design : design with K_p = 0, in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
     share : share of the hand's stiffness in rho, in [0, 1] (`seen_in_limp_hand`); `hand_margin` is positive if this
         margin is positive for every share
@@ -287,7 +287,7 @@ def margins_in_worlds(
     Parameters
     ----------
     plant : the device in the hand
-    design : in numbers of the arithmetic
+    design : design in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
     met : the environments and the factor, in numbers of the arithmetic
     ops : arithmetic of all of these
@@ -303,7 +303,7 @@ def limp_margins_in_worlds(
 
     Parameters
     ----------
-    plant, design, theta, share, ops : as of `limp_hand_margin`
+    plant, design, theta, share, ops : see `limp_hand_margin`
     met : the environments and the factor, in numbers of the arithmetic
     """
     seen, T = seen_in_limp_hand(plant, design.gains.velocity, theta, share, ops), design.device.sample_time

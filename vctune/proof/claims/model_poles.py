@@ -84,7 +84,7 @@ def curve_end(device: Device, K_v: float, K_p: float, ops: Arithmetic = FLOATS) 
 
     Parameters
     ----------
-    device : in numbers of the arithmetic; enclosures stand for all devices of a box
+    device : device in numbers of the arithmetic; enclosures stand for all devices of a box
     K_v, K_p : the greatest gains, N s/m and N/m
     ops : arithmetic of the device's numbers
 

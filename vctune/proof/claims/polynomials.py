@@ -33,7 +33,7 @@ class Conditions:
     ----------
     linear : A
     squared : A^2 - factor^2 B
-    roots : where `squared` changes its sign or touches 0, rad/s, > 0, in order
+    roots : places where `squared` changes its sign or touches 0, rad/s, > 0, in order
     """
 
     linear: fmpq_poly

@@ -136,7 +136,7 @@ class Resonance:
         Parameters
         ----------
         theta : omega T, rad, > 0
-        numbers : by the names of `ROWS` and, if the device's mass is uncertain, `DEVICE_MASS`
+        numbers : numbers by the names of `ROWS` and, if the device's mass is uncertain, `DEVICE_MASS`
 
         Returns
         -------

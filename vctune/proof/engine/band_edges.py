@@ -26,8 +26,8 @@ def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float)
     Parameters
     ----------
     holds : whether the proof holds between two frequencies in rad/s, the lower one first
-    edge : where the proved band ends now, rad/s, > 0
-    goal : where the search stops, rad/s, > 0; above or below the edge
+    edge : current end of the proved band, rad/s, > 0
+    goal : end of the search, rad/s, > 0; above or below the edge
 
     Returns
     -------

@@ -45,7 +45,8 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design]) -
 
     Parameters
     ----------
-    problem : for contours of the error and, with any passive hand, the limit of K_p, where the axes are K_v and K_p
+    problem : problem for contours of the error and, with any passive hand, the limit of K_p, where the axes are K_v
+        and K_p
     region : the cells and their verdicts; the title says if it was interrupted
     designs : gain sets to mark
     """

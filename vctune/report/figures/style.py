@@ -76,7 +76,7 @@ def legend_above(axes: Axes, columns: int, **options: Any) -> None:
 
     Parameters
     ----------
-    axes : with labelled lines
+    axes : axes with labelled lines
     columns : columns of the legend
     options : options of `Axes.legend`
     """
@@ -89,7 +89,7 @@ def frequency_axis(axes: Axes, low: float, high: float) -> None:
 
     Parameters
     ----------
-    axes : to be changed
+    axes : axes to change
     low, high : ends, Hz
     """
     axes.set(xscale="log", xlim=(low, high), xlabel="frequency, Hz")
@@ -142,7 +142,7 @@ def stamp(figure: Figure, words: str) -> None:
 
     Parameters
     ----------
-    figure : whose axes are there
+    figure : figure whose axes are there
     words : the text; its size falls with its length
     """
     style: dict[str, Any] = {"ha": "center", "va": "center", "rotation": 20, "fontweight": "bold"}
@@ -158,7 +158,7 @@ def shade(axes: Axes, band: Band, colour: str, label: str, hatch: str = "") -> N
 
     Parameters
     ----------
-    axes : whose limits are set, Hz
+    axes : axes whose limits are set, Hz
     band : rad/s
     colour, label : those of the shade and in the legend
     hatch : over the shade

@@ -44,7 +44,7 @@ def promises(designs: Mapping[str, DesignRecord]) -> list[str]:
 
     Parameters
     ----------
-    designs : by the name of the axis
+    designs : designs by the name of the axis
     """
     proved: dict[str, list[str]] = {}
     for axis, record in designs.items():
@@ -59,7 +59,7 @@ def axes_page(name: str, designs: Mapping[str, DesignRecord], *, reported: bool)
     Parameters
     ----------
     name : name of the problem
-    designs : by the name of the axis
+    designs : designs by the name of the axis
     reported : whether each axis has a report, which its name then leads to
     """
     rows = "".join(_row(axis_row(axis, record), reported) for axis, record in designs.items())

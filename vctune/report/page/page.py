@@ -136,7 +136,7 @@ def figure_file(figure: Figure, folder: Path, stem: str) -> dict[Path, str]:
     Parameters
     ----------
     figure : drawn
-    folder : for the file
+    folder : folder for the file
     stem : stem of its name
 
     Returns

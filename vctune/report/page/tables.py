@@ -182,7 +182,7 @@ def claim_lines(record: DesignRecord, problem: Problem) -> list[ClaimLine]:
     Parameters
     ----------
     record : record of the design
-    problem : that it states
+    problem : problem that it states
     """
     proof, loop, design = record.certificate, record.inner_loop, record.design
     if proof is None or design is None:

@@ -58,7 +58,7 @@ def coupling_of(coefficients: dict[str, float], sample_time: float) -> AnyCoupli
 
     Parameters
     ----------
-    coefficients : as of `coupling_coefficients`, perhaps rounded
+    coefficients : see `coupling_coefficients`, perhaps rounded
     sample_time : T, s
     """
     if "coupling_stiffness" in coefficients:

@@ -120,7 +120,7 @@ def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -
     Returns
     -------
     state : to remember
-    command : for the motor
+    command : command for the motor
     """
     written, given = _written(law)
     known = dict(given)
@@ -201,7 +201,7 @@ def encoded(law: Law, position: Number, ops: Arithmetic) -> Number:
 
     Parameters
     ----------
-    law : with the encoder's resolution, m
+    law : law with the encoder's resolution, m
     position : m
     ops : arithmetic of the position
     """

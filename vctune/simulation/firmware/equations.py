@@ -23,7 +23,7 @@ class Quantity:
     ----------
     name, symbol : in code and in formulas
     of : which quantity it is (`vctune.model.numbers.units`); "" for a mere number
-    meaning : on a linear device
+    meaning : meaning on a linear device
     """
 
     name: str

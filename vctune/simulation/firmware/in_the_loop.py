@@ -46,7 +46,7 @@ class Difference:
     Attributes
     ----------
     force : the greatest difference, N
-    time : when, s
+    time : time of that sample, s
     tolerance : the greatest difference that passes, N
     precision : precision of the firmware
     """
@@ -81,7 +81,7 @@ def run_in_the_loop(
     Returns
     -------
     traces : finite; a run that diverges ends where it began to
-    difference : from the design's own commands
+    difference : difference from the design's own commands
     """
     samples, T = sample_count(scene.operator, scene.device.sample_time), scene.device.sample_time
     with interrupt_deferred():

@@ -207,7 +207,7 @@ def transition(scene: Scene, moving: Assembly) -> Transition:
 
     Parameters
     ----------
-    scene : without friction
+    scene : scene without friction
     moving : `assembly` of the scene
 
     Returns

@@ -69,7 +69,7 @@ def assembly_step(
     Parameters
     ----------
     step : step of the assembly
-    friction : that acts on the motor
+    friction : friction that acts on the motor
     at : states and bristles at the beginning
     foreseen : velocity at which the friction's rate is taken, m/s
     ops : arithmetic of states and velocity

@@ -90,7 +90,7 @@ def slide(step: SlideStep, at: Slide, push: Callable[[float], Number], h: float,
     push : force of motor and hand, N, of the time since the beginning, s
     h : length of a step, s
     steps : their number
-    theta : where in a step its forces are taken, 1/2 to 1
+    theta : point of a step at which its forces are taken, 1/2 to 1
 
     Returns
     -------
@@ -126,12 +126,12 @@ def slide_step(
     Parameters
     ----------
     carriage : the sliding mass
-    friction : that acts on it
+    friction : friction that acts on it
     at : state at the beginning
     foreseen : velocity at which the friction's rate is taken, m/s
     push : force of motor and hand, N
     h : length of the step, s
-    theta : where in the step its forces are taken, 1/2 to 1
+    theta : point of the step at which its forces are taken, 1/2 to 1
     ops : arithmetic of state, velocity and force
 
     Returns

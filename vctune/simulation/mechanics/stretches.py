@@ -53,7 +53,7 @@ def default_substeps(scene: Scene, friction: Friction) -> int:
     Parameters
     ----------
     scene : the moving masses, with their sample time
-    friction : with the bristles' stiffness, N/m
+    friction : friction with the bristles' stiffness, N/m
     """
     mass = scene.carriage.mass if scene.device.structure is None else scene.device.motor_mass
     bristles = (friction.stiffness / mass) ** 0.5
@@ -75,7 +75,7 @@ def fixed_steps(
     scene, friction : the moving masses
     begin, length : where in the sample the stretch begins, and how long it is, s
     substeps : per sample; None for `default_substeps`
-    theta : where in a step its forces are taken, see `friction.slide`; of no meaning for an `assembly`
+    theta : point of a step at which its forces are taken, see `friction.slide`; of no meaning for an `assembly`
     """
     share = length / scene.device.sample_time
     count = max(1, ceil((substeps or default_substeps(scene, friction)) * share * (1 - 1e-12)))
