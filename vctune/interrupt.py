@@ -29,9 +29,9 @@ def raise_interrupt(number: int, frame: FrameType | None) -> None:
 
 @contextmanager
 def interrupt_noted() -> Iterator[Callable[[], bool]]:
-    """Let the first SIGINT or SIGTERM only be noted within the block; yield a function that tells whether it came.
+    """Only note the first SIGINT or SIGTERM within the block; yield a function that returns whether it came.
 
-    For work that is worth something wherever it stops. The second is for whoever handled it before: it ends the work at
+    This is for work whose partial result is useful. The second is for whoever handled it before: it ends the work at
     once. Only the main thread is ever interrupted.
     """
     with _held(at_most=1) as came:

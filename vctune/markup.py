@@ -23,7 +23,7 @@ def html_table(caption: str, rows: Iterable[Sequence[Cell]], head: Sequence[str]
 
 
 def html_facts(caption: str, facts: Mapping[str, Cell]) -> str:
-    """Return named values as HTML, a row each; those that are None are left out.
+    """Return named values as HTML, a row each, without those that are None.
 
     Parameters
     ----------

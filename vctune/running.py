@@ -33,7 +33,7 @@ _ALOUD: ContextVar[bool] = ContextVar("aloud", default=False)
 
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """Let work within the block end after so many seconds, or earlier if a limit around it says so.
+    """Let work within the block end after so many seconds, or earlier if an outer limit ends it.
 
     Parameters
     ----------
@@ -53,11 +53,11 @@ def process_began() -> None:
 
 @contextmanager
 def time_limit_of_command(seconds: float) -> Iterator[None]:
-    """Let a command end after so many seconds of its process, the start of the interpreter and the imports included.
+    """Let a command end after so many seconds of its process, including the start of the interpreter and the imports.
 
     Parameters
     ----------
-    seconds : seconds from the beginning of the process, where it is known; inf for no limit
+    seconds : seconds from the beginning of the process, if it is known; inf for no limit
     """
     began = _BEGAN.get()
     with time_limit(seconds if began is None else seconds - (perf_counter() - began)):
@@ -91,7 +91,7 @@ def in_time(items: Iterable[Item]) -> Iterator[Item]:
 
     Parameters
     ----------
-    items : the first is needed, each other one says more
+    items : work items; the first is always done, the others only in time
     """
     for number, item in enumerate(items):
         if number and out_of_time():

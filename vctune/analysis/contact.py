@@ -91,7 +91,7 @@ def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupl
     Returns
     -------
     float
-        Less than the least of the box where no stiffness is small enough, inf if any is.
+        Less than the least of the box if no stiffness is small enough, inf if every stiffness is.
     """
     return min(_stiffest(device, hands, coupling, factor) for device in devices)
 
@@ -99,7 +99,7 @@ def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupl
 def _stiffest(device: Device, hands: Hands, coupling: AnyCoupling, factor: float) -> float:
     """Return the least stiffness over the angles at which the requirement, linear in it, equals the coupling's offer.
 
-    In a disc of responses the constraint is convex in it, and the stiffness is halved to.
+    In a disc of responses the constraint is convex in it, and the function bisects the stiffness.
     """
     if device.servo is not None and device.servo.radii:
         return _stiffest_in_disc(device, hands, coupling, factor)

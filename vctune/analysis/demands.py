@@ -31,8 +31,8 @@ END_DECADES = 5
 or faster is there to 1e-8 relative to it. With half it is only to 1e-4, which a search would notice; twice only makes
 the grid longer."""
 RIPPLE_POINTS = 6
-"""Points of a grid while e^{-2j omega tau} turns once. Half: of two neighbouring extrema one may be missed. Twice: a
-grid twice as long for bands far above 1/tau."""
+"""Points of a grid while e^{-2j omega tau} turns once. With half, one of two neighbouring extrema may be missed. With
+twice, the grid is twice as long for bands far above 1/tau."""
 QUADRATURE_TOLERANCE = 1e-9
 """Relative change at which doubling the panels ends, of the mean squares. Gauss's error falls so fast that the last
 change is far above the error; half and twice it end at the same number of panels."""
@@ -69,7 +69,8 @@ def stability_ratio(device: Device, gains: Gains, coupling: AnyCoupling, omega: 
 
 
 def ratio_or_resistance(device: Device, gains: Gains, coupling: AnyCoupling, omega: Floats) -> Floats:
-    """Return Re Z_c / R, where the resistance is not positive that relative to |N D|: continuous, to go down on.
+    """Return Re Z_c / R; where the resistance is not positive, the resistance relative to |N D|: a continuous function
+    for descent.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """The passive environment that makes a refuted loop grow in a hand (model/README.md, section 14).
 
-Where Re(Z_c + Z_seen) < 0, the spring or mass that cancels the imaginary part, with a damper of as much as is missing
+Where Re(Z_c + Z_seen) < 0, the spring or mass that cancels the imaginary part, with a damper of the missing amount
 beside it, holds a pole on the unit circle. It is followed while the damper is taken away. For a constraint that is just
 missed the pole moves outwards; if much is missed it may come back, and some of the damper remains. The functions of a
-hand's loop are analytic in theta, z = e^(j theta), so that the same formulas tell where the pole goes.
+hand's loop are analytic in theta, z = e^(j theta), so that the same formulas give the motion of the pole.
 
 For an impedance display the same holds with admittances: a spring or mass cancels the imaginary part of 1/Z_c + G_y/(1
 + K_v F G_y), and a damper in series with it holds the pole and is then removed (section 15).
@@ -45,8 +45,8 @@ GROWTH = 1e-10
 """Growth in a radian from which on a motion counts as growing; it is above Newton's rounding. Half and twice: the same.
 """
 STEPS, CONVERGED, DIFFERENCE = 8, 1e-12, 1e-6
-"""Newton's steps, the relative step after which it has arrived, and the relative difference that stands for a
-derivative, right to 1e-10. Half the steps, and twice, follow the same poles."""
+"""Number of Newton's steps, the relative step that ends them, and the relative difference for the derivative, correct
+to 1e-10. Half the steps, and twice, follow the same poles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ def destabilising(
     Returns
     -------
     GrowingEnvironment or None
-        Lossless if that grows; None if no growing motion is found, as where the constraint is met.
+        Lossless if that grows; None if no growing motion is found, for example where the constraint holds.
     """
     T, plant = device.sample_time, plant_in_hand(device, hand, delays_of(device), FLOATS)
 
@@ -117,7 +117,7 @@ def growing_in_worlds(
     Returns
     -------
     GrowingEnvironment or None
-        With the least damping of the box if that grows; None if no member is found to.
+        With the least damping of the box if that grows; None if no member grows.
     """
     T, low = device.sample_time, worlds.low
     theta = min(max(omega * T, LEAST), pi - NYQUIST)
@@ -224,7 +224,7 @@ def _outwards(unbalance: Callable[..., complex], theta: float) -> tuple[float, f
 
 
 def _dual(compliance: float, mobility: float, damping: float, growth: float, omega: float) -> GrowingEnvironment | None:
-    """Return the environment with 1/k = compliance or 1/m = mobility; None if a damper in a row with it is left."""
+    """Return the environment with 1/k = compliance or 1/m = mobility; None if a damper in series with it remains."""
     if damping > 0 or compliance == mobility == 0:  # no experiment has the one, and the other is a rigid wall
         return None
     if compliance > 0:
@@ -276,8 +276,8 @@ def _met(plant: AnyPlantInHand, gains: Gains, theta: complex) -> complex:
 def _seen(plant: AnyPlantInHand, gains: Gains, theta: complex) -> complex:
     """Return Z_seen = P/(2 j s F).
 
-    As o/(2 N) + e/(2 j s N), e + j s o = P (F.even - j s F.odd) and N = F.even^2 + s^2 F.odd^2, which on the circle are
-    its real and its imaginary part: next to 0 the one would be lost in the other's rounding.
+    The form is o/(2 N) + e/(2 j s N), e + j s o = P (F.even - j s F.odd) and N = F.even^2 + s^2 F.odd^2, which on the
+    circle are its real and its imaginary part. Next to 0 the one would be lost in the other's rounding.
     """
     loop, s = loop_in_hand(plant, theta, FLOATS), complex(np.sin(theta / 2))
     F, P = loop.closed(gains), loop.numerator(gains)
@@ -287,7 +287,7 @@ def _seen(plant: AnyPlantInHand, gains: Gains, theta: complex) -> complex:
 
 
 def _zero(f: Callable[[complex], complex], start: complex) -> complex | None:
-    """Return the zero of an analytic function that Newton's method leads to; None if to none."""
+    """Return the zero of an analytic function to which Newton's method converges; None if it does not converge."""
     at = start
     for _ in range(STEPS):
         h = DIFFERENCE * abs(at)

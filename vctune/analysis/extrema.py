@@ -111,7 +111,7 @@ def local_minima(f: Callable[[Floats], Floats], grid: Floats) -> Minima:
 
 
 def _vertex(points: Floats, values: Floats, rows: NDArray[np.intp], k: NDArray[np.intp]) -> Floats:
-    """Return where the parabolas through the k-th points and their neighbours are least, the point itself at an end."""
+    """Return the minima of the parabolas through the k-th points and their neighbours; the point itself at an end."""
     middle = np.clip(k, 1, ZOOM_POINTS - 2)
     left, centre, right = (values[rows, middle + side] for side in (-1, 0, 1))
     with np.errstate(all="ignore"):

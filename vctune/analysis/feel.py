@@ -25,7 +25,7 @@ FREE_HZ = (1.0, 10.0)
 WALL_HZ = 10.0
 """Frequency of the wall and of the force path, Hz: the upper end of voluntary motion and force."""
 SPEED = 0.1
-"""At which the handle is moved steadily, m/s or rad/s."""
+"""Speed of the steady motion of the handle, m/s or rad/s."""
 HALF_POWER = sqrt(0.5)
 """Value of |G_he| at which tracking ends: half of the power."""
 LOWEST = 1e-6
@@ -48,8 +48,8 @@ class Feel:
     force : to move the handle steadily at `SPEED`, N
     loop_latency : lag around the loop at low frequency, s; for a servo, from its command to its motion
     force_latency : lag from the hand's force to the velocity that answers it, at `WALL_HZ`, s
-    tracking_bandwidth : up to which |G_he| is at least `HALF_POWER`, Hz, the Nyquist frequency at most and 0 where it
-        is nowhere; for an impedance display that of |A H/N|
+    tracking_bandwidth : frequency up to which |G_he| is at least `HALF_POWER`, Hz, the Nyquist frequency at most and 0
+        if there is none; for an impedance display that of |A H/N|
     """
 
     mass: tuple[float | None, ...]
@@ -101,7 +101,7 @@ def felt_impedance(
     device : plain numbers
     gains, coupling : those of its design
     omega : rad/s, > 0, or 0 for quantities that are finite there; shape (n,)
-    environment : Z_e, of that shape; None for a rigid one
+    environment : Z_e, an array of that shape; None for a rigid one
     """
     if isinstance(coupling, SpringDamper):
         return _felt_force(device, gains, coupling, omega, environment)
@@ -140,8 +140,8 @@ def impedance_at_handle(device: Device, gains: Gains, omega: Floats, beyond: Com
     device : plain numbers
     gains : gains of its loop
     omega : rad/s, > 0, or 0 for quantities that are finite there; shape (n,)
-    beyond : Z_c + Z_e of the coupling and an environment, of that shape; None for a rigid environment, or without a
-        loop
+    beyond : Z_c + Z_e of the coupling and an environment, an array of that shape; None for a rigid environment, or
+        without a loop
     """
     if beyond is None and device.servo is not None:
         return np.full(np.shape(omega), complex(inf))

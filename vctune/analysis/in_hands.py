@@ -356,8 +356,8 @@ def needs_in_worlds(
 ) -> dict[str, Floats]:
     """Return 1/ratio by each of the margins of which one must be positive (`vctune.model.sampled.loop_in_worlds`).
 
-    By the real part the ratio is (Re Z_c + g b_1)/R, by a reactance g times the exponential of its room, so that g is
-    enough in either case and a share is missing or to spare.
+    By the real part the ratio is (Re Z_c + g b_1)/R; by a reactance it is g times the exponential of its room. So g is
+    enough in either case.
 
     Parameters
     ----------
@@ -398,7 +398,7 @@ def _need(required: Floats, there: Floats) -> Floats:
 def _resonant(device: Device, hands: Hands, gains: Gains) -> Floats:
     """Return angles at which hands resonate sharply with the device, and those hands: shape (4, n), n may be 0.
 
-    The stiffest of them, where the angle is greatest and the damping ratio least, and one a hundredth as stiff.
+    The stiffest springs, where the angle is greatest and the damping ratio least, and those a hundredth as stiff.
     """
     found = []
     damping, hand = device.damping + hands.low.damping + gains.velocity, hands.low.damping
@@ -497,5 +497,5 @@ def _ranges(hands: Hands) -> list[tuple[float, float]]:
 
 
 def _places(low: float, high: float, shares: tuple[float, ...]) -> Floats:
-    """Return the places of a range at its shares; one where it has no width."""
+    """Return the places of a range at its shares; one place if it has no width."""
     return np.unique(low + (high - low) * np.array(shares))

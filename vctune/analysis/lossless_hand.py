@@ -1,8 +1,8 @@
 """The lossless hand in which a refused impedance display grows (model/README.md, section 15).
 
 The disc of any hand is a sum of discs, one for each alias of the frequency, and its worst point has each of them at the
-edge: a reactance of the hand at each alias. By Foster's theorem a mass or a spring with resonators has it at as many as
-one likes. What grows with it in exact time is found as in one hand of a box.
+edge: a reactance of the hand at each alias. By Foster's theorem a mass or a spring with resonators has this reactance
+at any number of aliases. The environment with which it grows in exact time is found as in one hand of a box.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def _places(device: Device, gains: Gains, coupling: SpringDamper) -> Iterator[fl
 
 
 def _hands(device: Device, gains: Gains, theta: float, count: int) -> Iterator[LosslessHand]:
-    """Yield hands that have at a number of aliases, which is odd, the reactance that is worst there."""
+    """Yield hands that have the worst reactance at a number of aliases, which is odd."""
     at = theta + 2 * pi * np.array([0, *(sign * n for n in range(1, count // 2 + 1) for sign in (-1, 1))])
     reactance = np.sign(at) * _reactance(device, gains, theta, at)
     for detuned in DETUNED if count > 1 else DETUNED[:1]:
@@ -138,7 +138,7 @@ def _hands(device: Device, gains: Gains, theta: float, count: int) -> Iterator[L
 
 
 def _reactance(device: Device, gains: Gains, theta: float, at: Floats) -> Floats:
-    """Return the hand's reactance with which the motor answers at the edge of its disc, where that is worst.
+    """Return the hand's worst reactance, with which the motor's response is at the edge of its disc.
 
     Parameters
     ----------
@@ -161,7 +161,8 @@ def _reactance(device: Device, gains: Gains, theta: float, at: Floats) -> Floats
 
 
 def _worst_direction(c: complex, r: float, k: complex) -> complex:
-    """Return (G - c)/r on a disc's edge where Re G/(1 + k G) is least, or k G where that can be less than -1."""
+    """Return (G - c)/r on a disc's edge where Re G/(1 + k G) is least; if k G can be less than -1, where that is
+    least."""
     size = abs(1 + k * c) ** 2 - abs(k * r) ** 2
     if size <= 0:
         along = -np.conj(k) / abs(k)
@@ -172,7 +173,8 @@ def _worst_direction(c: complex, r: float, k: complex) -> complex:
 
 
 def _with_reactance(omega: Floats, reactance: Floats, detuned: float) -> LosslessHand | None:
-    """Return a hand with that reactance at these frequencies, a resonator beside each but the first; None if not so.
+    """Return a hand with that reactance at these frequencies, a resonator beside each but the first; None if there is
+    none.
 
     Parameters
     ----------

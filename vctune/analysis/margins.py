@@ -17,8 +17,8 @@ from vctune.model.gains import Gains
 from vctune.model.numbers.pair import Pair
 
 BISECTIONS = 40
-"""Bisections of an interval of the grid, down to 1e-12 of it, which is more than the output shows. Half: to 1e-6, which
-the output shows. Twice: rounding."""
+"""Bisections of an interval of the grid, down to 1e-12 of it, which is more than the output shows. Half reaches 1e-6,
+which the output shows. Twice: rounding."""
 MARGIN_POINTS_PER_DECADE = 100
 """Points per decade of the grid for crossings. Half may miss two crossings within 5 %; twice takes twice the time."""
 DECADES_BELOW_NYQUIST = 7
@@ -26,8 +26,8 @@ DECADES_BELOW_NYQUIST = 7
 crossings of slow loops; twice is wasted."""
 STEPS, FARTHEST = 16, 32
 """Steps in which the delay grows to its estimated margin, and the multiple of the margin up to which it is followed.
-Half the steps: an interval of delays in which the loop is unstable may be jumped over that is twice as long. Twice:
-twice the time."""
+Half the steps: an interval of delays in which the loop is unstable may be jumped over that is twice as long. Twice
+takes twice the time."""
 NEWTON_STEPS = 8
 """From ten bisections' accuracy quadratic convergence takes three; the others are for a double crossing, where it is
 linear. Half would do for a simple one, twice are rounding."""
@@ -35,8 +35,8 @@ DIFFERENCE = 1e-6
 """Step of the central differences in Newton's method, of log omega and of delay over sample time. Its error of 1e-12
 and its rounding of 1e-10 slow the method down but do not change its limit; nor do half and twice."""
 FARTHEST_CORRECTION = 0.05
-"""Share of the delay by which Newton's method may correct a bisection, which is correct to 1e-4 of the estimate.
-Farther off it has found another crossing; half and twice it tell the same apart."""
+"""Share of the delay by which Newton's method may correct a bisection, which is correct to 1e-4 of the estimate. If it
+moves farther, it has found another crossing; half and twice it decide alike."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +93,7 @@ def unit_gain_frequencies(device: Device, gains: Gains) -> Floats:
     Parameters
     ----------
     device : let go, plain numbers
-    gains : one of them not 0
+    gains : gains, one of them not 0
     """
     return _roots(lambda omega: np.log(np.abs(loop_gain(device, gains, omega))), _grid(device))
 

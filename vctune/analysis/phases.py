@@ -63,7 +63,7 @@ def crossover(device: Device, gains: Gains) -> float | None:
 def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
     """Return the contribution of each part to the phase of L = A H (K_v F + K_p/s) P_mu of the sampled loop.
 
-    What sampling adds to the frequency model is a share of its own. The hold is the exact one.
+    The effect of sampling on the frequency model has a share of its own. The hold is the exact one.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def _without_loop(known: LoopConstants) -> complex:
 
 
 def _law_phase(gains: Gains, omega: float) -> dict[str, float]:
-    """Return the phase of K_v + K_p/s where it has one."""
+    """Return the phase of K_v + K_p/s, if the law is not 0."""
     return {LAW: _angle(complex(gains.velocity, -gains.position / omega))} if gains.position > 0 else {}
 
 

@@ -17,7 +17,7 @@ time there."""
 
 
 def with_resonance(device: Device, grid: Floats) -> Floats:
-    """Return a grid, rad/s, with more frequencies from where the handle swings by itself to where both masses do.
+    """Return a grid, rad/s, with more frequencies between the resonance of the handle alone and that of both masses.
 
     A rigid device has no resonance, and its grid stays as it is.
 

@@ -32,7 +32,7 @@ TOO_CLOSE = 0.03
 chords may pass 0 on the wrong side; with twice, the proof has to decide more loops. Neither endangers a verdict."""
 LARGEST_TURN = 1.0
 """Greatest turn between neighbouring angles at which they are believed, rad: well below half a turn, where its sense is
-lost. Half and twice it ask the proof about more and fewer loops."""
+lost. Half and twice it leave more and fewer loops to the proof."""
 CROSSING_POINTS, CROSSING_ROUNDS = 33, 3
 """Points and rounds of the search along a segment of gains for a pole's crossing, down to 1/32768 of it. A cut need not
 be closer, because several rounds follow. Half and twice the points: to 1/4096 and 1/262144."""
@@ -86,7 +86,7 @@ def angles(device: Device, first: float = FIRST_ANGLE) -> Floats:
     Returns
     -------
     array of float
-        omega T, rad, increasing to pi; not to be written to.
+        omega T, rad, increasing to pi; read-only.
     """
     grid, T = _angles(first), device.sample_time
     return grid if device.structure is None else np.minimum(with_resonance(device, grid / T) * T, np.pi)
@@ -134,7 +134,7 @@ def makes_no_turn(F: Pair) -> NDArray[np.bool_]:
 
 
 def clearly_stable(device: Device, gains: Gains) -> bool | None:
-    """Return whether neither loop makes a turn around 0, or None if one comes too close to it to tell.
+    """Return whether neither loop makes a turn around 0, or None if one comes too close to it.
 
     Parameters
     ----------

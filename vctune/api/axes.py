@@ -73,7 +73,7 @@ def of_each(
     Returns
     -------
     list
-        Of each axis and what was made of its problem, in the file's order.
+        Each axis with the result for its problem, in the file's order.
     """
     done: dict[Hashable, Found] = {}
     found = []
@@ -292,7 +292,7 @@ def export_axes(
     unproved: bool = False,
     progress: Progress = lambda stage: None,
 ) -> list[tuple[Exported, Path]]:
-    """Export each axis into its folder, or all as the parameters of one ROS 2 controller into that of the problem.
+    """Export each axis into its folder, or all axes as the parameters of one ROS 2 controller into that of the problem.
 
     Parameters
     ----------

@@ -112,7 +112,7 @@ def bound(
     design : the result of `solve`, or the path of a design.json; None to solve the problem first
     gap : stop when the design's error is at most 1 + gap times the bound
     jobs : threads
-    time_limit : s, after which the bound reached so far is returned, solving the problem first included
+    time_limit : s, after which the function returns the bound reached so far; includes solving the problem first
     stopped : whether to give up now
     progress : function that receives the state of the search
 
@@ -178,12 +178,12 @@ def known_design(file: ProblemFile, path: Path, *, given: bool) -> Known | None:
     ----------
     file : the problem
     path : path of design.json, beside which a search leaves its state
-    given : whether there has to be one
+    given : whether it must exist
 
     Raises
     ------
     InputError
-        If it has to be there, and is not, is of another problem, or is not proved.
+        If it must exist and does not, is of another problem, or is not proved.
     """
     resume = read_resume(path.parent / SAVED, file.sha256)
     if resume is None and not given:

@@ -93,7 +93,7 @@ def _side(source: Any, record: DesignRecord, problem: Problem, yardsticks: Seque
 
 
 def _measured(record: DesignRecord, problem: Problem, yardstick: Transparency) -> MeasuredRecord | None:
-    """Return a design's error on a yardstick; None without a design, or where its device does not reach."""
+    """Return a design's error on a yardstick; None without a design, or if the yardstick is beyond its device."""
     if record.design is None or yardstick.band.max > problem.nyquist:
         return None
     posed = pose(replace(problem, transparency=yardstick)).problem

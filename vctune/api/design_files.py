@@ -128,8 +128,8 @@ def known_record(source: Any) -> DesignRecord | None:
 def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> dict[Path, Path]:
     """Write design.json, and gains.toml with it, and remove the report of an earlier design.
 
-    What else is of the earlier design, such as its firmware, is renamed where the design is another one now; so is
-    gains.toml where there is no design now.
+    If the design has changed, other files of the earlier design, such as its firmware, are renamed; gains.toml is
+    renamed if there is no design now.
 
     Parameters
     ----------

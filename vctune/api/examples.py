@@ -65,7 +65,7 @@ def write_example(name: str, folder: Path) -> Path:
 
 
 def _folder() -> Path:
-    """Return the folder of the problems: in an installed package, or beside the package where it is developed."""
+    """Return the folder of the problems: in an installed package, or beside the package in a checkout."""
     package = Path(str(files("vctune")))
     inside = package / "problems"
     return inside if inside.is_dir() else package.parent / "problems"

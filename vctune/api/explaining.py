@@ -155,7 +155,7 @@ def _cells(row: str) -> list[str]:
 
 
 def _term(guide: str, heads: list[str], cells: list[str]) -> Entry:
-    """Return a row of the glossary; several words or symbols in it are names of it each."""
+    """Return a row of the glossary; each of several words or symbols in it is a name of it."""
     row = {head: cell.replace("\\|", "|") for head, cell in zip(heads, cells, strict=True)}
     symbols = [part for part in re.findall(r"\$([^$]*)\$|([^$,]+)", row.get("symbol", "")) for part in part if part]
     terms = row["term"].split(", ")

@@ -61,7 +61,7 @@ def export(
     unproved: bool = False,
     progress: Progress = lambda stage: None,
 ) -> Exported:
-    """Prove a design again, with the constants that its firmware will have, and make files of it.
+    """Prove a design again, with the constants of its firmware, and make the files.
 
     Parameters
     ----------

@@ -108,7 +108,7 @@ def _held(folder: Path) -> dict[str, Any] | None:
 
 
 def _owner(folder: Path) -> Path | None:
-    """Return the problem file that a folder is of; None if that is not known."""
+    """Return the problem file of a folder; None if it is not known."""
     try:
         stated = (folder / OWNER_FILE).read_text(encoding="utf-8").strip()
     except (OSError, ValueError):

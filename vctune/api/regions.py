@@ -36,8 +36,8 @@ REGION_FILE, PICTURE = "region.json", "region.svg"
 SOLVING = 0.5
 """The share of a time limit that solving takes at most, whose design a region shows and does not need."""
 DRAWING = 1.5
-"""Seconds that are left for the picture of the cells, as long as that is no more than half of them. Half leaves regions
-without a picture on a slow machine, twice as much leaves cells undecided."""
+"""Seconds reserved for the picture of the cells, at most half of the remaining time. Half leaves regions without a
+picture on a slow machine, twice as much leaves cells undecided."""
 LOADING = 0.5
 """Seconds to load the drawing packages, which nothing interrupts: with less time left no picture is begun. Half ends
 late."""
@@ -50,7 +50,7 @@ class AdmissibleGains:
     Attributes
     ----------
     file : the problem
-    region : the cells; `interrupted` where it was stopped
+    region : the cells; `interrupted` if the search was stopped
     solved : the problem's best design, if it has one
     """
 
@@ -137,7 +137,7 @@ def region(
 
 
 def best_design(problem: Problem, progress: Progress = lambda stage: None) -> Solved:
-    """Return the best design of a problem, for its region to be shown with; of a time limit it takes `SOLVING`.
+    """Return the best design of a problem, to show it in its region; it takes the share `SOLVING` of a time limit.
 
     Parameters
     ----------

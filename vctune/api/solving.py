@@ -39,9 +39,9 @@ def solve(
     Returns
     -------
     Solved
-        `status`; `judgement`, the best design and what is proved of it, None if there is none; else `reason` and
-        `repairs`, the changes of one number after which there is one, the least error first. `prices`, the greatest
-        gain first, where they were required.
+        `status`; `judgement`, the best design and its proved claims, None if there is none; else `reason` and
+        `repairs`, the changes of one number that give a design, the least error first. `prices`, the greatest gain
+        first, if requested.
 
     Raises
     ------

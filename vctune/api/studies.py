@@ -108,7 +108,7 @@ def sweep(
     executor : "serial" for this process alone; "processes", which a script starts from under `if __name__ ==
         "__main__":`; "dask" or "dask:ADDRESS"
     restart : begin again instead of going on
-    time_limit : s of a point, whose row is undecided where it is not enough
+    time_limit : s for each point, whose row is undecided if this is not enough
     on_done : called once a point
 
     Returns

@@ -99,7 +99,7 @@ def _existing(value: Any) -> Any:
 
 
 def write_measured(folder: Path, name: str, measured: Measured, command: str, machine: str) -> None:
-    """Write a benchmark's table, picture and page, all of them together.
+    """Write a benchmark's table, picture and page together.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ class Dense:
     def values(self, z: Floats) -> tuple[Floats, Floats]:
         """Return the objective, log error, and the constraints beyond their levels: >= 0 where a design satisfies them.
 
-        Where Re G_hh <= 0 there is no logarithm: such a constraint is missed by `MISSED`.
+        Where Re G_hh <= 0 there is no logarithm: the violation of such a constraint is `MISSED`.
         """
         f, g = functions(self.structure).values(z, self.numbers.parameters)
         beyond = np.nan_to_num(np.array(g).ravel()[self.posed] - self.levels, nan=-MISSED, neginf=-MISSED)
@@ -113,7 +113,7 @@ def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> Dense
     Returns
     -------
     Dense
-        The NLP of one solve, and where it starts.
+        The NLP of one solve, and its start.
     """
     integrator = start.gains.position > 0
     posed, scaled = prepared.scaled, prepared.scaled.problem
@@ -137,7 +137,7 @@ def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> Dense
 
 @dataclass(frozen=True, slots=True)
 class Stopped:
-    """Where a solver stopped, and whether it says that it has converged."""
+    """The final point of a solver, and whether it reports convergence."""
 
     z: Floats
     converged: bool

@@ -1,8 +1,8 @@
 """An independent implementation of the theory in plain complex numbers, which shares no code with the model.
 
 Dense grids instead of a proof, matrix exponentials and eigenvalues instead of a return difference. The tests judge with
-it too, many designs or many devices at a time: of one `Case` a function of k frequencies, rad/s and not 0, gives k
-numbers in SI units, and of n cases n rows of them.
+it too, many designs or many devices at a time. For one `Case`, a function of k frequencies, rad/s and not 0, returns k
+numbers in SI units; for n cases it returns n rows of them.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ Floats = NDArray[np.float64]
 POINTS = 20_001
 """Frequencies examined in each band; odd, for Simpson's rule."""
 ENDLESS = 1e-6
-"""Where a band from 0 begins, and the reciprocal of where one to inf ends, relative to the other frequencies."""
+"""Lower end of a band from 0, and reciprocal of the upper end of one to inf, relative to the other frequencies."""
 WHOLE = 1e-12
 """Share of a sample by which a delay may deviate from a whole number of samples."""
 SERIES = 1e-2
-"""Up to here (1 - e^-x)/x and its integral are Taylor series, whose closed forms cancel."""
+"""Argument up to which (1 - e^-x)/x and its integral are Taylor series, because their closed forms cancel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ def case_of(device: Device, gains: Gains, coupling: AnyCoupling) -> Case:
 
 
 def _column(number: Any) -> Any:
-    """Return a number, or an array of cases to be spread over frequencies."""
+    """Return a number, or an array of cases that broadcasts over frequencies."""
     return number[:, None] if np.ndim(number) else number
 
 
@@ -223,7 +223,7 @@ def sensitivity(case: Case, omega: Any) -> Any:
 
 
 def _samples(case: Case) -> tuple[Any, Any]:
-    """Return the delay as whole samples and the rest of it, s."""
+    """Return the delay as whole samples and a remainder, s."""
     T = case.sample_time
     whole = np.floor(np.asarray(case.delay) / T + WHOLE)
     late = np.maximum(case.delay - whole * T, 0.0)
@@ -363,7 +363,7 @@ def squared_error(problem: Problem, case: Case, omega: Any) -> Any:
 def violation(problem: Problem, case: Case, extra: Sequence[float] = ()) -> float:
     """Return the log of one case's greatest violation of the constraints on Re Z_c/R and |S|; 0 if it meets both.
 
-    Looked at are dense grids, and extra frequencies, rad/s, that someone has pointed at.
+    The function evaluates dense grids, and the given extra frequencies, rad/s.
 
     Parameters
     ----------

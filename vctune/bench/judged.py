@@ -45,7 +45,7 @@ def worth(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Worth:
     Returns
     -------
     Worth
-        What vctune says of it, and an independent evaluation.
+        The verdict of vctune, and of an independent evaluation.
     """
     judged = judge(problem, gains, coupling)
     witnesses = [outcome.witness for outcome in judged.certificate.outcomes.values() if outcome.witness]

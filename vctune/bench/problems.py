@@ -56,7 +56,7 @@ frequencies."""
 
 
 def posed(name: str, document: dict[str, Any]) -> Problem:
-    """Return the problem of a document that is known to be one.
+    """Return the problem of a valid document.
 
     Parameters
     ----------
@@ -69,5 +69,5 @@ def posed(name: str, document: dict[str, Any]) -> Problem:
 
 
 def reference_problems(count: int | None = None) -> dict[str, Problem]:
-    """Return the first so many reference problems, or all, by name."""
+    """Return the first n reference problems, or all, by name."""
     return {name: posed(name, document) for name, document in list(DOCUMENTS.items())[:count]}

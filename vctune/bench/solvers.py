@@ -71,7 +71,7 @@ class Row:
         and the proof in it, the others' has not
     pace : vctune's time over the solver's, median of pairs measured one after the other
     starts, unstable : number of its starts, and of its answers whose sampled loop is unstable
-    succeeded : whether the solver says so of the answer that it gave
+    succeeded : whether the solver reports success
     gap : share by which its error is above the best proved one of all solvers
     error, violation, stable, verdict, consistent : see `vctune.bench.judged.Worth`
     """

@@ -31,7 +31,7 @@ QUICK, FULL = 40, 3000
 PATIENCE = 20.0
 """Processor time, s, after which a device is recorded as failed."""
 FREQUENCIES = 40
-"""Where a certified design is evaluated with 50 digits, log-spaced over each of its bands."""
+"""Frequencies at which a certified design is evaluated with 50 digits, log-spaced over each of its bands."""
 FAILED = "failed"
 SCAN_GAINS, SCAN_DAMPING, SCAN_FREQUENCIES = 28, 48, 120
 SLOWEST = 8
@@ -65,7 +65,7 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
 
     Parameters
     ----------
-    quick : whether only `QUICK` of them
+    quick : whether to test only `QUICK` devices
     seed : seed of the devices
     tick : function that receives the number of finished devices
 
@@ -209,7 +209,7 @@ def feasible(problem: Problem) -> str | None:
 
 
 def _spread(bounds: Range, count: int) -> list[float]:
-    """Return values over a range, log-spaced, ends and 0 included where they belong to it."""
+    """Return values over a range, log-spaced, including ends and 0 if they belong to it."""
     if bounds.fixed:
         return [bounds.min]
     if bounds.min > 0:

@@ -54,8 +54,8 @@ class Units:
 class Posed:
     """A problem and the devices at which its constraints are imposed.
 
-    What lies between the vertices of a box is the prover's business: a device of it that is refuted joins them. Two are
-    equal only if they are one object, so that results for one can be cached.
+    The prover covers the space between the vertices of a box: a refuted device of it joins them. Two are equal only if
+    they are one object, so that results for one can be cached.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Posed:
         same of other delays for which the constraints hold too
     hand_cases : the problems of the devices that are evaluated in hands: those of `cases`, and other delays if they
         matter
-    objective : those of them whose greatest error is the objective
+    objective : the devices among them whose greatest error is the objective
     box : all devices for which a design is to be proved; None for the problem's own alone
     demands : the constraints on a design
     span : the part of the stability band that sampling can reach, rad/s
@@ -102,7 +102,7 @@ class Prepared:
         return self.given.problem
 
     def on_device(self, device: Device) -> Device:
-        """Return a device of the given problem in the optimiser's units, one with its own response in a disc of it."""
+        """Return a device of the given problem in the optimiser's units, with its own response in a disc."""
         disc = self.problem.device.unmodelled if device.unmodelled is None else device.unmodelled
         return _dimensionless(with_device(self.problem, replace(device, unmodelled=disc)), self.units).device
 

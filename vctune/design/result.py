@@ -29,7 +29,7 @@ class Solution:
     ----------
     z : coordinates of the free variables
     error : objective there
-    converged : whether IPOPT says so; no evidence of anything
+    converged : whether IPOPT reports convergence; this is no evidence
     peak_tracked : whether the tracked peak of |S| stayed within its reach
     iterations : number of IPOPT iterations
     others : the other unknowns: log frequencies of tracked peaks, and the epigraph variable if there is one

@@ -34,13 +34,13 @@ infeasible, twice as many a few more. SEARCH_GAP is the gap at which the search 
 STABILITY_BOXES = 1_500_000
 """The same for boxes that prove loops stable or unstable, which take a tenth of the time each. Searches of problems/
 take about as many as lower bounds; a loop that is sampled once in half an hour takes a hundred times as many, and never
-ends. Half and twice: half and twice as long to give up."""
+ends. Half and twice take half and twice as long to give up."""
 EARLY_BOXES = 20_000
 """Effort of a first proof that there is no design, before the optimiser tries an infeasible problem: a small share of
 `SEARCH_BOXES`. Nothing is lost, since the later search continues where this one ended."""
 BOUND_BOXES = 20_000_000
-"""Effort of the search for a required bound: as good as unlimited. Ctrl-C and a time limit end it before, and leave the
-bound reached."""
+"""Effort of the search for a required bound: practically unlimited. Ctrl-C and a time limit end it before, and leave
+the bound reached."""
 
 
 @np.errstate(all="ignore")
@@ -58,7 +58,7 @@ def solve(
     problem : problem in SI units
     progress : function that receives the current stage
     gap : prove that no design has an error lower by more than this share
-    exhaustive : whether every box is searched where the optimiser finds no design
+    exhaustive : whether to search every box if the optimiser finds no design
 
     Returns
     -------

@@ -40,7 +40,7 @@ class Device(devices.Device):
     sample_time : s
     delay : s, from sampling to actuation, beyond the hold
     hold : "zoh", the exact zero-order hold, or "lag", the first-order lag 2/(2 + sT)
-    operator : the least impedance that is always at the handle; None for none
+    operator : the least impedance that is always at the handle; None if there is none
     velocity, actuator, force_sensor, structure : parts that an ideal device lacks; None if ideal
     units : "linear", or "rotary": kg m2, N m s/rad and the like in place of kg and N s/m
 
@@ -96,7 +96,7 @@ def design(gains: DesignSource, coupling: AnyCoupling | None = None, kind: Displ
     Parameters
     ----------
     gains : a gains file or its path, or the gains of a coupling
-    coupling : None with a file
+    coupling : None if a file is given
     kind : kind of the device that a coupling is for, if it is the coupling of such a device
 
     Raises

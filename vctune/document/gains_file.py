@@ -53,7 +53,7 @@ def numbers_text(kind: Display, gains: Gains, coupling: AnyCoupling) -> str:
 
 
 def numbers_in(text: str, kind: Display) -> dict[str, float]:
-    """Return the numbers that `numbers_text` wrote by their keys; none where they are not those of such a design.
+    """Return the numbers that `numbers_text` wrote by their keys; empty if they are not those of such a design.
 
     Parameters
     ----------

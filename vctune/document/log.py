@@ -51,7 +51,7 @@ class LogMap:
 
 
 def read_log_map(path: Path | None, *, servo: bool = False) -> LogMap:
-    """Read a log.toml; None for the map of a log whose headers say everything.
+    """Read a log.toml; None for a log whose headers suffice.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from vctune.document.schema.validation import MAX_MISTAKES, shown
 from vctune.document.text.errors import InputError, Mistake
 
 MAX_BYTES = 400_000_000
-"""A log of a million samples with ten columns has a quarter of it."""
+"""A log of a million samples with ten columns has a quarter of this size."""
 GZIP, ZIP, OLE = b"\x1f\x8b", b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 """How packed files, new workbooks and old ones begin."""
 SEPARATORS = (",", ";", "\t")
@@ -35,7 +35,7 @@ class LogTable:
     ----------
     headers : headers of the columns
     numbers : shape (rows, columns), finite
-    first_line : line of the file on which the first row stands
+    first_line : line of the file with the first row
     sha256 : digest of the file
     """
 

@@ -87,7 +87,7 @@ def read_problem_or_axes(path: str | Path) -> ProblemFile | AxesFile:
     Returns
     -------
     ProblemFile or AxesFile
-        The latter where the file has any [[axis]].
+        An AxesFile if the file has any [[axis]].
 
     Raises
     ------
@@ -137,7 +137,7 @@ def axes_file(text: str, path: Path) -> AxesFile | None:
 
 
 def merged(shared: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """Return tables with those that override them: a table key by key, anything else as a whole.
+    """Return tables with the overriding ones: tables are merged key by key, other values are replaced.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ def _misstated(tables: Any) -> Iterator[Fault]:
 
 
 def _at(fault: Fault, shared: Mapping[str, Any], own: Mapping[str, Any], index: int) -> Fault:
-    """Return a fault of the merged tables where it stands in the file."""
+    """Return a fault of the merged tables at its place in the file."""
     path: KeyPath = ("axis", index, *fault.path)
     if _has(own, fault.path) or (not _has(shared, fault.path) and fault.path[0] in own):
         return fault._replace(path=path)

@@ -120,8 +120,8 @@ def pose(
     ----------
     raw : tables
     default_name : default name of the problem, unless they have one
-    yardstick : by whose band and Z_0 its designs are compared with others, unless the tables state them; None for its
-        own
+    yardstick : source of the band and Z_0 by which its designs are compared with others, unless the tables state them;
+        None for its own
 
     Returns
     -------
@@ -168,7 +168,7 @@ class GainsFile:
     units : units that the numbers are in, if the file says so
     text : the file's text
     source : the path of the file; "design" if there is none
-    solved : the numbers of the design that it was made of, by key; none if the file does not say so
+    solved : the numbers of the design that it was made from, by key; empty if the file does not state them
     """
 
     kind: Display
@@ -217,7 +217,7 @@ GAINS_DOCUMENTS: dict[DisplayName, type[GainsDocument | SpringGainsDocument | Se
 
 
 def _kind_of(raw: dict[str, Any]) -> Display:
-    """Return the kind of display that a gains file is for: its coupling tells, and whether it has gains."""
+    """Return the kind of display of a gains file, from its coupling and from whether it has gains."""
     coupling, origin = raw.get("coupling"), raw.get("design")
     if isinstance(coupling, dict) and "stiffness" in coupling:
         return IMPEDANCE

@@ -47,7 +47,7 @@ class Recording:
     ----------
     source : path of its file
     sha256 : digest of the file
-    first_line : line of the file on which its first sample stands
+    first_line : line of the file with its first sample
     channels : by role, one of `ROLES` or `SERVO_ROLES`
     ignored : headers of unused columns
     rotary : whether positions are angles
@@ -74,5 +74,5 @@ class Recording:
         return next((channel.values.size for channel in self.channels.values()), 0)
 
     def values(self, role: str) -> Floats | None:
-        """Return a column by its role; None if the log has not got it."""
+        """Return a column by its role; None if the log does not have it."""
         return self.channels[role].values if role in self.channels else None

@@ -13,7 +13,7 @@ from vctune.document.text.errors import InputError, Mistake
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 COEFFICIENT, JOINT_DAMPING = 0.05, 5.0
-"""filter_coefficient and joint_damping where the file states none: the controller's own defaults."""
+"""Default filter_coefficient and joint_damping: the controller's own defaults."""
 LIGHTEST, HEAVIEST, STIFFEST = 1e-4, 1e6, 1e8
 """The controller loads no smaller mass, and no greater mass and stiffness."""
 SUFFIXES = (".yaml", ".yml")
@@ -59,7 +59,7 @@ class Admittance:
 
     @property
     def joint_loss(self) -> float:
-        """Damping that joint_damping comes to, which is an acceleration of every joint and so of the tool, N s/m."""
+        """The damping of joint_damping, which acts as an acceleration on every joint and so on the tool, N s/m."""
         return self.joint_damping * self.mass
 
 

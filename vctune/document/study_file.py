@@ -79,8 +79,8 @@ class Study:
     def posed(self, values: Iterable[float]) -> dict[str, Any]:
         """Return the document of the problem at a point, which may be none.
 
-        Where the document leaves a band or a range at its default, one of whose numbers varies, the other is that of
-        the default at this point, or of the yardstick.
+        If the document leaves a band or a range at its default and one of its numbers varies, the other is that of the
+        default at this point, or of the yardstick.
         """
         return _posed(self.document, self.axes, values, self.yardstick)
 
@@ -231,7 +231,7 @@ def _homeless(problem: dict[str, Any], axis: Axis) -> list[Fault]:
 
 
 def _is_default(document: dict[str, Any], path: KeyPath, varied: Mapping[KeyPath, float]) -> bool:
-    """Whether a path is of one number of a band or a range that the document leaves at its default."""
+    """Whether a path leads to one number of a band or a range that the document leaves at its default."""
     siblings = {other[-1] for other in varied if other[:-1] == path[:-1]}
     return path[-1] in FORM_OF and len(siblings) == 1 and _at(document, path[:-1]) is None
 

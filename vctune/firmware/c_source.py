@@ -117,7 +117,7 @@ def names_and_numbers(made: Firmware) -> dict[str, Any]:
 
 
 def _start_head(made: Firmware) -> str:
-    """Return the head of vctune_start; only a difference needs to know where the motor was."""
+    """Return the head of vctune_start; only a difference needs the start position of the motor."""
     first = "vctune_real position, " if made.parts.difference else ""
     last = ", vctune_real limit" if limiting(made) else ""
     indent = " " * len("vctune_state vctune_start(")

@@ -70,7 +70,7 @@ def _written(
     number: Callable[[float], str],
     called: Callable[[str, list[str]], str],
 ) -> str:
-    """Return a term as text, in parentheses where an operand is held less strongly than its operator asks."""
+    """Return a term as text, in parentheses if an operand binds less strongly than its operator."""
     if isinstance(term, Symbol):
         return name(term)
     if not isinstance(term, Operation):
@@ -105,7 +105,7 @@ def comment(text: str, width: int = 110) -> list[str]:
     Parameters
     ----------
     text : any text, of the user's too
-    width : characters of a line at most, where no word is longer
+    width : greatest number of characters of a line, unless a word is longer
     """
     lines, line = [], ""
     plain_text = printable(text).encode("ascii", "replace").decode()
@@ -118,6 +118,6 @@ def comment(text: str, width: int = 110) -> list[str]:
 
 
 def _held(text: str, term: Term, binding: int) -> str:
-    """Return an operand, in parentheses where it is held less strongly than the operator around it asks."""
+    """Return an operand, in parentheses if it binds less strongly than the operator around it."""
     own = HOLDING.get(term.operator, 9) if isinstance(term, Operation) else 9
     return f"({text})" if own < binding else text

@@ -32,7 +32,7 @@ class Replay:
     Attributes
     ----------
     experiment : its description
-    position, reference : position of the motor, and x_e, where it starts, m
+    position, reference : start position of the motor, and of x_e, m
     measured : position [m], velocity [m/s] and force [N] at each sample, shape (n, 3)
     command : u, N; for a servo m/s or m
     """
@@ -45,7 +45,7 @@ class Replay:
 
 
 def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] = lambda stage: None) -> list[Replay]:
-    """Simulate a design in the experiments of its problem, or in the usual ones where it has none.
+    """Simulate a design in the experiments of its problem, or in the usual ones if it has none.
 
     Parameters
     ----------

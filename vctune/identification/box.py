@@ -33,7 +33,7 @@ BAND = Note("limit-band", "model error: the band that is kept changes it")
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A number of the device as one record, or one direction of it, has it.
+    """The estimate of a number of the device from one record, or from one direction of it.
 
     Attributes
     ----------

@@ -13,7 +13,7 @@ from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError, Mistake
 
 LEAST_SAMPLES = 500
-"""Fewer do not hold a second at any rate that a haptic loop runs at."""
+"""Least number of samples; fewer are less than a second at any rate of a haptic loop."""
 SAMPLE_TIMES = (1e-6, 0.05)
 """Sample times that a haptic loop can have, s."""
 SPEEDS = {False: 30.0, True: 3000.0}
@@ -50,8 +50,8 @@ def check(recording: Recording, sample_time: float | None, *, servo: bool = Fals
     Parameters
     ----------
     recording : the recording as it was read
-    sample_time : as the map states it, s; None for that of its column
-    servo : whether it is of a servo, which is sampled when its link lets it
+    sample_time : sample time from the map, s; None for that of its column
+    servo : whether it is a servo's log, whose samples depend on its link
 
     Raises
     ------
@@ -223,7 +223,7 @@ def _held_for(values: Floats) -> int:
 
 
 def _at_limit(channel: Channel) -> float:
-    """Return the share of the samples that stand at the limit, or at an extreme for three samples on end."""
+    """Return the share of the samples that stay at the limit, or at an extreme for three samples in a row."""
     size = np.abs(channel.values)
     limit = channel.limit if channel.limit is not None else float(size.max())
     at = size >= limit * (1 - 1e-9)

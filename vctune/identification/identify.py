@@ -27,7 +27,7 @@ from vctune.model.device import Actuator, Device, ForceSensor, Servo, Structure
 
 Progress = Callable[[str], None]
 LEAST_LINES = 2
-"""Fewer frequencies make no radii between them."""
+"""Least number of frequencies; fewer give no radii between them."""
 
 
 @dataclass(frozen=True, slots=True)

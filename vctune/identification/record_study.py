@@ -183,7 +183,7 @@ def _compared(recording: Recording, fits: Mapping[str, RecordStudy], best: str, 
 
 
 def _warned(study: RecordStudy) -> RecordStudy:
-    """Return a study that says so where much is left."""
+    """Return a study with a warning if the residual is large."""
     left = study.residual_share
     if left <= POOR:
         return study

@@ -26,7 +26,7 @@ class VelocityEstimate:
     Attributes
     ----------
     source : "measured" by a sensor of its own, or the backward "difference" of the sampled position
-    filter_hz : corner of the low-pass y += a (x - y), a = 1 - e^(-2 pi f T), after it, Hz; None for none
+    filter_hz : corner of the low-pass y += a (x - y), a = 1 - e^(-2 pi f T), after it, Hz; None without one
     filter_order : number of such filters in series
     """
 
@@ -83,7 +83,7 @@ class Servo:
         without it. It passes no force sensor
     radii : (Hz, r) of a disc around 1 by which the sensed response to a command may be multiplied; linear between these
         on logarithmic axes, constant above the last, and below the first proportional to the frequency: at rest a servo
-        is at its command. Empty where the response is known
+        is at its command. Empty if the response is known
     """
 
     delay: Number
@@ -114,7 +114,7 @@ class Structure:
 
 @dataclass(frozen=True, slots=True)
 class Unmodelled:
-    """A response that is not quite the device's: all of it times 1 + share r(omega) e^(j phase) (README, section 13).
+    """A perturbed response of the device: all of it times 1 + share r(omega) e^(j phase) (README, section 13).
 
     Attributes
     ----------
@@ -218,7 +218,7 @@ class Device:
 
     @property
     def ideal(self) -> bool:
-        """Whether it is rigid, and measures, pushes and feels at once."""
+        """Whether it is rigid, and measures, pushes and senses without delay."""
         late = self.velocity is not None or self.actuator is not None or self.force_sensor is not None
         return not late and self.structure is None and self.unmodelled is None
 
@@ -229,7 +229,7 @@ class Device:
 
     @property
     def with_operator(self) -> Device:
-        """The device with its least operator at the handle, a part of it: W = Z_d + Z_h in place of Z_d if rigid."""
+        """The device including its least operator: W = Z_d + Z_h instead of Z_d if rigid."""
         if self.operator is None:
             return self
         if self.structure is not None:
@@ -255,7 +255,7 @@ class Device:
         return self.damping if self.operator is None else self.damping + self.operator.damping
 
     def number(self, key: str) -> Number:
-        """Return one of its numbers by its key; None if it has not got that."""
+        """Return one of its numbers by its key; None if it does not have it."""
         of: Any = self
         for name in key.split("."):
             of = getattr(of, name) if of is not None else None

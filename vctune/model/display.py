@@ -1,6 +1,6 @@
 """Kinds of display, and the facts that follow from the kind (model/README.md, sections 1 and 15).
 
-Every other module asks a device for its kind and reads a fact from it, or looks its name up in a table.
+Every other module takes the kind from a device and reads a fact from it, or looks its name up in a table.
 """
 
 from __future__ import annotations

@@ -140,9 +140,9 @@ class Experiment:
     ----------
     name : unlike that of any other
     environment, operator, sensors : as described there
-    friction : None for none
-    limit : greatest force of the actuator, N; None for none
-    baseline : a regular controller to compare with; None for none
+    friction : friction; None if there is none
+    limit : greatest force of the actuator, N; None without a limit
+    baseline : a regular controller for comparison; None if there is none
     """
 
     name: str

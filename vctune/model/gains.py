@@ -17,7 +17,7 @@ class Gains:
 
     @property
     def closed(self) -> bool:
-        """Whether there is a loop at all; of plain numbers."""
+        """Whether there is a loop; for plain numbers."""
         return bool(self.velocity != 0 or self.position != 0)
 
 

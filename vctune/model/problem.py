@@ -19,7 +19,7 @@ Norm = Literal["rms", "peak"]
 Criterion = Literal["passive", "hands", "both"]
 """Any passive hand, on a band, in the frequency model; every hand of a box, in the sampled loop; or both."""
 HUMAN_HANDS = Hands(Hand(0.0, 0.0, 0.0), Hand(0.5, 30.0, 3000.0))
-"""A human hand on a linear device, from none to a firm grip (model/README.md, section 14)."""
+"""Human hands on a linear device, from no hand to a firm grip (model/README.md, section 14)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,8 +106,8 @@ class Demands:
     max_sensitivity : greatest |S| of the sampled loop
     passive : whether any passive hand is required on the band
     any_hand : whether any passive hand is required on an impedance display, at every frequency
-    hands : the hands that are required at every frequency of the sampled loop; None for none
-    worlds : the environments that are required in them; None for every one that is passive as it runs
+    hands : the hands that are required at every frequency of the sampled loop; None if there are none
+    worlds : the environments that are required in them; None for every passive one
     """
 
     device: Device
@@ -184,7 +184,7 @@ class Problem:
 
     @property
     def hands_met(self) -> Hands | None:
-        """The hands that are required in the sampled loop; None if none are.
+        """The hands that are required in the sampled loop; None if there are none.
 
         On an impedance display they are among any passive hands, which the same loop covers.
         """
@@ -192,7 +192,7 @@ class Problem:
 
     @property
     def worlds_met(self) -> WorldsMet | None:
-        """The environments that are required in these hands; None for every one that is passive as it runs."""
+        """The environments that are required in these hands; None for every passive one."""
         return None if self.worlds is None else WorldsMet(self.worlds, self.stability.safety_factor)
 
     @property
@@ -217,7 +217,7 @@ class Problem:
 
     @property
     def fixed_design(self) -> tuple[Gains, AnyCoupling]:
-        """The gains and the coupling of a problem that fixes all of them."""
+        """The gains and the coupling of a problem that fixes every variable."""
         kind = self.device.kind
         fixed = [getattr(self.bounds, name).min for name in kind.names]
         return Gains(*fixed[:2]), kind.coupling(*fixed[2:])

@@ -173,7 +173,8 @@ def _beside(question: Question) -> list[Question]:
 
 
 def _holding_beside(certificate: Certificate, beside: Sequence[Certificate]) -> Certificate:
-    """Return a certificate whose claims are proved for all of several delays, each with the device where it is not."""
+    """Return a certificate whose claims are proved for all of several delays; each claim that is not names its
+    device."""
     outcomes, without_factor = certificate.outcomes, certificate.without_factor
     for other in beside:
         device = other.design.device
@@ -203,7 +204,7 @@ def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | No
     """Prove that several designs of one device meet its constraints, as `certify` does for each.
 
     Arrays prove most designs together. Arb decides about the others. With a box of devices or with hands, each design
-    is proved by itself.
+    is proved separately.
 
     Parameters
     ----------

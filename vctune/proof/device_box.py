@@ -25,9 +25,9 @@ class DeviceBox:
 
     Attributes
     ----------
-    nominal : the device as its numbers say
+    nominal : the device with its stated numbers
     low, high : the numbers' least and greatest values; decimals within the box that is meant, to two units in the last
-        place. Where their responses are not known exactly either, these are at the edge of the disc: proof/README.md,
+        place. If their responses are not known exactly either, they are at the edge of the disc: proof/README.md,
         section 9
     """
 

@@ -51,7 +51,7 @@ class Question:
 
     @property
     def robust(self) -> RobustDesign | None:
-        """The design on a box of devices; None if they are one, or all alike.
+        """The design on a box of devices; None for a single device, or if all are alike.
 
         Without a loop a mechanism is passive for any numbers, but not if its response is another.
         """
@@ -91,7 +91,7 @@ def _stable(question: Question, _known: Outcomes) -> Outcome:
 def _unmodelled(question: Question, known: Outcomes) -> Outcome:
     """Prove that no response within the discs of those of a box makes the loop unstable.
 
-    Where |S| is bounded by its limit, |1 - S| is by one more, and discs smaller than the inverse of that need no
+    If |S| is bounded by its limit, |1 - S| is bounded by one more, and discs smaller than the inverse of that need no
     proof of their own.
     """
     design, box, demands = question.design, question.box, question.demands

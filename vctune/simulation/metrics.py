@@ -13,13 +13,13 @@ from vctune.simulation.mechanics.intended_motion import Floats, stroke_time
 from vctune.simulation.run import Traces
 
 TURNING_POINT = 0.1
-"""Share of the travel at each end that is a turning point; also the share of the speed that is near zero. The
-hand gains speed within the first 6 % of the travel (`vctune.simulation.mechanics.intended_motion.RAMP`). Half: that
-would be measured too. Twice: less of the stroke would be. Both change the ripple, which is for comparing controllers,
-a little."""
+"""Share of the travel at each end that is a turning point; also the share of the speed that is near zero. The hand
+gains speed within the first 6 % of the travel (`vctune.simulation.mechanics.intended_motion.RAMP`). Half would still
+measure this part. Twice would drop a part of the stroke. Both change the ripple, which serves to compare controllers, a
+little."""
 N_POSITIONS = 400
-"""Positions at which loading and unloading are compared, finer than a figure. Half as many follow the curves still;
-twice as many say no more."""
+"""Positions at which loading and unloading are compared, finer than a figure. Half as many still follow the curves;
+twice as many add nothing."""
 SATURATED = 1 - 1e-9
 """Share of the limit from which on a force is at the limit, except for rounding. Half and twice the allowance give the
 same samples."""
@@ -52,7 +52,7 @@ class Metrics:
     fits : felt mass, damping, stiffness: those that the environment has, damping for free motion
     offset : the fit's force at the origin, N
     residual : root mean square of the force about the fit, N
-    ripple : greatest less least force about the fit where the handle's speed is below a tenth of its greatest, N
+    ripple : greatest minus least force about the fit where the handle's speed is below a tenth of its greatest, N
     handle_energy : work of the hand on the handle, J
     environment_energy : energy absorbed by the environment, J
     motor_energy : work of the motor on the device, J, as commanded; None for a servo
@@ -92,7 +92,7 @@ def metrics(
     traces : traces of a run that did not diverge
     environment : environment that was rendered
     operator : the hand
-    limit : greatest force of the actuator, N; None for none
+    limit : greatest force of the actuator, N; None without a limit
     commanded : kind of the firmware's command
 
     Returns

@@ -14,7 +14,7 @@ from vctune.simulation.mechanics.stretches import Stretch, fixed_steps
 from vctune.simulation.scene import Scene
 
 DIVERGENCE = 1e3
-"""A handle this many times the hand's travel away from where the hand wants it has diverged. No stable loop comes near
+"""A run has diverged if the handle is this many times the hand's travel away from its target. No stable loop comes near
 it, and an unstable one passes half and twice it within a few samples of each other."""
 
 
@@ -25,7 +25,7 @@ class Traces:
     Attributes
     ----------
     time : s
-    intended : position that the hand wants, m
+    intended : target position of the hand, m
     position, velocity : motion of the handle, m, m/s; without a spring between them also the motor's
     force : f_h, the hand's force on the handle, N
     reference, desired : x_e and v_e, of the rendered environment, m, m/s
@@ -63,7 +63,7 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
     Returns
     -------
     Traces
-        Finite; a run that diverges ends where it began to.
+        Finite; a run that diverges ends where the divergence began.
     """
     samples = sample_count(scene.operator, scene.device.sample_time)
     with interrupt_deferred():
@@ -119,7 +119,7 @@ def traces_of(scene: Scene, recorded: Floats, wanted: Floats, *, diverged: bool)
     scene : scene that was run
     recorded : a row a sample, of `columns`
     wanted : intended position at each of these samples, m
-    diverged : whether the handle left where the hand wants it
+    diverged : whether the handle left the hand's target
     """
     T, began = scene.device.sample_time, None
     if diverged:

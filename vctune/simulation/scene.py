@@ -22,7 +22,7 @@ class Scene:
     ----------
     device : device with all its parts; its hold is always the real, zero-order one
     operator : the hand
-    friction : friction of the device; None for none
+    friction : friction of the device; None without friction
     law : the firmware
     force_noise, seed : those of the force samples, N
     """
@@ -43,7 +43,7 @@ class Scene:
 
 @dataclass(frozen=True, slots=True)
 class Equilibrium:
-    """Where a scene starts, at rest.
+    """The start of a scene, at rest.
 
     Attributes
     ----------
@@ -63,8 +63,8 @@ class Equilibrium:
 def equilibrium(scene: Scene) -> Equilibrium:
     """Return the equilibrium at the start of the motion: all springs, from the hand's to the environment's, in a row.
 
-    Without a position gain the controller holds no position, and the handle starts where hand and environment agree. So
-    it does with a servo, which is where the environment is.
+    Without a position gain the controller holds no position, and the handle starts where hand and environment agree.
+    The same holds for a servo, which is at the environment's position.
     """
     found = _at_rest(scene)
     return replace(found, motor=found.reference) if scene.law.command == "position" else found

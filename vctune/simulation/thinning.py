@@ -11,7 +11,7 @@ Indices = NDArray[np.intp]
 
 
 def thinned(x: Floats, y: Floats, tolerance: tuple[float, float]) -> Indices:
-    """Return the indices of points that are enough: none that is left out is far from the line through the others.
+    """Return the indices of a sufficient subset of points: no other point is far from the line through them.
 
     Parameters
     ----------

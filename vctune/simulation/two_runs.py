@@ -67,7 +67,7 @@ def simulate(
     gains, coupling : the design
     experiment : one of the problem's, or any other
     progress : function that receives the current stage
-    controller : a firmware instead of the design's own; None for none
+    controller : a firmware instead of the design's own; None without one
     tolerance : greatest difference of its commands from the design's that passes, in their unit; None for the effect of
         rounding
 

@@ -24,7 +24,7 @@ from vctune.version import __version__
 
 PENDING_PER_WORKER = 3
 """Points handed out for each worker, so that none waits for its next one: solving takes tens of milliseconds at least,
-handing one out takes one. With half as many a worker on another machine may wait, with twice as many none does less."""
+handing one out takes one. With half as many a worker on another machine may wait; with twice as many none does less."""
 CONNECT_SECONDS = 5
 ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
@@ -43,8 +43,8 @@ class WorkerPool:
     ----------
     executor : to submit to
     max_pending : number of points to hand out at once
-    worker_died : exceptions that say so
-    unreachable : exceptions that say that all of them are out of reach
+    worker_died : exceptions of a dead worker
+    unreachable : exceptions of an unreachable cluster
     renew : function that renews the executor after a worker has died
     """
 

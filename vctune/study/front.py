@@ -22,7 +22,7 @@ POSITIONS, DECADES = 24, 4
 EDGES = 41
 DIGITS = 5
 OWN = "error_with_own_weights"
-"""Name of the error if each row has weights of its own, so that no two of them compare."""
+"""Name of the error if each row has weights of its own, so that no two rows compare."""
 
 
 def terms_study(document: dict[str, Any], problem: Problem) -> Study:
@@ -110,7 +110,7 @@ def _rounded(costs: Floats) -> Floats:
 
 
 def nondominated(costs: Floats) -> NDArray[np.intp]:
-    """Return the indices of the rows of finite costs that no other row is as good as in all and better in one.
+    """Return the indices of the rows of finite cost that no other row dominates.
 
     Among rows of the same cost the first stays.
     """

@@ -51,7 +51,7 @@ class Plane:
         return index is not None and index not in self.axes and not self.ranges[index].fixed
 
     def coarsest_squares(self) -> Squares:
-        """Return the plane in `COARSEST` by `COARSEST` squares, and the line K_p = 0 likewise if it is there."""
+        """Return the plane in `COARSEST` by `COARSEST` squares, and the line K_p = 0 in the same way if it is there."""
         side, count = len(self.edges[0]) - 1, COARSEST
         marks = np.arange(0, side, side // count)
         i, j = (m.ravel() for m in np.meshgrid(marks, marks, indexing="ij"))

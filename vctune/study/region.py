@@ -135,12 +135,12 @@ def free_damping(plane: Plane) -> bool:
 
 
 def easiest(cells: Cells, plane: Plane) -> Cells:
-    """Return the cells with m_c and b_0 at their upper bounds where they are free.
+    """Return the cells with m_c and b_0 at their upper bounds if they are free.
 
     Parameters
     ----------
     cells : boxes of the variables, SI units, n of them
-    plane : says which variables are axes
+    plane : the plane, which defines the axes
     """
     low = cells.low.copy()
     for index in (KEYS.index(key) for key in EASING if plane.at_full_width(key)):
@@ -204,7 +204,7 @@ def _lost(problem: Problem, cells: Cells, places: Places, *, free: bool) -> Flag
 
 
 def _closer(problem: Problem, cells: Cells, places: Places) -> Places:
-    """Return the places with the hands and the angles next to those that ask most of the centres."""
+    """Return the places with the hands and the angles next to those with the greatest requirement of the centres."""
     assert problem.hands_met is not None and places.in_hands is not None
     K_v, K_p, *of_coupling = cells.centres().low[:, :, None, None]
     at, *hand = places.in_hands[:, 0]

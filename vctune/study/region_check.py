@@ -38,7 +38,7 @@ class Recheck:
 
     Attributes
     ----------
-    region : the cells that the baseline had proved feasible, divided further where they are not as a whole
+    region : the cells that the baseline had proved feasible, divided further if they are not proved as a whole
     designs : the gain sets that the baseline lists
     certified : those that still are
     units : units of the problem
@@ -71,7 +71,7 @@ def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lam
     Returns
     -------
     Recheck
-        The cells, divided further where they are not proved as a whole, and which gain sets still are certified.
+        The cells, divided further if they are not proved as a whole, and the gain sets that are still certified.
     """
     keys = keys_for(problem)
     axes = (keys.index(baseline.axes.x), keys.index(baseline.axes.y))

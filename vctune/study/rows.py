@@ -99,7 +99,7 @@ def open_rows(path: Path, study: Study, *, restart: bool, time_limit: float = in
     Returns
     -------
     context manager
-        Of the rows, to be read and added to.
+        Yields the rows, for reading and adding.
 
     Raises
     ------

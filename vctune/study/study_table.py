@@ -36,7 +36,7 @@ class Table:
     ----------
     axes : values of the axes, by dotted key
     status, reason : texts; a certified point has no reason, ""
-    idle : which designs are certified and hardly use their velocity loop
+    idle : whether each design is certified and hardly uses its velocity loop
     numbers : error, terms, design, ratio, felt numbers and the yardstick (`vctune.document.records.rows_json.COLUMNS`),
         nan if there is none
     system : system of units, the problem's
@@ -168,7 +168,7 @@ def parquet_bytes(table: Table) -> bytes | None:
 
 
 def table_files(table: Table, folder: Path, stem: str) -> dict[Path, str | bytes]:
-    """Return the files of a table: CSV, and Parquet where it can be made.
+    """Return the files of a table: CSV, and Parquet if pyarrow is installed.
 
     Parameters
     ----------

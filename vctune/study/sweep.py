@@ -36,7 +36,7 @@ class Task:
 
 @dataclass(slots=True)
 class _Sweep:
-    """Where a sweep stands.
+    """The state of a sweep.
 
     Attributes
     ----------

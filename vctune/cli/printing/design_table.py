@@ -30,11 +30,11 @@ COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undeci
 
 @contextmanager
 def page(least_width: int, folder: Path) -> Iterator[Console]:
-    """Print in this block; in one piece, whole or not at all, with where the files are at the end.
+    """Print in this block; all of it or nothing, with the place of the files at the end.
 
     Parameters
     ----------
-    least_width : least width of a line, characters, even where the terminal is narrower
+    least_width : least width of a line, characters, even if the terminal is narrower
     folder : folder of the files
 
     Returns

@@ -31,7 +31,7 @@ class LeastCoupling:
     Attributes
     ----------
     first, second : the least b_c and m_c, or of an impedance display the least 1/k_c and 1/b_c
-    none : where they leave none
+    none : boxes whose conditions admit no coupling
     """
 
     first: Floats
@@ -71,8 +71,8 @@ class Couplings(Protocol):
         Returns
         -------
         array of float
-            Dimensionless. For norm "rms" the mean over the band, shape (n, devices), or (n, 1) where it is the same for
-            all; for "peak" the share at each frequency of the error, shape (n, frequencies).
+            Dimensionless. For norm "rms" the mean over the band, shape (n, devices), or (n, 1) if it is the same for
+            all; for "peak" the share of the error at each frequency, shape (n, frequencies).
         """
 
 
@@ -107,8 +107,8 @@ class SeriesCouplings:
     def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
         """Return a lower bound of |Z_c|^2 = b_0^2 + 2 b_0 b_c s + b_c^2 s, s = x^2/(1 + x^2) or its mean, weighted.
 
-        s grows with tau_c, and s/tau_c^2 falls. In terms of b_c the last term is therefore least at the least tau_c, in
-        terms of m_c at the greatest. The bound is the larger of both.
+        s grows with tau_c, and s/tau_c^2 falls. In terms of b_c the last term is therefore least at the least tau_c; in
+        terms of m_c it is least at the greatest. The bound is the larger of both.
 
         Parameters
         ----------
@@ -254,7 +254,7 @@ def spring_offer(devices: Sequence[Device], angles: Sequence[Floats]) -> SpringO
     Returns
     -------
     SpringOffer
-        At the angles of one device after another.
+        The offer at the angles of one device after another.
     """
     each = []
     for device, theta in zip(devices, angles, strict=True):

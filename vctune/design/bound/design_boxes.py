@@ -39,7 +39,7 @@ class Axis:
     Attributes
     ----------
     low, high : its range
-    scale : 0, or the size below which it hardly matters when it may be 0
+    scale : 0, or, for a number that may be 0, the size below which it hardly matters
     """
 
     low: float

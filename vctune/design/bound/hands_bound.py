@@ -69,7 +69,7 @@ def conditions_in_hands(devices: Sequence[Device], places: Floats) -> SampledCon
     Returns
     -------
     SampledConditions
-        At d k places, those of one device after another.
+        The conditions at d k places, those of one device after another.
     """
     angles = [_angles(device, places[0]) for device in devices]
     each = [_in_hands(device, theta, places[1:]) for device, theta in zip(devices, angles, strict=True)]
@@ -87,7 +87,7 @@ def conditions_in_any_hand(devices: Sequence[Device], omega: Floats) -> SampledC
     Returns
     -------
     SampledConditions
-        At d k places, those of one device after another.
+        The conditions at d k places, those of one device after another.
     """
     angles = [_angles(device, omega) for device in devices]
     each = [_in_any_hand(device, theta) for device, theta in zip(devices, angles, strict=True)]

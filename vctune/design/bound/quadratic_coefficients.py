@@ -134,7 +134,7 @@ def replaced(term: Term, numbers: Iterable[Number]) -> Term:
 
     Parameters
     ----------
-    term : shows which numbers are there; None stays None
+    term : a term that has the same numbers; None stays None
     numbers : numbers in the order of `listed`
 
     Returns

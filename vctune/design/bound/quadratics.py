@@ -14,8 +14,8 @@ GUARD = 1e-14
 """Covers the rounding of a quadratic in the gains and of the operations after it, relative to their moduli.
 
 It is 90 units of u = 2^-53. A coefficient of such a quadratic is rounded at most 3 times: in `less` by the product, the
-difference and the sum with its share of `GUARD`, in `rounded_up` by two sums. A square's term is rounded at most 6
-times more, 3 in gain (linear + gain square) and 3 where the terms are summed; the others less. So the value is off by
+difference and the sum with its share of `GUARD`, in `rounded_up` by two sums. A square's term has at most 6 further
+roundings, 3 in gain (linear + gain square) and 3 in the sum of the terms; the others have fewer. So the value is off by
 at most 9 u times the sum of the moduli of its terms, except for products of roundings (Higham 2002, section 3.1), and
 since no gain is negative, coefficients raised by `GUARD` of their modulus each raise it by ten times that. The minimum
 of a convex quadratic is attained where its slope is 0, so that the rounding of that point has only a second-order
@@ -34,7 +34,8 @@ class Quadratic:
     ----------
     constant : shape (points,)
     linear, square : of K_v and of K_p, each of that shape; None for 0
-    cross : cross of that shape; None if the contributions of K_v and K_p are at right angles to each other
+    cross : mixed coefficient, of the same shape; None if the contributions of K_v and K_p are at right angles to each
+        other
     """
 
     constant: Floats

@@ -2,9 +2,9 @@
 
 See model/README.md, section 8; design/bound/README.md, section 1.
 
-The constraints are imposed at some frequencies, angles and hands, for they can only be harder at all. There their
-constants are known, and only the gains are not (`llewellyn.py`, `hands.py`); the error is bounded term by term
-(`objective.py`).
+The relaxation imposes the constraints at some frequencies, angles and hands; at all of them they can only be harder.
+There their constants are known, and only the gains are not (`llewellyn.py`, `hands.py`); the error is bounded term by
+term (`objective.py`).
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ def relaxation(
     ----------
     problem : problem in SI units
     devices : d devices at which the constraints are imposed, known exactly
-    objective : those of them whose greatest error is the objective
+    objective : the devices among them whose greatest error is the objective
     places : frequencies, angles and hands at which the constraints are imposed
     intervals : number of intervals of the transparency band for norm "rms", or of frequencies for "peak"
 

@@ -68,7 +68,7 @@ Improve = Callable[[Gains, float], Judgement | None]
 
 @dataclass(frozen=True, slots=True)
 class SearchState:
-    """Where the search stood: boxes computed, lower bound, error of the best design known, open boxes."""
+    """State of the search: boxes computed, lower bound, error of the best known design, open boxes."""
 
     boxes: int
     bound: float
@@ -77,7 +77,7 @@ class SearchState:
 
     @property
     def gap(self) -> float:
-        """By which share the incumbent's error is above the bound at most."""
+        """Greatest share by which the incumbent's error is above the bound."""
         return self.incumbent / self.bound - 1 if 0 < self.bound < inf else inf
 
     def __str__(self) -> str:
@@ -88,7 +88,7 @@ class SearchState:
 class Optimality:
     """The proved bound on the error of every feasible design.
 
-    The error is that of the terms that can differ between designs, mostly all of it.
+    The error has only the terms that can differ between designs, mostly all of them.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ class Optimality:
 
     @property
     def gap(self) -> float:
-        """By which share the incumbent's error is above the bound at most."""
+        """Greatest share by which the incumbent's error is above the bound."""
         return self.history[-1].gap
 
 
@@ -126,7 +126,7 @@ class _Search:
     improved : that design, if the search has found it
     pruned_bound : the least lower bound of the boxes that were pruned
     boxes : lower bounds computed
-    history : so far
+    history : states so far
     stability_boxes : boxes of frequency and gains that it took to prove loops stable
     """
 
@@ -249,7 +249,7 @@ def _in_worst_hands(problem: Problem, best: Judgement | None) -> Floats:
 
 
 def _tight_places(problem: Problem, gains: Gains, coupling: AnyCoupling, *, broken: bool = False) -> Places:
-    """Return where the constraints are hardest for a design, or where it breaks them."""
+    """Return the places at which the constraints are hardest for a design, or violated."""
     stability, omega = problem.stability, np.zeros(0)
     least = stability.safety_factor * (1 - VIOLATED) if broken else inf
     if problem.passive:

@@ -5,8 +5,8 @@ its worse and its better half,
 
     score = min(gain_1, gain_2) + BETTER_HALF max(gain_1, gain_2),
 
-the worse half first, since it becomes the bound of the box. Bounds stand for gains here: those of a box are the same
-for all of its axes.
+the worse half first, since it becomes the bound of the box. The code compares bounds instead of gains, because those of
+a box are the same for all of its axes.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def halved(
 ) -> Halved:
     """Halve each box along the axis that raises its lower bound most; bound it again if no axis has an extent.
 
-    While no design is known, the greatest infeasibility of a box stands for its bound.
+    While no design is known, the greatest infeasibility of a box replaces its bound.
 
     Parameters
     ----------

@@ -127,7 +127,7 @@ SYMBOLS: Arithmetic = _SymbolArithmetic()
 
 @lru_cache(maxsize=1)
 def ipopt_version() -> str:
-    """Return the version that IPOPT's banner names; CasADi does not say it elsewhere."""
+    """Return the version in IPOPT's banner, the only place where CasADi shows it."""
     banner = StringIO()
     x = ca.SX.sym("x")
     quiet: dict[str, Any] = {"print_time": False, "ipopt.sb": "yes", "ipopt.print_level": 5, "ipopt.max_iter": 0}
@@ -313,9 +313,9 @@ def assembled(structure: NlpStructure) -> dict[str, ca.MX]:
     Returns
     -------
     dict
-        x, f, g and p as `casadi.nlpsol` wants them: the free coordinates, log frequencies of tracked peaks and the
-        epigraph variable; log(error); constraints in the order of `DEMANDS`, then those of tracked peaks, then those of
-        the errors in the mean; parameters as `nlp_parameters.packed` packs them.
+        x, f, g and p for `casadi.nlpsol`: the free coordinates, log frequencies of tracked peaks and the epigraph
+        variable; log(error); constraints in the order of `DEMANDS`, then those of tracked peaks, then those of the mean
+        errors; parameters in the layout of `nlp_parameters.packed`.
     """
     one = _at_one_frequency(structure)
     columns = {name: ca.MX.sym(name, table.rows, table.columns) for name, table in tables(structure).items()}

@@ -29,7 +29,7 @@ Layout = dict[str, int]
 """Number of rows of each name, in order."""
 
 PULSE_TRANSFER: Layout = {"re_G_v": 1, "im_G_v": 1, "re_G_x": 1, "im_G_x": 1}
-"""From force to velocity and to position in the sampled loop, at a frequency of |S|."""
+"""Responses from force to velocity and to position in the sampled loop, at a frequency of |S|."""
 PERTURBED_LOOP: Layout = {**PULSE_TRANSFER, "log_radius": 1}
 """The same, and the radius of the device's response there."""
 LOOP_IN_HAND: Layout = {"theta": 1, "factor": 1} | {
@@ -66,8 +66,8 @@ def in_hand_layout(structure: NlpStructure) -> Layout:
 def common_layout(structure: NlpStructure) -> Layout:
     """Return the rows of the parameters that all frequencies share.
 
-    The device's mass and damping, the variables' scales, their values where they are not free, the weights, and,
-    where an operator eases the conditions, its damping and the safety factor.
+    The device's mass and damping, the variables' scales, the values of fixed variables, the weights and, if an operator
+    eases the conditions, its damping and the safety factor.
     """
     numbers = len(structure.kind.keys)
     layout = {"mass": 1, "damping": 1, "scales": numbers, "fixed": numbers, "weights": len(TERMS)}

@@ -23,7 +23,7 @@ growing working set rarely needs another solver. Compiling one takes tens of mil
 microseconds. Half means more compiling, twice slower iterations; the answers are the same."""
 IN_WORLDS = 36
 """The same for the loops in hands with a box of environments, which join by windows of frequencies. Half of it compiles
-twice, twice makes every iteration slower."""
+twice; twice makes every iteration slower."""
 
 
 @dataclass(frozen=True, slots=True)

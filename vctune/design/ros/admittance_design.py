@@ -27,13 +27,13 @@ cost a millionth of a damping."""
 
 @dataclass(frozen=True, slots=True)
 class RenderedAxis:
-    """A design of one axis.
+    """The design of one axis.
 
     Attributes
     ----------
     axis : one of `AXES`
     device : a servo
-    coupling : coupling of the design; its damping is left out
+    coupling : coupling of the design, without its damping
     """
 
     axis: str

@@ -4,9 +4,9 @@ The controller steps M dv/dt + D v + S x = f explicitly: (M/T) (v - v_before) + 
 mass M - D T by backward Euler, a drag D - S T/2 and a lossless spring S. The first is the coupling of the trapezoidal
 rule with b_c = 2 (M - D T)/T and m_c = M - D T, and its proof covers every passive environment, including the spring.
 
-Before a servo there is no approximation. S pulls the measured position, which is late as the servo is: it is the
-servo's own spring, and takes no drag beside. The filter of the samples is one of the samples. A position that is
-commanded is the sum of T v, between which the servo interpolates: it moves as if v were commanded.
+Before a servo there is no approximation. S pulls the measured position, which is as late as the servo: it is the
+servo's own spring, and takes nothing more from the drag. The filter of the samples is one of the samples. A position
+that is commanded is the sum of T v, between which the servo interpolates: it moves as if v were commanded.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from vctune.document.ros import Admittance, AdmittanceFile
 from vctune.model.gains import Coupling
 
 OF_FILE = ("admittance", "ft_sensor")
-"""The tables of a parameter file, which stand beside those of the problem in a document of both."""
+"""The tables of a parameter file, combined with those of the problem in a document of both."""
 
 
 def device_tables(document: dict[str, Any]) -> dict[str, Any]:
@@ -101,7 +101,7 @@ def coupling_of_admittance(axis: Admittance, sample_time: float, *, servo: bool 
     Returns
     -------
     Coupling
-        With mass or drag below 0 where the explicit step is not passive.
+        The mass or the drag is below 0 if the explicit step is not passive.
     """
     mass = axis.mass - axis.damping * sample_time
     taken = 0.0 if servo else axis.stiffness * sample_time / 2

@@ -23,7 +23,7 @@ from vctune.model.problem import Problem
 def repairs_of_axis(
     document: dict[str, Any], problem: Problem, judgement: Judgement, progress: Progress
 ) -> list[Repair] | None:
-    """Return the changes of one number after which an axis passes, or no longer is idle; None if it needs none.
+    """Return the changes of one number after which an axis passes, or is no longer idle; None if it needs none.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ grows by about as much; if it is too little, the proof's witness tightens tenfol
 ROUNDS = 40
 """NLPs in an exchange at most; one to three are usual. Half cuts off creeps along a boundary, twice waits for them."""
 RADIUS = 2.0
-"""Half the width of the first and the widest trust box in log coordinates: a factor of 7 about the start, which is near
+"""Half widths of the first and of the widest trust box in log coordinates: a factor of 7 about the start, which is near
 a local minimum. Twice as wide IPOPT comes down beyond |S| = inf more often, half as wide it takes another round."""
 GROWTH = 2.0
 """Growth of the box after a useful answer; any other answer halves it."""
@@ -89,7 +89,7 @@ def polish(
     -------
     Polished or None
         Dimensionless; feasible in double precision, with the constraints tightened, and not proved. At the end of the
-        time limit it is the best by then.
+        time limit it is the best answer so far.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def polish(
 
 @dataclass(slots=True)
 class _Search:
-    """Where a polish stands.
+    """The state of a polish.
 
     Attributes
     ----------
@@ -235,7 +235,7 @@ def _remember(search: _Search, values: Point, error: float) -> None:
 
 
 def _sharper_objective(problem: Problem, search: _Search, design: Polished, *, joined: bool) -> bool:
-    """Return whether the next NLP has a sharper objective, which is wanted where it misses its own answer's error.
+    """Return whether the next NLP needs a sharper objective, because its objective misses its answer's error.
 
     For norm "rms" it has more panels of its quadrature. For norm "peak" it has the frequencies of the greatest errors,
     if any was new: an NLP without them understates the error, and its optimum is not one.

@@ -39,7 +39,7 @@ from vctune.running import check_time
 COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}
 """Least number of points of each axis.
 
-A basin has to show as a local minimum, no more: the limits of the gains and the refinement find its place. Half as many
+A basin only has to show as a local minimum; the limits of the gains and the refinement find its place. Half as many
 K_v, corners or time constants cost no reference problem and no basin of the tests more than 0.1 %, so there is a
 reserve of a factor of two; with half as many drags one problem has twice the error. Twice as many of any find no better
 design.
@@ -48,7 +48,8 @@ PER_DECADE = 3.5
 """Least number of corners, and of time constants, in a decade: as many as `COUNTS` give on usual bounds, kept on wide
 ones."""
 LEAPS = 2
-"""Number of intervals of forbidden scales that the scan leaves one after the other. Half and twice: starts as good."""
+"""Number of intervals of forbidden scales that the scan leaves one after the other. Half and twice give starts that are
+as good."""
 MOST = 1e100
 """Stand-in for infinity where numbers are multiplied."""
 LOOPS_AT_ONCE = 160
@@ -73,7 +74,7 @@ class Axes:
 class Scores:
     """The scores of designs in lexicographic order: violated constraint, violation, error, coupling.
 
-    Arrays of one shape; on a grid its axes are K_v, corner, tau_c, b_0.
+    Arrays of one shape; on a grid the axes are K_v, corner, tau_c, b_0.
 
     Attributes
     ----------
@@ -97,7 +98,7 @@ class Scores:
         return int(self.missed[at]), float(self.violation[at]), float(self.error[at])
 
     def lowest(self) -> tuple[NDArray[np.intp], ...]:
-        """Return where the best design of each entry of the first axis stands, an array of indices for each axis."""
+        """Return the index of the best design for each entry of the first axis, an array for each axis."""
         shape = len(self.error), prod(self.error.shape[1:])
         missed, *others = (v.reshape(shape) for v in (self.missed, self.violation, self.error, self.damping))
         among = missed == missed.min(axis=1, keepdims=True)

@@ -44,10 +44,10 @@ LONG_SHOTS = 2
 grid. One would bet on the scan's order, more cost time before the search of every box begins, which finds them too."""
 NEARLY = 0.1
 """A start that misses a constraint by more than this share is not polished where only an opinion is wanted: the grid's
-refined spacing is half of that. Half misses repairs that are there, twice polishes in vain."""
+refined spacing is half of that. Half misses existing repairs; twice polishes in vain."""
 PROOF_BOXES = 300_000
-"""Boxes of proofs in vain after which a design that is undecided stays so, and none is tried sharper or from another
-start: hands that resonate far above Nyquist are never resolved. Half tries once, twice waits for a third in vain."""
+"""Boxes of undecided proofs after which the design stays undecided and the search tries no sharper one and no other
+start: hands that resonate far above Nyquist are never resolved. Half tries once; twice waits for a third failure."""
 NEW_HANDS = 12
 """Number of hands known only to the proof with which an optimum is polished: a resonance above Nyquist occurs in a few
 hands of the box alone. Half and twice as many: the same designs; with none, a device sampled at 20 Hz has no design."""
@@ -60,7 +60,7 @@ SEARCH, PROOF = "the search", "the proof"
 """Stages that a time limit may cut short."""
 SEARCHING = 0.6
 """The share of a time limit within which starts are polished once one has led to an optimum: a proof takes about as
-long as a polish. Half finds worse designs, all of it proves none."""
+long as a polish. Half finds worse designs; all of it proves none."""
 
 Progress = Callable[[str], None]
 
@@ -200,7 +200,7 @@ def local_optima(
     Parameters
     ----------
     prepared : prepared problem that leaves something free
-    scanned : starts of it, dimensionless
+    scanned : starts of the problem, dimensionless
     progress : function that receives the current stage
     worth : factor by which a start's error may exceed the least known
 

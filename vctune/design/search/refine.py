@@ -71,7 +71,7 @@ def between_neighbours(grid: Axes, places: list[Index]) -> Axes:
 
 
 def refined(problem: Problem, samples: Samples, near: Axes) -> list[Start]:
-    """Refine local minima, all of them together.
+    """Refine all local minima together.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ DIGITS = 8
 
 
 def rounded(problem: Problem, values: Point, digits: int = DIGITS) -> Point:
-    """Return five physical numbers rounded to so many digits, on their bounds where they reach them.
+    """Return five physical numbers with so many digits, on their bounds if they reach them.
 
     Parameters
     ----------

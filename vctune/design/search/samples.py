@@ -48,7 +48,7 @@ class Spectrum:
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """Where a scan looks.
+    """The frequencies of a scan.
 
     Attributes
     ----------
@@ -59,7 +59,8 @@ class Samples:
     circles : the return differences of the sampled loops on the unit circle, first the device's let go; none of a
         device whose loops are another's
     radius : unmodelled radius on the first circle; None without one
-    in_hand : the loop in some hands, and in springs at angle 0, or in any; none where no hands are required
+    in_hand : the loop in some hands, and in springs at angle 0, or in any hand; empty if the problem has no claim in
+        hands
     objective : number of devices whose greatest error is the objective
     others : the other devices at which the constraints are imposed, with the same frequencies
     """

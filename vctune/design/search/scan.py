@@ -34,7 +34,7 @@ allows for the scan's few frequencies. A greater factor loses another basin behi
 twice."""
 WORTH_ANOTHER = 0.9995
 """Another start near an optimum is worth polishing if its error is at most this share of the optimum's. Basins are told
-apart to 0.1 %, and the scan's frequencies see half of that."""
+apart to 0.1 %, and the scan's frequencies resolve half of that."""
 PROMISING = 3.0
 """A local minimum of the coarse grid is refined if its error is at most this many times the least, which allows for a
 narrow basin between the points of the grid. All are refined together, so that more cost little."""
@@ -57,8 +57,8 @@ class ScanResult:
 def scan(posed: Posed) -> ScanResult:
     """Scan a dimensionless problem for starts.
 
-    K_p = 0 is scanned separately, because the absence of the integrator changes the constraints at low frequency.
-    Minima of the rest that lie at its lowest K_p belong to that basin and are left to it.
+    K_p = 0 is scanned separately, because the absence of the integrator changes the constraints at low frequency. Other
+    minima at the lowest K_p belong to that basin and are dropped.
     """
     problem, faces = posed.problem, _faces(posed.problem)
     found: list[Start] = []
@@ -123,7 +123,7 @@ def _faces(problem: Problem) -> list[bool]:
 
 
 def start_at(posed: Posed, gains: Gains) -> Start | None:
-    """Return the best start around given gains, with any coupling; None if none is feasible.
+    """Return the best feasible start around given gains, with any coupling; None if none is feasible.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def start_at(posed: Posed, gains: Gains) -> Start | None:
 def better_start_near(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Start | None:
     """Return a better start near a polished design: the best design of another coupling may be a basin away.
 
-    What is better is judged on the scan's few frequencies, the design itself too.
+    The scan's few frequencies decide which is better, for the given design too.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ def _place(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float
 def in_same_basin(posed: Posed, starts: list[Start], gains: Gains) -> list[Start]:
     """Return the starts in the basin of given gains: on the straight way there, logarithmically, the error only falls.
 
-    At every pair of gains on the way the coupling is the best one of the scan's.
+    At every pair of gains on the way it takes the best coupling of the scan.
 
     Parameters
     ----------

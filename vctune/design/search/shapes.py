@@ -21,8 +21,8 @@ from vctune.model.sampled.impedance_display import firmware_filter, offered_by_s
 from vctune.model.sampled.loop_in_worlds import offered_at
 
 SLACK = 1e-2
-"""Share of T below which the time constant b_c/k_c hardly matters: the sampled spring by itself is as good as a damper
-of k_c T/2. Half and twice it lead to the same designs."""
+"""Share of T below which the time constant b_c/k_c hardly matters: the sampled spring alone is as good as a damper of
+k_c T/2. Half and twice it lead to the same designs."""
 
 
 def unit_response(device: Device, omega: Floats, time_constant: Floats) -> tuple[Floats, Floats]:
@@ -50,7 +50,7 @@ def unit_at(device: Device, theta: Floats, time_constant: Floats) -> tuple[Float
     ----------
     device : an admittance display or a servo
     theta : omega T, rad
-    time_constant : s, of one shape or an array that broadcasts against the angles
+    time_constant : s, for one shape, or an array that broadcasts against the angles
     """
     rigid = bool(np.all(time_constant == 0))
     unit = Coupling(inf, 1.0, 0.0) if rigid else Coupling(1.0, time_constant, 0.0)
@@ -88,8 +88,8 @@ def scale_limits(problem: Problem, time_constant: Floats) -> tuple[Floats, Float
     Returns
     -------
     two arrays
-        Of shape (n,), in the problem's units: of b_c, or of 1/k_c for an impedance display. Where the least exceeds
-        the greatest there is no such coupling.
+        Of shape (n,), in the problem's units: of b_c, or of 1/k_c for an impedance display. If the least exceeds the
+        greatest there is no such coupling.
     """
     bounds, tau = problem.bounds, time_constant
     if not problem.device.kind.inverse:
@@ -157,7 +157,8 @@ def shape_of(coupling: AnyCoupling) -> tuple[float, float]:
 
 
 def softened(coupling: AnyCoupling, by: float) -> AnyCoupling:
-    """Return a coupling of the same shape that offers more: a greater Z_c, or of an impedance display a smaller one.
+    """Return a coupling of the same shape with a greater offer: a greater Z_c, or for an impedance display a smaller
+    one.
 
     Parameters
     ----------

@@ -44,7 +44,8 @@ def _without_damping(problem: Problem) -> Infeasibility | None:
 
 
 def _nothing_returns(problem: Problem) -> Infeasibility | None:
-    """Without a spring in any hand an impedance display at rest may stand anywhere, which is no stability to prove."""
+    """Without a spring in any hand, an impedance display at rest may stay at any position, so that there is no
+    stability to prove."""
     if problem.hands_met is None or problem.hands_met.high.stiffness > 0:
         return None
     cause = f"{OPENINGS[False]}: in hands without stiffness nothing returns the handle: a pole at 1"
@@ -61,7 +62,7 @@ def _of_passive_hands(problem: Problem) -> tuple[str, str] | None:
 
 
 def _in_limp_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
-    """In hands of stiffness K alone R at omega = 0 tends to K (b/K_p + tau_s) for K -> 0, and Re Z_c is the drag.
+    """In hands with a stiffness K alone R at omega = 0 tends to K (b/K_p + tau_s) for K -> 0, and Re Z_c is the drag.
 
     The loss in a structure's spring may ease it. Without an integrator both sides of the constraint vanish like omega^2
     in hands without damping and stiffness, and a margin that vanishes is not proved.
@@ -92,7 +93,7 @@ def _in_limp_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
 
 
 def _vanishing_response(problem: Problem) -> tuple[str, str] | None:
-    """A disc of radius 1 around the device's response holds none at all, with which Re G_hh = 0."""
+    """A disc of radius 1 around the device's response contains 0, with which Re G_hh = 0."""
     radii = problem.uncertainty.unmodelled if problem.uncertainty is not None else ()
     if not radii:
         return None

@@ -30,8 +30,8 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 
 TRACKED_FROM = 0.8
-"""Share of its limit from which on the peak of |S| is tracked. With more a peak is not tracked that
-the next answer brings to the limit, which takes another round; with less peaks are tracked that do not bind."""
+"""Share of its limit from which on the peak of |S| is tracked. More would leave out a peak that the next answer brings
+to the limit, which takes another round; less tracks peaks that do not bind."""
 
 
 @dataclass(slots=True)
@@ -59,7 +59,8 @@ class Violations:
 def violations(
     posed: Posed, cases: list[Problem], values: Point, tightening: float, refuted: Sequence[ConstraintPoint] = ()
 ) -> Violations:
-    """Find where the constraints fail on any device by more than half the tightening, and where the error is greatest.
+    """Find the points where the constraints fail on any device by more than half the tightening, and where the error is
+    greatest.
 
     Parameters
     ----------
@@ -122,7 +123,7 @@ def _ratios(problem: Problem, gains: Gains, coupling: AnyCoupling, tightening: f
 
 
 def _in_hands(problem: Problem, gains: Gains, coupling: AnyCoupling, tightening: float) -> Violations:
-    """Find where the ratio fails in the hands of a problem."""
+    """Find the points where the ratio fails in the hands of a problem."""
     worst = least_ratios(problem, gains, coupling)
     if problem.worlds_met is not None:
         worst = [*worst, *windows(problem, gains, coupling, worst)]
@@ -166,7 +167,7 @@ def _unmodelled(problem: Problem, gains: Gains, tightening: float) -> Violations
 
 
 def _inside(posed: Posed, gains: Gains, coupling: AnyCoupling, tightening: float) -> Violations:
-    """Find where the ratio fails on devices that are not among the vertices of their box."""
+    """Find the points where the ratio fails on devices that are not among the vertices of their box."""
     found, least = Violations(), log(posed.problem.stability.safety_factor) + tightening
     for worst in worst_inside(posed, gains, coupling):
         short = least - log(max(worst.ratio, 1e-300))

@@ -96,7 +96,7 @@ def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Wors
 def loudest(posed: Posed, gains: Gains, case: Problem, peaks: Minima) -> tuple[Problem, Minima] | None:
     """Return a device, and the maxima of its |S|, found by taking numbers to the end at which |S| is greater.
 
-    One after the other, until none is left: |S| mostly rises or falls with each of them.
+    They are moved one after the other, until no move helps: |S| mostly rises or falls with each of them.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def _minima(value: Value, box: DeviceBox, omega: Floats) -> Floats:
 
 
 def _refined(value: Value, box: DeviceBox, at: Floats, ends: Floats) -> tuple[Floats, Floats]:
-    """Return lower values and where they are, by a search among neighbours at distances that shrink."""
+    """Return lower values and their places, by a search among neighbours at shrinking distances."""
     low, high = ends[:, :1], ends[:, 1:]
     steps = np.array(list(product((-1.0, 0.0, 1.0), repeat=len(at))))
     if len(at) > MANY:

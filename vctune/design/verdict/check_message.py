@@ -25,8 +25,8 @@ def check_message(
     ----------
     judgement : judgement of the design
     repairs : repairs of a refuted one, None if not sought
-    changed : the numbers that were edited since the design was solved, with limits where they were
-    together : those of them that pass only if all are taken back
+    changed : the numbers that were edited since the design was solved, with their earlier values as limits
+    together : those that pass only if all are restored
     """
     if judgement.status is Status.CERTIFIED:
         return _proved(judgement)
@@ -50,7 +50,7 @@ def taken_back(repairs: Sequence[Repair], changed: Sequence[ParameterChange]) ->
 
 
 def line_to_change(text: str, repairs: Sequence[Repair] | None, together: Sequence[ParameterChange]) -> int:
-    """Return the line of the number to change, or where the file does not state it that of its table.
+    """Return the line of the number to change, or of its table if the file does not state it.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def _whole(together: Sequence[ParameterChange]) -> str:
 
 
 def _remedy(repairs: Sequence[Repair], changed: Sequence[ParameterChange]) -> str:
-    """Return the best change of one gain that would do, and the changes of the problem that would."""
+    """Return the best change of one gain that would pass, and the changes of the problem that would."""
     if not repairs:
         return "no change of one number passes"
     of_gain = [repair for repair in repairs if repair.key in SYMBOLS]

@@ -1,4 +1,4 @@
-"""The record of how a design feels, which stands beside its error."""
+"""The record of how a design feels, beside its error."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Which number of a refuted design to change: an edited one, or the one with the least error afterwards.
 
-Nothing here solves or judges by itself: the caller says how (`RepairTest`).
+This module neither solves nor judges: the caller passes the functions (`RepairTest`).
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def undone_together(pasted: dict[str, Any], changed: Sequence[ParameterChange], 
 
 
 def solved_numbers(stated: dict[str, Any], judgement: Judgement, test: RepairTest) -> dict[str, float]:
-    """Return the numbers of the design that solving a problem makes by their keys; none where it makes none.
+    """Return the numbers of a problem's solution by their keys; empty if there is none.
 
     Parameters
     ----------
@@ -94,8 +94,8 @@ def solved_numbers(stated: dict[str, Any], judgement: Judgement, test: RepairTes
 def best_values(stated: dict[str, Any], judgement: Judgement, test: RepairTest) -> Iterator[Repair]:
     """Yield for each number of a design the value with the least error, the others as they are.
 
-    The problem is solved with that number alone free, in the range that the file states or in the default one. Numbers
-    that a first opinion gives up are tried all the same if it gives up all of them.
+    The problem is solved with that number alone free, in the range that the file states or in the default one. If the
+    first estimate rejects all numbers, all of them are tried all the same.
 
     Parameters
     ----------

@@ -203,9 +203,10 @@ def _judged(
 def _repairs(
     file: ProblemFile, judgement: Judgement, changed: list[ParameterChange], progress: Progress
 ) -> tuple[list[Repair] | None, list[ParameterChange]]:
-    """Return the repairs of a refuted design pasted into its problem, or the cures of an idle one; None for others.
+    """Return the repairs of a refuted design pasted into its problem, or the cures of an idle one; None for any other
+    design.
 
-    With them the edits that, taken back, make it pass only all together; none where one alone does.
+    It also returns the edits that only pass if all of them are restored; empty if one alone passes.
     """
     if judgement.status is not Status.VIOLATED and not judgement.idle:
         return None, []
@@ -227,7 +228,8 @@ def _cures(
     changed: list[ParameterChange],
     progress: Progress,
 ) -> list[Repair] | None:
-    """Return the cures of an idle design; None if solving finds one that is not, or the time limit ends that."""
+    """Return the cures of an idle design; None if solving finds a design that is not idle, or the time limit ends the
+    search."""
     try:
         if back := undone(pasted, changed, OF_FIXED_IN_USE):
             return back

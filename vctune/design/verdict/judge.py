@@ -110,12 +110,12 @@ class Judgement:
 
     @property
     def worst_hz(self) -> float:
-        """Where Re Z_c / R is least, Hz."""
+        """Frequency of the least Re Z_c / R, Hz."""
         return hertz(self.worst)
 
     @property
     def worst_sensitivity_hz(self) -> float:
-        """Where |S| is greatest, Hz."""
+        """Frequency of the greatest |S|, Hz."""
         return hertz(self.worst_sensitivity)
 
     @property
@@ -142,12 +142,13 @@ class Judgement:
 
     @property
     def idle(self) -> bool:
-        """Whether the design is certified, and hardly uses its velocity loop."""
+        """Whether the design is certified and hardly uses its velocity loop."""
         return self.tightest.kind.own_loop and self.status is Status.CERTIFIED and self.transparency.tracking > IDLE
 
     @property
     def open_claims(self) -> list[str]:
-        """The claims that are not proved, each with its verdict, where it fails and on which device of a box."""
+        """The claims that are not proved, each with its verdict, its place and the device of a box on which it
+        fails."""
         units, kind = UNITS[self.tightest.units], self.tightest.kind
         return [
             f"{found.verdict.value}{_place(found, units)}: {CLAIMS[claim].said_of(kind)}{CUT * found.cut}"

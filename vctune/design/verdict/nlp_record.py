@@ -73,7 +73,7 @@ def _device(problem: Problem, place: ConstraintPoint) -> DeviceRecord:
 def _priced(polished: Polished) -> Floats:
     """Return the multipliers, those of the ratio for 2 Re(D + Z_h) Re Z_c >= factor 2 Re(D + Z_h) R.
 
-    In the hand of an operator the NLP has written it with both terms of the factor on different sides.
+    In the hand of an operator the NLP has written the constraint with both terms of the factor on different sides.
     """
     multipliers, ratio = np.abs(polished.solution.multipliers), polished.working_set.ratio
     if polished.structure.operator_damping and ratio:

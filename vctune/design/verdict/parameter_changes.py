@@ -37,15 +37,15 @@ FASTER = {
 }
 OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
 ONLY_UPWARDS = ("coupling.mass", "coupling.drag")
-"""Numbers that add to Re Z_c as they grow: less of them makes nothing possible."""
+"""Numbers that add to Re Z_c as they grow: a decrease makes nothing possible."""
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterChange:
     """A number of a problem file that may be changed one way.
 
-    Changes are relative to the smaller of the old and the new value. Where the old value is 0 they are relative to the
-    natural size, and where it is infinite the same holds of the reciprocals.
+    Changes are relative to the smaller of the old and the new value. If the old value is 0 they are relative to the
+    natural size; if it is infinite the same holds for the reciprocals.
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ class ParameterChange:
         return relative / (1 + relative) if relative < inf else 1.0
 
     def partial(self, new: float, share: float) -> float:
-        """Return the value after a share of a change; of the reciprocals where the old value is infinite.
+        """Return the value after a share of a change; if the old value is infinite, of the reciprocals.
 
         Parameters
         ----------
@@ -220,7 +220,7 @@ def _of_device(problem: Problem) -> Iterator[ParameterChange]:
 
 
 def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
-    """Yield fewer hands: with more damping, or where a box of them is required with less mass or stiffness.
+    """Yield fewer hands: with more damping or, if the claim is about a box of them, with less mass or stiffness.
 
     If no hand of a box has a stiffness, nothing may return the handle: then stiffer hands, too.
     """

@@ -28,8 +28,8 @@ STEP = 1e-5
 """Relative change of a number over which the derivative is taken, each way: its error is about as great, and rounding
 is far below. Half and twice give the same four digits."""
 STEEPEST = 50.0
-"""d log error/d log number from which on a change is a jump, as where the delay of a servo passes a whole number of
-samples, and has no slope: of slopes none is above 10. Half and twice tell the same apart."""
+"""d log error/d log number from which on a change is a jump without a slope, for example where the delay of a servo
+passes a whole number of samples; no slope is above 10. Half and twice decide alike."""
 BETTER = 0.01
 """Share by which a better number is better: up to this the least error is linear, except for a bend at the optimum."""
 
@@ -128,7 +128,7 @@ def _numbers(problem: Problem) -> list[_OfDevice | _OfHands]:
 
 
 def _price(prepared: Prepared, polished: Polished, here: _Changed, number: _OfDevice | _OfHands) -> Price:
-    """Return the price of a number: of more or less of it, whichever lowers the error."""
+    """Return the price of a number: for more or less of it, whichever lowers the error."""
     old = number.of(prepared.problem)
     less, more = (_changed(prepared, polished, number, factor) for factor in (1 - STEP, 1 + STEP))
     optimised = compared(prepared.given).error(*design_of(prepared.units.to_si(polished.values))) ** 2

@@ -43,8 +43,8 @@ or three times are usual; half as many leave out repairs, twice as many wait for
 REPAIRS = "the repairs"
 """A stage that a time limit may cut short."""
 LONGEST = 30.0
-"""Seconds after which no more changes are tried; only a device whose every answer takes long needs so much. Half leaves
-out repairs on a slow machine, and says so (`CUT_SHORT`); the listed repairs are the same."""
+"""Seconds after which vctune tries no more changes; only a device whose every answer takes long needs so many. Half
+leaves out repairs on a slow machine, and vctune says so (`CUT_SHORT`); the listed repairs are the same."""
 CUT_SHORT = Note("warn-repairs-cut-short", f"repairs were looked for during {LONGEST:g} s; there may be more of them")
 FINER = 30.0
 """Factor by which smaller changes are tried while even the least one suffices; then the interval is bisected."""
@@ -107,7 +107,7 @@ def _seems_solvable_in_use(problem: Problem) -> bool:
 
 
 def _in_use(judgement: Judgement | None) -> Judgement | None:
-    """Return a design that uses its velocity loop; None for any other, or for none."""
+    """Return a design that uses its velocity loop; None for any other design, or without one."""
     return None if judgement is None or judgement.idle else judgement
 
 
@@ -164,8 +164,9 @@ def repairs_of_design(
     ----------
     stated : the problem's document
     judgement : judgement of the design
-    changed : the numbers that were edited since the design was solved, with limits where they were; where none are
-        known the problem is solved, and a design that differs from its own in one number was edited there
+    changed : the numbers that were edited since the design was solved, with their earlier values as limits; if none are
+        known vctune solves the problem, and treats a design that differs from the solution in one number as edited
+        there
     progress : function that receives the current stage
 
     Returns
@@ -301,7 +302,7 @@ class _Search:
     def least(self, low: float, high: float) -> Repair | None:
         """Return the least change that repairs the problem while `SHARE` of it does not, if found in `ROUNDS`.
 
-        Where any change of a 0 repairs it, the first that was tried stands for all.
+        If any change of a 0 repairs it, the first tried change is used.
 
         Parameters
         ----------

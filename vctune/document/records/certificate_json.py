@@ -119,7 +119,7 @@ def _id_may_lack(schema: dict[str, Any]) -> None:
 class ClaimRecord(Part):
     """A claim, where, on which device and in which hand it fails, and the environment with which it grows there.
 
-    Where the time limit `cut` its proof it is undecided. Its sentence is for people, in the words of the version that
+    If the time limit `cut` its proof it is undecided. Its sentence is for people, in the words of the version that
     wrote it; programs require its `id`.
     """
 

@@ -31,7 +31,7 @@ class SideRecord(Part):
 
 
 class DifferenceRecord(Part):
-    """A key of the problem that says one thing here and another there; null where it is not said, a range as a pair."""
+    """A key of the problem with two different values; null if a file does not state it, a range as a pair."""
 
     key: str
     a: Any

@@ -21,7 +21,7 @@ STROKE = {"to": 0.05, "speed": 0.01}
 """
 GRIP = 0.1
 ROTARY_HAND = {"mass": 0.005, "damping": 0.3, "stiffness": 30.0}
-"""Hands of a linear device so far from an axis, m: a rotary servo has no inertia to go by."""
+"""Distance from the axis, m, of a rotary servo's default hands: a servo has no inertia from which to derive them."""
 STEP = 1e-5
 """Step to which shares are rounded up, so that the written box contains the identified one."""
 
@@ -72,7 +72,7 @@ class RecordingRecord(Part):
 
 
 class EstimateRecord(Part):
-    """A number as one recording, or one direction of it, has it."""
+    """The estimate of a number from one recording, or from one direction of it."""
 
     source: str
     value: float
@@ -144,7 +144,7 @@ def stated(value: float, low: float, high: float) -> tuple[float, float]:
 
     Parameters
     ----------
-    value, low, high : the interval; where it reaches down to 0 the share is its greatest
+    value, low, high : the interval; if it reaches down to 0 the share is at its greatest
 
     Returns
     -------

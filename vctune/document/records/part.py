@@ -22,10 +22,10 @@ class Shown:
     Attributes
     ----------
     label : its name for a linear device
-    unit : text behind the number; in both a field's name in braces stands for its value
+    unit : text behind the number; in label and unit, a field's name in braces is replaced by its value
     digits : significant digits
     scale : scale of the number in that unit
-    optional : whether the row is left out where the number does not exist
+    optional : whether to leave out the row if the number does not exist
     detail : whether it is for the report alone, too much for a terminal
     of : which quantity it is (`vctune.model.numbers.units`), whose unit is then behind it
     """
@@ -67,7 +67,7 @@ def _existing(value: Any) -> Any:
 
 
 Number = Annotated[float | None, BeforeValidator(_existing)]
-"""Null in the file where it does not exist."""
+"""Null in the file if it does not exist."""
 Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
 

@@ -8,7 +8,7 @@ from vctune.model.numbers.units import Units
 
 NO_DIFFERENCE = 5e-5
 """Relative change of the error below which a price counts as none, for a number better by a hundredth. Half shows
-digits of what nobody will feel; twice hides some."""
+digits that nobody will feel; twice hides some."""
 
 
 class PriceRecord(Part):

@@ -1,6 +1,6 @@
 """The output of a study: the lines of rows.jsonl, and the objects of `vctune sweep` and `vctune front`.
 
-Names of columns have no dot, so that none of them is the key of an axis.
+Names of columns have no dot, so that no axis has the same key.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ DESIGN = {
 class RowRecord(YardstickRecord, FeltRecord, NumbersRecord):
     """A line of rows.jsonl: a finished point, by the digest of all that determines it.
 
-    Where the `time_limit`, s, has cut its work short, it is undecided, and a run with more time tries it again.
+    If the `time_limit`, s, has cut its work short, it is undecided, and a run with more time tries it again.
     """
 
     key: str

@@ -55,7 +55,7 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Transparenc
     Parameters
     ----------
     document : the tables of a problem file, in its units
-    default_name : default name of the problem, where the document states none
+    default_name : default name of the problem, if the document states none
     yardstick : yardstick whose band and Z_0 replace the defaults of the objective; None for those of the device. The
         bounds have
         the scales of the device in either case
@@ -159,7 +159,7 @@ def _hands(table: OperatorTable, system: UnitSystem) -> Hands:
 
 
 def _worlds(table: WorldsTable | None) -> Worlds | None:
-    """Return the environments of a table; None if it excludes none that is passive."""
+    """Return the environments of a table; None if it excludes no passive one."""
     if table is None:
         return None
     low = World(table.mass.min, table.damping.min, table.stiffness.min)
@@ -171,7 +171,7 @@ def _worlds(table: WorldsTable | None) -> Worlds | None:
 def _asked(hands: Hands, latency: float) -> float:
     """Return the drag that the stiffest hand of a box requires of a servo at rest, stiffness times latency, N s/m.
 
-    Where no hand has a stiffness, its damping or its mass over the latency stand in its place.
+    If no hand has a stiffness, its damping or its mass over the latency is used instead.
     """
     most = hands.high
     return max(most.stiffness * latency, most.damping, most.mass / latency) or 1.0

@@ -39,7 +39,7 @@ def impossible_experiments(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _value(table: dict[str, Any], model: Any, group: str, key: str) -> float | None:
-    """Return a number of a table, its default where it is left out; None if it is not a number."""
+    """Return a number of a table, or its default if it is absent; None if it is not a number."""
     given = table.get(group, {})
     if isinstance(given, dict) and key not in given:
         fields = model.model_fields.items()

@@ -53,7 +53,7 @@ def _hands(operator: Any, *, servo: bool) -> Iterator[Contradiction]:
 
 
 def _defaults(path: tuple[str | int, ...], stated: Any, table: type[BaseModel]) -> Iterator[Contradiction]:
-    """Return the keys of a table that are left out and whose defaults are in units of a linear device."""
+    """Return the absent keys of a table whose defaults are in units of a linear device."""
     if not isinstance(stated, dict):
         return
     for name, field in table.model_fields.items():

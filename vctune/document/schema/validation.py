@@ -39,7 +39,7 @@ MOVED: dict[KeyPath, str] = {
     ("sensors", "velocity"): "is the device's now, of design and simulation alike: write it as [device.velocity] from",
     ("sensors", "filter_hz"): "is the device's now, of design and simulation alike: write it in [device.velocity]",
 }
-"""Keys that earlier versions had, and where they are now."""
+"""Keys of earlier versions, and their present places."""
 PAIR_LISTS: dict[KeyPath, tuple[str, str]] = {
     ("uncertainty", "unmodelled"): ("[Hz, radius]", "unmodelled = [[1.0, 0.02], [100.0, 0.1]]"),
 }
@@ -225,7 +225,7 @@ def _field_at(model: type[BaseModel], path: KeyPath) -> FieldInfo | None:
 
 
 def _table_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
-    """Return the table at a path: a key's own, that of each element of a list, or one that may be left out.
+    """Return the table at a path: a key's own, that of each element of a list, or an optional one.
 
     A tag in the path says which of several tables a key holds; without a tag it is the first.
     """

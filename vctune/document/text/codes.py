@@ -1,7 +1,7 @@
 """The stable code of every refusal, warning, remark and left-out line.
 
-Each is explained under a heading of its own in the README of the folder that says it, from where `vctune explain CODE`
-takes its page: a code without a page, and a page whose example does not give its code, fail the tests.
+Each has a heading of its own in the README of the folder that uses it, from which `vctune explain CODE` takes its page:
+a code without a page, and a page whose example does not give its code, fail the tests.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ class InputError(ValueError):
         source : path of the file, or another source of the fault
         code : code of the mistake
         message : the fault, by how much, and what to do
-        key : dotted; empty where no key is at fault
+        key : dotted key; empty if no key is at fault
         line : line of the file, from 1; None if it has none
         """
         return InputError(source, [Mistake(code, key, message, line)])

@@ -25,7 +25,7 @@ ASSIGNED = re.compile(r"=\s*([^#]*?)\s*(?:#.*)?$")
 
 
 def number_meant(text: str) -> str:
-    """Return the hint at the number that a text was to be, with a decimal comma or a unit; "" if it was to be none.
+    """Return the hint at the number that a text probably means, with a decimal comma or a unit; "" if there is none.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def number_meant(text: str) -> str:
 
 
 def hint_on_line(line: str) -> str:
-    """Return the hint at the number that a line of TOML, which does not parse, was to hold; "" if it was to be none.
+    """Return the hint at the number that a line of TOML, which does not parse, probably means; "" if there is none.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def hint_on_line(line: str) -> str:
 
 
 def commas_meant(values: list[object]) -> str:
-    """Return the hint at the pair of numbers with decimal commas that a list was to be; "" if it was to be none.
+    """Return the hint at the pair of numbers with decimal commas that a list probably means; "" if there is none.
 
     Parameters
     ----------

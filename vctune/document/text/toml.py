@@ -96,7 +96,7 @@ def parse(text: str, source: str) -> dict[str, Any]:
 
 
 class Lines:
-    """Where the keys of a TOML text are.
+    """The lines of the keys in a TOML text.
 
     tomllib gives no positions, but parses beginnings of the text: the last line of the longest parsable beginning
     that lacks a key is the line before it. Whether a beginning has a key grows with its length, so a bisection finds

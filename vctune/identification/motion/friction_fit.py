@@ -40,7 +40,7 @@ class FrictionFound:
 
 
 def friction_of(signals: Signals, fit: MotionFit, known: dict[str, float]) -> FrictionFound | None:
-    """Return the friction that a motion shows; None for none.
+    """Return the friction that a motion shows; None if it shows none.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ MEMORY = 1.0
 SLOW = 0.05
 """Share of the peak speed below which friction is not Coulomb's and the sign of the velocity is in doubt."""
 LEAST_KEPT = 0.3
-"""With less than this share of the samples away from turns, turns are kept."""
+"""Least share of the samples away from turns; with less, turns are kept."""
 STEPS = 60
 STRIDE = 4.0
 """Most that a delay changes at once, sample times."""
@@ -105,7 +105,7 @@ def motion_fit(
     signals : position, force and time of a recording, prepared for the regression
     cutoff_hz : of the low-pass on both sides, at most `HIGHEST` of the sampling rate
     names : `DIRECTIONAL` or `SYMMETRIC`
-    known : delays that are not to be found, by "delay" and "sensor_delay", s
+    known : delays that are given and not fitted, by "delay" and "sensor_delay", s
     slow : share of the peak speed below which samples are not used
 
     Returns
@@ -113,7 +113,7 @@ def motion_fit(
     MotionFit
         Of the numbers in `names` and the delays that are not known.
     FittedSamples
-        What it was made of.
+        The samples of the fit.
     """
     delays = _delays(signals, known)
     free = [name for name in delays if name not in known]

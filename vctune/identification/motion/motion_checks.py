@@ -28,7 +28,7 @@ class Check:
     code : code of the way
     name : name of the number and of the way
     value : SI units
-    sigma : standard deviation that this way has; None if it has none of its own
+    sigma : standard deviation of this estimate; None if it has none of its own
     """
 
     code: Code
@@ -62,7 +62,8 @@ def bootstrap(fit: MotionFit, samples: FittedSamples) -> Check | None:
 
 
 def instrumental(signals: Signals, fit: MotionFit, samples: FittedSamples) -> Check | None:
-    """Return the mass with the reference's motion as an instrument, which no noise of the loop is in; None without one.
+    """Return the mass with the reference's motion as an instrument, which is free of the loop's noise; None without
+    one.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ from vctune.identification.motion.spectral_filters import HIGHEST, smooth, spect
 from vctune.model.device import Actuator
 
 UNEXPLAINED = 0.6
-"""Greatest residual, of the force, with which a log is one of a mass with friction at all."""
+"""Greatest relative residual of the force at which a log is one of a mass with friction."""
 SUSPICIOUS = 0.05
 """Residual, of the force, from which on it is tried whether the two columns are swapped."""
 CLEAR = 2.0
@@ -46,9 +46,9 @@ class MotionStudy:
     others : directional fits at other cut-offs
     force_noise : standard deviation of a sample of the sensed force, N; None without one
     checks : other ways to the mass
-    classical : the classical inverse model, where it was required
+    classical : the classical inverse model, if requested
     friction : friction for the simulation; None if there is none
-    speed : root mean square of it, m/s
+    speed : root mean square of the speed, m/s
     position_noise : standard deviation of a position sample, m
     chi2 : power of the residual over that of the encoder's noise in it
     sharp_chi2 : the same at the highest cut-off, and its degrees of freedom: where two models differ most
@@ -99,7 +99,7 @@ class MotionStudy:
         return float(below), float(above)
 
     def _dampings(self, text: str) -> list[Estimate]:
-        """Return the damping, or one each way where the directions differ."""
+        """Return the damping, or one each way if the directions differ."""
         fit = self.directional
         ways = [fit.names.index(f"damping_{way}") for way in ("forwards", "backwards")]
         difference = fit.values[ways[0]] - fit.values[ways[1]]
@@ -125,7 +125,7 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
     ----------
     recording : checked
     sample_time : s
-    actuator : between command and motor, where it is known
+    actuator : actuator between command and motor, if it is known
     known : delays that need not be found
 
     Returns

@@ -36,9 +36,9 @@ class Signals:
     Attributes
     ----------
     position : shape (n,), m
-    command : the force on the motor, as commanded or as measured, N; None without one that moves
-    hand : the hand's force as sensed, N; None without
-    reference : position that was required, m; None without
+    command : the force on the motor, as commanded or as measured, N; None if no such column moves
+    hand : the sensed force of the hand, N; None without
+    reference : commanded position, m; None without
     sample_time : s
     is_command : whether the force is a command, held between samples
     actuator : actuator behind a held command, if it is known
@@ -162,7 +162,7 @@ def signals_of(recording: Recording, sample_time: float, actuator: Actuator | No
     ----------
     recording : its position, and its force or command
     sample_time : s
-    actuator : between command and motor, where it is known
+    actuator : actuator between command and motor, if it is known
     """
     force, held = recording.values("force"), False
     if force is None:
@@ -186,7 +186,7 @@ def signals_of(recording: Recording, sample_time: float, actuator: Actuator | No
 
 
 def _velocity(position: Spectrum, noise: float) -> Floats:
-    """Return the velocity behind the highest cut-off at which its noise is a hundredth of it."""
+    """Return the velocity behind the highest cut-off at which its noise is a hundredth of the signal."""
     omega = np.linspace(0, np.pi / position.sample_time, 4096)
     cutoff = HIGHEST / position.sample_time
     for _ in range(7):

@@ -1,6 +1,6 @@
 """Filters without phase, by their frequency response: the same for every column, so that no column leads another.
 
-What a low-pass leaves needs no more samples than its cut-off requires: `stride` says which to keep.
+After a low-pass, fewer samples suffice: `stride` says which to keep.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ class FitTask:
     Attributes
     ----------
     measured, candidate, actuator : the measured response, its candidate, and the actuator before it
-    left_out : lines that are skipped; None for none
+    left_out : skipped lines; None for none
     aliased : the sampled response of the command over the continuous one
     """
 
@@ -62,7 +62,8 @@ class FitTask:
         return device, motor * pushed, handle * pushed
 
     def sampled(self, at: Floats) -> FitTask:
-        """Return the task with the aliasing of the samples, which hardly depends on the numbers, taken from a point."""
+        """Return the task with the aliasing of the samples, which hardly depends on the numbers, computed at a
+        point."""
         if self.measured.input == "force":
             return self
         device, omega = self.outputs(at)[0], self.measured.position.omega

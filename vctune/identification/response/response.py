@@ -54,7 +54,7 @@ class Response:
     period : samples
     periods : number of averaged periods
     input : "force" or "command", the divisor of position and handle
-    position, handle : m/N; no handle where it was not recorded
+    position, handle : m/N; None if the handle was not recorded
     drive : lag and delay from command to force, where both were recorded
     friction : lines of Coulomb friction over those of the input, 1/N, for 1 N
     speed : root mean square of the motor's, m/s
@@ -145,7 +145,7 @@ def _spectra(values: Floats, period: int, first: int) -> Complex:
 
 
 def _without_drift(values: Floats, period: int, first: int) -> Complex:
-    """Return the same of a position that drifts, by its second difference, which hardly does."""
+    """Return the same for a position that drifts, by its second difference, which hardly drifts."""
     second = np.zeros(values.size)
     second[1:-1] = values[2:] - 2 * values[1:-1] + values[:-2]
     second[-1] = second[-1 - period] if values.size > period else 0.0
@@ -164,7 +164,7 @@ def _excited(spectra: Complex, sample_time: float, period: int) -> NDArray[np.in
 
 
 def _direction(position: Complex) -> Complex:
-    """Return the lines of the sign of the velocity, its turns between samples where they are.
+    """Return the lines of the sign of the velocity, with its turns between samples.
 
     Parameters
     ----------

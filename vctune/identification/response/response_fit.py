@@ -78,7 +78,7 @@ def fit_response(
     Parameters
     ----------
     measured : averaged response of a periodic recording
-    actuator : between command and motor, where it is known
+    actuator : actuator between command and motor, if it is known
     """
     lags = (False, True) if measured.input == "command" and actuator is None else (False,)
     shapes = ((1, False), (2, False), (2, True))
@@ -156,7 +156,7 @@ def _floors(task: FitTask, at: Floats) -> Floats:
 
 
 def _starts(measured: Response, candidate: Candidate) -> list[dict[str, float]]:
-    """Return where the search starts: the mass of the lowest lines, the spring at each peak of |omega^2 G|."""
+    """Return the start of the search: the mass from the lowest lines, the spring at each peak of |omega^2 G|."""
     lines = measured.position
     inertia = 1 / np.abs(lines.omega**2 * lines.ratio)
     few = max(3, inertia.size // 10)
@@ -209,7 +209,7 @@ def _result(task: FitTask, at: Floats, model_errors: Floats, chi2: float) -> Res
 
 
 def _deleted(task: FitTask, at: Floats, model_errors: Floats) -> Floats:
-    """Return the deviation of the point that leaving out one block of neighbouring lines after the other says."""
+    """Return the deviation of the point, from leaving out one block of neighbouring lines after the other."""
     blocks = np.array_split(np.arange(task.measured.position.omega.size), BLOCKS)
     left = np.array([solved_from(replace(task, left_out=block), at, model_errors) for block in blocks if block.size])
     return np.sqrt((len(left) - 1) * np.var(left, axis=0))

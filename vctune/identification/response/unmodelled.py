@@ -22,7 +22,7 @@ KNOTS = 24
 SEED = 1
 LEAST = 1e-6
 MARGIN = 1 + 1e-6
-"""For the rounding of the numbers in the file."""
+"""Allowance for the rounding of the numbers in the file."""
 
 
 def distances(device: Device, bounds: Sequence[Bounded], measured: Response, coulomb: float) -> Floats:

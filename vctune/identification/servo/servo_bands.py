@@ -29,7 +29,7 @@ class Bands:
     ----------
     hertz : middles, shape (n,)
     ratio : measured over fitted response
-    spread : relative standard deviation of it
+    spread : its relative standard deviation
     fitted : response of the fit, from commanded velocity to that between samples
     share : share of the motion's power, root mean square
     """

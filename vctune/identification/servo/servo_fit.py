@@ -24,7 +24,7 @@ VALLEYS = 14
 ROUNDS = 2
 """Number of alternations between fitting noise and numbers."""
 LEAST_SPAN = 8
-"""Rows over which a way is compared: in one of them the encoder is all that one sees."""
+"""Rows over which a motion is compared: one row shows only the encoder's noise."""
 FINE = 1e-4
 """Relative step of a derivative."""
 WILD = 1.5
@@ -57,7 +57,7 @@ class ServoLog:
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """A number and where it ends."""
+    """A number and the ends of its interval."""
 
     value: float
     sigma: float
@@ -67,7 +67,7 @@ class Interval:
 
 @dataclass(frozen=True, slots=True)
 class ServoFit:
-    """A servo of one order, fitted.
+    """The fit of a servo of one order.
 
     Attributes
     ----------
@@ -287,9 +287,9 @@ def _share(left: Floats, position: Floats, span: int) -> float:
 
 
 def _profile(task: _Task, at: Floats, sigma: Floats, inflation: float) -> tuple[Interval, Interval]:
-    """Return intervals of delay and bandwidth from where the least chi2 at a given bandwidth is too great.
+    """Return intervals of delay and bandwidth, which end where the least chi2 at a given bandwidth is too great.
 
-    Where a lag is short chi2 is no parabola of it: a deviation would not tell where the bandwidth ends.
+    For a short lag chi2 is not a parabola: a deviation would not give the end of the bandwidth.
     """
     T, factor = task.seen.sample_time, joint_factor(STATED)
     least = float(np.sum(task.white(at) ** 2))

@@ -51,7 +51,7 @@ def interpolating_velocity(time: Floats, command: Floats) -> Floats:
 
 
 def positions(time: Floats, velocity: Floats, delay: float, bandwidth_hz: float, order: int) -> Floats:
-    """Return where a servo is at the instants of a log, except for where it began.
+    """Return the positions of a servo at the instants of a log, except for its start.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from vctune.document.recording import Floats
 LEAST_LINK = 1e-3
 """Jitter from which it is sought, sample times."""
 LEAST_WINDOWS = 10
-"""Fewer do not tell a jitter."""
+"""Least number of rows to detect jitter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,9 +104,9 @@ def likeliest(
 
 
 def jitter(left: Floats, encoder: float, lag: float, exposed: Floats, *, is_position: bool) -> float:
-    """Return the deviation of a link's delay, s; 0 where it is not three deviations from none.
+    """Return the deviation of a link's delay, s; 0 if it is not significant by three deviations.
 
-    What a command that comes late leaves is spread over the lag of the servo: it is counted over some lags at once.
+    The effect of a late command is spread over the lag of the servo, so that it is summed over some lags at once.
 
     Parameters
     ----------

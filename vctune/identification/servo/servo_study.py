@@ -22,7 +22,7 @@ from vctune.identification.servo.servo_noise import Noise, whitened
 from vctune.model.numbers.units import Units
 
 EVIDENCE = 10.0
-"""Gain in -2 log likelihood, of independent residuals, that tells one order from the other."""
+"""Gain in -2 log likelihood, for independent residuals, that separates one order from the other."""
 UNEXPLAINED = 0.5
 """Residual, of the motion, from which on a log is refused."""
 GAINS = (0.8, 1.25)
@@ -140,7 +140,7 @@ def servo_study(recording: Recording, sample_time: float) -> ServoStudy:
     Returns
     -------
     ServoStudy
-        The fit that explains the log better, the other one, and whether the log tells them apart.
+        The fit that explains the log better, the other one, and whether the log separates them.
 
     Returns
     -------

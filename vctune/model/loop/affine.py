@@ -18,7 +18,7 @@ class Affine:
 
     Attributes
     ----------
-    constant, velocity, position : None for 0
+    constant, velocity, position : parts; None for 0
     """
 
     constant: Pair | None

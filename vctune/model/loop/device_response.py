@@ -67,7 +67,7 @@ class DeviceResponse(NamedTuple):
     drive : A H
     estimate : F, from the motor's velocity to the firmware's; None for 1
     sensor : F_s, from the hand's force to the sensed force; None for 1
-    spring : between motor and handle; None if rigid
+    spring : spring between motor and handle; None if rigid
     operator : b_h, the damping of the least operator, N s/m; None without one
     factor : x = 1 + delta, factor of the mechanism's response; None for 1
     follows : whether the motion follows the command alone, as a servo's

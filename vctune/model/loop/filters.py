@@ -177,7 +177,7 @@ def firmware_low_pass(
     Returns
     -------
     FilterResponse or None
-        Of the shape of omega; None if the firmware has no low-pass.
+        An array of the shape of omega; None if the firmware has no low-pass.
     """
     if estimate.filter_hz is None:
         return None
@@ -222,7 +222,7 @@ def force_sensor_response(sensor: ForceSensor, omega: Number, ops: Arithmetic) -
     Returns
     -------
     FilterResponse or None
-        Of the shape of omega; None if the sensor senses the force at once.
+        An array of the shape of omega; None if the sensor senses the force without delay.
     """
     found = None
     if sensor.bandwidth_hz is not None:

@@ -30,7 +30,7 @@ class Arithmetic(Protocol):
         """The arithmetic itself where its numbers are arrays, None if they are single."""
 
     def is_zero(self, x: Number) -> bool:
-        """Return whether a number is 0 for certain, so that a product with it can be left out."""
+        """Return whether a number is certainly 0, so that a product with it can be left out."""
 
     def sqrt(self, x: Number) -> Number: ...
     def modulus(self, re: Number, im: Number) -> Number:

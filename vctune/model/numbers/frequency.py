@@ -6,7 +6,7 @@ from math import inf, pi
 
 
 def hertz(omega: float) -> float:
-    """Return an angular frequency in hertz, free of the rounding of 2 pi where it was a decimal.
+    """Return an angular frequency in hertz, without the rounding of 2 pi if it was a decimal.
 
     Parameters
     ----------

@@ -131,7 +131,7 @@ def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:
 
 
 COTH_WITHIN = 2.0
-"""Norm up to which (A/2) coth(A/2) is found by its series, whose radius is 2 pi. Half of it takes an inverse more,
+"""Norm up to which (A/2) coth(A/2) is found by its series, whose radius is 2 pi. Half of it takes one inverse more,
 twice of it three times as many terms."""
 
 
@@ -273,7 +273,7 @@ def norm_of(matrix: Matrix, ops: Arithmetic) -> float:
     Parameters
     ----------
     matrix : A, in any numbers of the arithmetic
-    ops : arithmetic of the entries; bounds their magnitude, over all elements where they are arrays
+    ops : arithmetic of the entries; it bounds their magnitude, for arrays over all elements
 
     Returns
     -------

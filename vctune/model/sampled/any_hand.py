@@ -24,8 +24,8 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.impedance_display import Required, firmware_filter
 
 ALIASES = 24
-"""Pairs of aliases that are added up one by one behind an actuator or a spring; those beyond are bounded. With half of
-them R is known to a thousandth at the Nyquist frequency, with twice as many to a tenth of that."""
+"""Pairs of aliases that are summed one by one behind an actuator or a spring; the rest is bounded. Half of them give R
+to a thousandth at the Nyquist frequency, twice as many to a tenth of that."""
 
 
 class InAnyHand(NamedTuple):
@@ -45,7 +45,7 @@ class AnyHand(NamedTuple):
     short : (r - Re c)/s^2
     beyond : (|c|^2 - r^2)/s^2
     centre : c
-    low_pass : F there; None for 1
+    low_pass : F at theta; None for 1
     sine2 : s^2
     """
 

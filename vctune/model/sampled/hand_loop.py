@@ -6,8 +6,8 @@ difference and the impedance that the environment sees,
 
     Delta = 1 + K_v G_v + K_p G_x,   Z_seen = -G_f (K_v + (T/2) K_p (1 + z^-1)/d)/Delta,
 
-f being sampled just before the next command acts. Cleared of denominators they are F and P/(2 j s), numbers
-even + j s odd that stay regular at theta = 0, and affine in the gains with constants that only device and hand know:
+f being sampled just before the next command acts. Cleared of denominators they are F and P/(2 j s), numbers even + j s
+odd that stay regular at theta = 0, and affine in the gains with constants that depend on device and hand alone:
 
     R = -Re Z_seen = -o/(2 |F|^2),   P conj F = e + j s o.
 """
@@ -126,7 +126,7 @@ def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLo
 def seen_in_limp_hand(plant: PlantInHand, velocity: Number, theta: Number, share: Number, ops: Arithmetic) -> Seen:
     """Return `seen_in_hand` over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
 
-    Its swing is over s besides.
+    Its swing is also divided by s.
 
     Next to theta = 0 and K = 0, F and the sensed force both vanish with rho, defined by 2 s = (1 - share) rho and K
     T^2/m = share rho. The function puts rho x_1 instead of the position x_1. This divides the position's column of the
@@ -179,7 +179,7 @@ def _answers(
     number : function that makes complex numbers even + j s odd
     states : the states times the determinant, and those of b_1
     moved : d times the position's unit
-    grip : sensed force of a position of that unit
+    grip : sensed force of a unit of position
     """
 
     def of_states(shares: Vector, first: Any) -> Any:

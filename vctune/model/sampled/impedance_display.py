@@ -125,7 +125,7 @@ def spring_forms(
     Returns
     -------
     resistance : a_1 and a_0, of the shape of theta
-    size : q_2, q_1 and q_0, likewise
+    size : q_2, q_1 and q_0, in the same way
     """
     T, low_pass, zero = device.sample_time, firmware_filter(device, theta, ops), 0 * theta
     damper, spring, both = (

@@ -1,10 +1,10 @@
 """The sampled loop of a device let go, for boxes of devices (model/README.md, section 14).
 
-The polynomials of a sampled device are sums that cancel: where its numbers are not known exactly, enclosures of them
-are wide. The numbers of x' = A x + b u, held and sampled exactly as (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d
-b_1) u with Q = (A/2) coth(A/2), have enclosures hardly wider than their ranges. The states are the motor's position,
-the velocity of the centre of mass, and the bend of the spring and its rate: so the resonance has no mass in it. None
-but the position's own row depends on the position, so that its integrator 2 j s can be left out.
+The polynomials of a sampled device are sums that cancel: if its numbers are not known exactly, enclosures of them are
+wide. The numbers of x' = A x + b u, held and sampled exactly as (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1)
+u with Q = (A/2) coth(A/2), have enclosures hardly wider than their ranges. The states are the motor's position, the
+velocity of the centre of mass, and the bend of the spring and its rate: so the resonance has no mass in it. Only the
+position's own row depends on the position, so that its integrator 2 j s can be left out.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The sampled loop in a hand with every environment of a box (model/README.md, section 18).
 
-An environment Z_e = b + m s_d + k/s_d of the box holds a pole of the loop at the angle theta if -Y = Z_e there, with
-Y = y Z_c + Z_seen, s_d = j u and u = (2/T) tan(theta/2). As b has no upper limit, none does if
+An environment Z_e = b + m s_d + k/s_d of the box holds a pole of the loop at the angle theta if -Y = Z_e there, with Y
+= y Z_c + Z_seen, s_d = j u and u = (2/T) tan(theta/2). As b has no upper limit, there is no such environment if
 
     Re Y + b_1 > 0,   or   -Im Y > m_2 u - k_1/u,   or   -Im Y < m_1 u - k_2/u.
 
@@ -58,7 +58,7 @@ class Offered(NamedTuple):
 
 
 class Disjuncts(NamedTuple):
-    """Margins as the terms that they are sums of: where one of them is positive, no environment holds a pole there.
+    """Margins as the terms of their sums: where one of the margins is positive, no environment puts a pole there.
 
     None for an environment that no coupling can have, or that the others contain.
 
@@ -141,7 +141,7 @@ def limp_disjuncts(
     Parameters
     ----------
     offered, worlds, sample_time, factor, theta, ops : see `disjuncts`
-    seen : over rho^2, and its swing over s besides
+    seen : the loop over rho^2, and its swing also over s
     """
     sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)
     low, high, size = worlds.low, worlds.high, seen.size

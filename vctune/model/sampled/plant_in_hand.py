@@ -71,7 +71,7 @@ class Mechanism(NamedTuple):
     Attributes
     ----------
     names : names of the states
-    inertia : diagonal of E, by state; 1 where it is not named
+    inertia : diagonal of E, by state; 1 for other states
     sensed : additional entries of E, of the handle's acceleration, by the row of the sensor's filter
     rates : rows of A
     push : b

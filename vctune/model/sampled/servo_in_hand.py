@@ -9,7 +9,7 @@ times cos(theta/2) for a position command, with e and o polynomials of y = s^2 t
 
     R = (e sin(mu theta)/s - o c cos(mu theta))/(2 D).
 
-What the firmware's own spring is seen as, its stiffness times the G_x of a servo without force sensor, adds to Z_seen.
+The firmware's own spring adds its stiffness times the G_x of a servo without force sensor to Z_seen.
 """
 
 from __future__ import annotations
@@ -187,7 +187,7 @@ def demand_of(device: Device, hands: Hands) -> Demand:
 def vertices(hands: Hands) -> list[Hand]:
     """Return the hands at the vertices of a box.
 
-    R is convex in the hand, so that at each frequency one of them requires the greatest R of the box.
+    R is convex in the hand, so that at each frequency one of them has the greatest R of the box.
 
     Parameters
     ----------

@@ -132,8 +132,8 @@ def _sensed_delay(device: Device) -> Number:
 def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPlant:
     """Sample a servo and its force sensor exactly (model/README.md, section 17).
 
-    The sensor reads the force just before the next command acts. With a delay of whole samples, that force is still due
-    to the command before.
+    The sensor reads the force just before the next command acts. With a delay of whole samples, the previous command
+    still causes that force.
 
     Parameters
     ----------

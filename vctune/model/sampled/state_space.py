@@ -70,7 +70,7 @@ class SampledChain:
     ----------
     open : coefficients of det(x - psi), without the last, which is 1
     states : numerators of all states, a vector for each power of x, from the newer and from the older input of a sample
-    position : numerators of the integral, over another x, likewise
+    position : numerators of the integral, over another x, in the same way
     """
 
     open: Vector

@@ -47,7 +47,7 @@ class SampledPlant:
     low_pass : a of the firmware's low-passes; None without one
     order : r, the number of low-passes
     whole_samples : N, of the delay
-    fractional : whether delta > 0, that is, whether there is an older force at all
+    fractional : whether delta > 0, that is, whether there is an older force
     """
 
     open: Polynomial

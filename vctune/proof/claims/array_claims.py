@@ -82,9 +82,9 @@ class Claims:
     ----------
     conditions, sensitivity : margins that must be positive; the latter of theta = omega T
     conditions_near_zero : proves as much as `conditions`, next to omega = 0
-    unmodelled : must be positive too where the device's response is not known exactly, of theta
+    unmodelled : margin that must be positive too if the device's response is not known exactly, a function of theta
     conditions_near_infinity : `conditions` at omega = 1/v, of v; hold "lag" without delay
-    clamped : must be positive too, both of them, where the response is within a disc and `conditions` at its edge
+    clamped : margins that must both be positive too if the response is within a disc and `conditions` at its edge
     resistance : the loop's, which must be positive too for every coupling, N s/m
     in_hand : one of these must be positive in every hand, of theta
     above_bound : proves as much, of theta, `OFFSET` and `SLOPE`, for the gains that these are of

@@ -20,15 +20,15 @@ from vctune.proof.engine.boxes import Cells
 GUARD = 1e-14
 """Bound on the relative rounding of a cell's requirement on b_c: 90 units of u = 2^-53.
 
-factor R - b_0 may cancel. It is rounded 5 times: the product is off by u factor R, 1 + `GUARD` and its product with
-b_0 by 2 u b_0, the difference and its product with 1 - `GUARD`, itself exact to u, by 3 u of the difference. The
-raised b_0 and the lowered difference together give away `GUARD` (b_0 + (factor R - b_0)) = `GUARD` factor R, 22 times
-the 4 u factor R that these make at most. M - 2 r is exact where it cancels (Sterbenz 1974), the rest is a dozen
-operations on positive numbers, a tangent of 8 units in the last place among them; `ROUNDING_OF_BOUNDS` covers them 1e5
-times. Half and twice it decide alike.
+factor R - b_0 may cancel. It is rounded 5 times. The product is off by u factor R; 1 + `GUARD` and its product with b_0
+by 2 u b_0; the difference and its product with 1 - `GUARD`, itself exact to u, by 3 u of the difference. The raised b_0
+and the lowered difference together give away `GUARD` (b_0 + (factor R - b_0)) = `GUARD` factor R, 22 times the 4 u
+factor R that these make at most. M - 2 r is exact where it cancels (Sterbenz 1974). The rest is a dozen operations on
+positive numbers, including a tangent of 8 units in the last place; `ROUNDING_OF_BOUNDS` covers them 1e5 times. Half and
+twice it decide alike.
 """
 ROUNDING_OF_BOUNDS = 1e-9
-"""Rounding allowance by which two constraints on b_c have to exclude each other. Half and twice it decide alike, but
+"""Rounding allowance by which two constraints on b_c have to exclude each other. Half and twice it decide alike, except
 where the interval between them is as narrow."""
 
 

@@ -69,7 +69,7 @@ def encirclements(demands: Demands, cells: Cells) -> Encirclements:
 
 
 def _encirclements(demands: Demands, cells: Cells) -> Encirclements:
-    """Return the numbers of one loop: as often as at a cell's centre, where no pole crosses over within it."""
+    """Return the numbers of one loop: those of a cell's centre, if no pole crosses over within the cell."""
     claims, device = claims_of(demands), demands.device
     same, throughout = np.ones((2, len(cells)), bool), np.zeros(len(cells), np.intp)
     if cells.extended:

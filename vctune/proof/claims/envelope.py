@@ -1,7 +1,7 @@
 """An upper bound of what hands require of a coupling: straight pieces over the angle, each of them proved.
 
-What is required in a hand is of the gains alone. If many couplings have the same gains the prover bounds it once, and
-compares each coupling with the bound over the angle, without a hand.
+The requirement in a hand depends on the gains alone. If many couplings have the same gains the prover bounds it once,
+and compares each coupling with the bound over the angle, without a hand.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ SLACK, RAISED = 5e-3, 4.0
 of either takes a third more boxes, twice a sixth fewer. For a plane, half and twice the first leave half as much again
 open, of the second a tenth."""
 SMALL = 1e-4
-"""Share of the greatest bound below which a piece is raised as one of so much is. Half and twice: the same."""
+"""Share of the greatest bound; a smaller piece is raised as if it had this size. Half and twice: the same."""
 ATTEMPTS = 10
 """Attempts to prove a piece before it stays open. Most take two or three; half and twice as many: the same."""
 MAX_HALVINGS, MAX_BOXES = 40, 250
@@ -80,7 +80,7 @@ class Envelope:
 def envelope(device: Device, hands: Hands | None, gains: Gains) -> Envelope:
     """Bound R from above in all hands, by a straight line over each piece of the angle.
 
-    For each piece a sample of hands gives a first line, and a proof raises it until it is certainly above R.
+    For each piece a sample of hands gives a first line, and the prover raises it until it is certainly above R.
 
     Parameters
     ----------

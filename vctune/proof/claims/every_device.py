@@ -121,7 +121,7 @@ def prove_conditions_for_all(robust: RobustDesign, alone: NominalProof) -> Outco
     Returns
     -------
     Outcome
-        Refuted with a device that fails by itself.
+        Refuted with a device that fails on its own.
     """
     return outcome_for_all(robust, _conditions(robust, *outwards(robust.demands.band), MAX_BOXES), alone)
 
@@ -158,7 +158,7 @@ def _turning(robust: RobustDesign) -> float:
 
 
 def _whatever_phase(robust: RobustDesign, margin: Margin, low: float, high: float, max_boxes: int) -> Proofs:
-    """Prove a margin of the frequency model positive where every phase omega delay occurs, of a full turn of it."""
+    """Prove a margin of the frequency model positive at frequencies where the phase omega delay covers a full turn."""
     (least, greatest), row, name = robust.ends(), robust.box.uncertain.index("delay"), "device.delay"
 
     def of_phase(omega: Number, values: Values) -> Number:
@@ -199,7 +199,7 @@ def prove_sensitivity_for_all(robust: RobustDesign, alone: NominalProof) -> Outc
     Returns
     -------
     Outcome
-        Refuted with a device that fails by itself.
+        Refuted with a device that fails on its own.
     """
     claims = robust.claims()
     test = positive(claims.sensitivity, robust.values)
@@ -209,9 +209,9 @@ def prove_sensitivity_for_all(robust: RobustDesign, alone: NominalProof) -> Outc
 
 
 def _around_circle(robust: RobustDesign, test: Test, gain: Margin, max_boxes: int, *, at_ends: bool) -> list[Proofs]:
-    """Test all of theta = omega T, the whole samples that delays of the box have one by one.
+    """Test all of theta = omega T, for the whole samples of the box's delays one by one.
 
-    Where they are many, not so at high frequencies, where the loop is so small that its phase does not matter.
+    If there are many, high frequencies are treated together, where the loop is so small that its phase does not matter.
     """
     samples, small, parts = _whole_samples(robust), HALF_TURN, []
     if len(samples) > FEW_SAMPLES:
@@ -276,12 +276,12 @@ def prove_model_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Outc
     Parameters
     ----------
     robust : the design, proved for the nominal device, and the box
-    alone : judges the poles of one device
+    alone : function that judges the poles of one device
 
     Returns
     -------
     Outcome
-        Refuted with a device that fails by itself.
+        Refuted with a device that fails on its own.
     """
     gains = robust.design.gains
     law, parts = np.array([[gains.velocity], [gains.position]]), []
@@ -301,12 +301,12 @@ def prove_sampled_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Ou
     Parameters
     ----------
     robust : the design, proved for the nominal device, and the box
-    alone : judges the poles of one device
+    alone : function that judges the poles of one device
 
     Returns
     -------
     Outcome
-        Refuted with a device that fails by itself.
+        Refuted with a device that fails on its own.
     """
     parts = []
     for loop in robust.loops():

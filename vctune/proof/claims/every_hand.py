@@ -1,7 +1,7 @@
 """The loop in every hand of a box, with every passive environment, at every frequency (model/README.md, section 14).
 
-The margin is proved positive over angle, hand and uncertain device together. Where it is, no pole of the loop is on the
-unit circle; in one hand none is outside, and from there to any other none crosses over.
+The margin is proved positive over angle, hand and uncertain device together. Where it is positive, no pole of the loop
+is on the unit circle; in one hand none is outside, and from there to any other hand none crosses over.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ EASY_BOXES = 20_000
 """Boxes after which hands near a sharp resonance get boxes of their own; if the constraint leaves room there, some
 hundred suffice. If they do not, half or twice as many cost half or twice as much: some seconds."""
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
-"""Distance from an end of the angles, as a share of pi, at which a witness is sought. Fewer: growth that takes longer
-to see; more: none that is seen."""
+"""Distance from an end of the angles, as a share of pi, at which a witness is sought. Less growth takes longer to see;
+more is never seen."""
 MAX_HALVINGS = 120
 """Greatest number of halvings of a box: twenty in each of six rows. Half and twice as often: the same proofs."""
 
@@ -224,7 +224,7 @@ def _proved_over(
     max_boxes: int,
     near: Resonance | None = None,
 ) -> Outcome:
-    """Prove margins of theta, the hand's numbers and the device's positive over all of them.
+    """Prove margins of theta, the hand's numbers and the device's numbers positive over all of them.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ def _proved_over(
     ends : their least and greatest, the hand's first
     tests : tests of a part of the boxes, and of the values that are no rows
     max_boxes : greatest number of boxes of each part, before it is left open
-    near : where the hands are those next to resonance
+    near : whether the hands are those near resonance
     """
     names = hand_rows + tuple(map(row_of, uncertain))
     band = band_of(near.first if near else 0.0, HALF_TURN, STEP)
@@ -318,7 +318,7 @@ class _Part:
         return np.asarray((self.high - self.low).max(axis=1, keepdims=True))
 
     def within(self, test: Test, names: tuple[str, ...]) -> Test:
-        """Return a test that leaves out where the sum of both delays has other whole samples.
+        """Return a test that ignores points where the sum of both delays has other whole samples.
 
         Parameters
         ----------
@@ -430,7 +430,7 @@ def _ends(
 ) -> tuple[Floats, Floats]:
     """Return the least and the greatest numbers of hand, if the claim is about hands, of `SHARE` if needed, and device.
 
-    Where the corners of the hands are enough there is a column for each.
+    If the vertices of the hands suffice, each has a column.
     """
     devices = () if box is None else (box.low, box.high)
     numbers = [[end.number(key) for key in uncertain] for end in devices] or [[], []]

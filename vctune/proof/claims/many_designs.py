@@ -132,8 +132,8 @@ def _holds_in_any_hand(demands: Demands, claims: Claims, cells: Cells) -> Flags:
 def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
     """Prove the constraint in every hand.
 
-    Where the margin is positive no pole of any design of the cell is on the unit circle in any hand: those of one
-    design in one hand decide about all.
+    If the margin is positive no pole of any design of the cell is on the unit circle in any hand: the poles of one
+    design in one hand decide for all.
     """
     hands, proved = demands.hands, np.zeros(len(cells), bool)
     assert hands is not None
@@ -171,7 +171,7 @@ def _have_the_same_gains(cells: Cells) -> bool:
 def _above_envelope(demands: Demands, hands: Hands | None, claims: Claims, cells: Cells) -> Flags:
     """Prove the constraint in every hand of a box, or in any, for couplings with the same gains.
 
-    Cells are divided too, as the angle alone is besides; their callers divide those that are left.
+    The prover also divides cells, because the angle alone is not always enough; the callers divide the remaining cells.
     """
     if not len(cells):
         return np.zeros(0, bool)
@@ -196,8 +196,8 @@ class Places:
     ----------
     theta_S : rad, angle omega T of |S|, shape (n,)
     omega : rad/s, frequencies of the band of Llewellyn's conditions, the hardest first, shape (any number, n)
-    theta : rad, angles of any passive hand on an impedance display likewise
-    in_hands : angles and hands likewise, shape (4, any number, n)
+    theta : rad, angles of any passive hand on an impedance display, in the same way
+    in_hands : angles and hands in the same way, shape (4, any number, n)
     """
 
     theta_S: Floats

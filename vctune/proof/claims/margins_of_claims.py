@@ -29,7 +29,7 @@ HALF_TURN = nextafter(pi, inf)
 
 @dataclass(frozen=True, slots=True)
 class LoopDelay:
-    """A delay's whole samples, and whether a part of one remains."""
+    """The whole samples of a delay, and whether a part of one remains."""
 
     whole_samples: Number
     fractional: bool
@@ -235,8 +235,8 @@ def loop_gain_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, o
 def hand_margin(plant: AnyPlantInHand, design: Design, theta: Number, factor: Number, ops: Arithmetic) -> Number:
     """Return |F|^2 (Re Z_c - factor R) in a hand (model/README.md, section 14).
 
-    Where it is positive F is not 0 either, so that no pole of the loop in the hand is there. An impedance display has
-    |F|^2 (Re 1/Z_c - factor R)/s^2 times a positive number (section 15).
+    Where it is positive F is not 0 either, so that no pole of the loop in the hand is at that frequency. An impedance
+    display has |F|^2 (Re 1/Z_c - factor R)/s^2 times a positive number (section 15).
 
     Parameters
     ----------

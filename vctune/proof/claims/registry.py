@@ -169,7 +169,7 @@ CLAIMS: dict[ClaimId, Claim] = {
         ),
     )
 }
-"""In the order in which a certificate makes them."""
+"""The claims in the order of a certificate."""
 
 
 IN_HANDS: tuple[ClaimId, ...] = ("hands", "worlds")

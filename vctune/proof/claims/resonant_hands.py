@@ -28,7 +28,8 @@ SHARP = 0.03
 """Damping ratio of hand and device below which resonance gets boxes of its own. For loops at a ratio of 0.02, half of
 it takes up to two thirds fewer boxes; those at 1e-5 take 34,000 with it and more than half a million without."""
 DAMPED = 0.1
-"""Damping ratio from which on a softer hand resonates no more sharply. Half and twice: as many boxes within a third."""
+"""Damping ratio from which on a softer hand resonates no more sharply. Half and twice take as many boxes within a
+third."""
 AROUND = (0.5, 2.0)
 """Multiples of the resonant stiffness that such boxes cover. Half as far in the logarithm takes up to half as many
 boxes again, twice as far as many within a tenth."""
@@ -39,11 +40,11 @@ DEVICE_MASS = "device.mass"
 
 @dataclass(frozen=True, slots=True)
 class Resonance:
-    """Where a hand resonates with a device sharply.
+    """A sharp resonance of a hand with the device.
 
     Attributes
     ----------
-    mass, sample_time : m, kg, where that is no row, and T, s
+    mass, sample_time : m, kg, if it is not a row, and T, s
     least, greatest : stiffness of the hands, N/m
     first : the angle from which on, rad, > 0
     """

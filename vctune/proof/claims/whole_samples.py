@@ -3,7 +3,7 @@
 Force is sampled just before a new command acts. If the delay is shorter than a whole number of samples by next to
 nothing, that command acts before the sample, and the force of a hand's mass differs by a whole step (model/README.md,
 section 14). Neither side is the safe one. So a design of a device whose delay lies near a whole number of samples is
-proved on both sides of it, beside the delay that the file states.
+proved on both sides of it, besides the stated delay.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ it see three quarters of the greatest."""
 def sensed_force_jumps(device: Device, hands: Hands) -> bool:
     """Return whether the sensed force jumps where the delay passes a whole number of samples.
 
-    It jumps where the sensor feels the acceleration of a hand's mass at once: the command moves the handle directly,
-    through no actuator's low-pass and no spring, and the sensor has no low-pass. A servo of order 1 turns a command
-    into an acceleration at once.
+    It jumps if the sensor feels the acceleration of a hand's mass at once: the command moves the handle directly,
+    without an actuator's low-pass or a spring, and the sensor has no low-pass. A servo of order 1 turns a command into
+    an acceleration at once.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def delay_in_samples(device: Device) -> float:
 def _with(device: Device, samples: float, key: str | None = None) -> Device:
     """Return a device whose delays add up to so many samples, in readable decimals.
 
-    The device's own delay is changed, or that of its force sensor where it has no other.
+    The function changes the device's own delay, or that of its force sensor if it has no other.
     """
     sensed = "force_sensor.delay"
     key = key or (sensed if device.latency == 0 and device.number(sensed) else device.delay_key)

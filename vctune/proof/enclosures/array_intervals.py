@@ -34,7 +34,7 @@ its number of terms. Half would cover 8, twice widens a radius by 2e-15 of itsel
 def raised(total: Floats, terms: int) -> Floats:
     """Return a rounded sum increased so that it is not below the exact sum.
 
-    With u = 2^-53, n terms are added by n - 1 roundings, and n + 5 more are left for the terms themselves and for this
+    With u = 2^-53, n terms are summed by n - 1 roundings, and n + 5 more remain for the terms themselves and for this
     product: (1 - u)^(2n + 4) (1 + 2 (n + 8) u) > 1.
 
     Parameters
@@ -51,7 +51,7 @@ def raised(total: Floats, terms: int) -> Floats:
 
 
 def _enclosed(mid: Floats, rad: Floats) -> Enclosure:
-    """Return mid, itself rounded, with a radius yet to be swollen."""
+    """Return mid, itself rounded, with a radius that is not raised yet."""
     return Enclosure(mid, (rad + UNIT * np.abs(mid)) * SWELL + TINY)
 
 

@@ -29,23 +29,22 @@ PHI_ERROR = 1e-13
 """Bound on the relative error of `FLOATS.phi_1`, `phi_2` and `sinc_curvature` for 0 <= x <= 1e100; a problem file has
 b T/m <= 1e60.
 
-With u = 2^-53 and expm1 right to 16 u (`LIBRARY_ERROR`):
-phi_1 = -expm1(-x)/x adds one division, 17 u = 2e-15.
-phi_2 = (x + expm1(-x))/x^2 for x >= c = `SERIES_BELOW`: an error of 16 u (1 - e^-x) in the numerator x^2 phi_2 is
-16 u phi_1/(x phi_2) relative to it. The quotient falls with x and is 39.7 at c: 7.1e-14, and 3 u for the operations.
-Below c the series of eight terms leaves out less than x^8/10!, 1e-17, of at least 0.49, and Horner's rule adds 3 u.
-sinc_curvature for x >= c = `CURVATURE_BELOW`: the quotient sin(x)/x is right to 17 u, so that 1 - sinc x >= 0.041 is to
-18 u/0.041, 4.9e-14; below c its series is as that of phi_2.
-Where an argument is itself rounded, by u, so are phi_1 and phi_2, for |x phi'| <= phi; and e^-x by x u, 8e-14 until it
-underflows. Half is not proved by this; twice widens an enclosure of width 2e-13 by as much again.
+With u = 2^-53 and expm1 right to 16 u (`LIBRARY_ERROR`): phi_1 = -expm1(-x)/x adds one division, 17 u = 2e-15. phi_2 =
+(x + expm1(-x))/x^2 for x >= c = `SERIES_BELOW`: an error of 16 u (1 - e^-x) in the numerator x^2 phi_2 is 16 u phi_1/(x
+phi_2) relative to it. The quotient falls with x and is 39.7 at c: 7.1e-14, and 3 u for the operations. Below c the
+series of eight terms leaves out less than x^8/10!, 1e-17, of at least 0.49, and Horner's rule adds 3 u. sinc_curvature
+for x >= c = `CURVATURE_BELOW`: the quotient sin(x)/x is right to 17 u, so that 1 - sinc x >= 0.041 is to 18 u/0.041,
+4.9e-14; below c its series is as that of phi_2. If an argument is itself rounded, by u, so are phi_1 and phi_2, for |x
+phi'| <= phi; and e^-x by x u, 8e-14 until it underflows. Half is not proved by this; twice widens an enclosure of width
+2e-13 by as much again.
 """
 EXPONENT_ERROR = 1e-12
 """Bound on the relative error of exp of a sum that is rounded, short of overflow: 710 u of the sum's rounding and 16 u
 of exp are 8e-14. Half would do, twice as well: it is for radii above 1."""
 SMALL = 0.5
-"""Below it the derivative of sinc is enclosed by its series. Half: the quotient (cos x - sinc x)/x, whose rounding is
-divided by x, is used down to there. Twice: the series' second term, enclosed from 0 to x^2/10, loses 10 % of the
-first."""
+"""Below it the derivative of sinc is enclosed by its series. With half, the quotient (cos x - sinc x)/x, whose rounding
+is divided by x, is used down to there. With twice, the series' second term, enclosed from 0 to x^2/10, loses 10 % of
+the first."""
 
 Slopes = tuple[Enclosure | None, ...]
 Table = tuple[tuple[float, float], ...]
@@ -363,7 +362,7 @@ def _exponents(x: Enclosure, table: Table) -> Enclosure:
 
 
 def _beyond(x: Enclosure, table: Table) -> NDArray[np.bool_]:
-    """Return where x is outside a table for certain, at 0 too."""
+    """Return where x is certainly outside a table, including 0."""
     first, last = table[0][0] * (1 - PHI_ERROR), table[-1][0] * (1 + PHI_ERROR)
     return np.asarray((x.mid + x.rad < first) | (x.mid - x.rad > last))
 

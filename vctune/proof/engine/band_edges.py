@@ -9,8 +9,8 @@ from math import pi, sqrt
 from vctune.running import OutOfTimeError
 
 FINEST_STEP = 1e-6
-"""Where the extension of a proved band ends, relative, before it is moved to an edge of few digits. Half and twice it
-are a step, and end at the same edge."""
+"""Relative distance at which the extension of a proved band ends, before it is moved to an edge of few digits. Half and
+twice it are a step, and end at the same edge."""
 EDGE_DIGITS = 5
 """Digits of an edge, Hz, beyond the requested band: all that are shown, ten times as coarse as the steps at least."""
 BEYOND = 1e-12

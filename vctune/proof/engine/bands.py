@@ -34,7 +34,7 @@ def cells_over_band(
     test : test of boxes of frequency and cell
     cells : n cells of designs
     low, high : edges of the band, in the test's unit of frequency
-    measure : number of each proved box that is added up for its cell, such as the angle of a turn; None for none
+    measure : number that is summed over the proved boxes of a cell, such as the angle of a turn; None for none
 
     Returns
     -------

@@ -105,9 +105,9 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, be
 
 
 def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slopes: Test) -> Test:
-    """Return the test that a margin is positive, by polynomials that know how the rows of a box act together.
+    """Return the test that a margin is positive, by polynomials, which include how the rows of a box act together.
 
-    If more than `FEW` boxes stay open, the test evaluates the slopes of these too. Slopes tell at which end of a row
+    If more than `FEW` boxes stay open, the test evaluates the slopes of these too. Slopes show at which end of a row
     the margin is least, so that the prover can reduce a box to that face. Polynomials cannot decide, since their
     remainder has no slope.
 
@@ -156,7 +156,7 @@ def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slo
 def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -> Test:
     """Return the test that a curve misses 0.
 
-    It does where the rectangle around its image does not contain 0, where `sufficient` is positive, or where its
+    It misses 0 where the rectangle around its image does not contain 0, where `sufficient` is positive, or where its
     component along its own value at the middle of the box is positive.
 
     Parameters
@@ -251,8 +251,8 @@ def next_to_zero(rows: Sequence[int], sufficient: Sequence[Margin], fixed: Value
     Parameters
     ----------
     rows : which ones
-    sufficient : margins, each of which is a proof there, the stronger the narrower these rows are; where they are
-        negative, or least, has no meaning for the claim
+    sufficient : margins, each of which is a proof there, the stronger the narrower these rows are; their negative
+        values and their minima have no meaning for the claim
     fixed : the values that are not among a box's rows
     test : test of the other boxes
     """
@@ -276,9 +276,9 @@ def next_to_zero(rows: Sequence[int], sufficient: Sequence[Margin], fixed: Value
 def any_positive(margins: Margins, slopes: Margins, fixed: Values, spans: Floats) -> Test:
     """Return the test that at each point one of several margins is positive.
 
-    A box is proved if one of them is throughout, and fails where all of them are negative at one point. Any other is
-    halved as the margin asks that is nearest to being proved. The margins are least at the same end of a row only if
-    all are that may be positive at all.
+    A box is proved if one margin is positive throughout, and fails if all of them are negative at one point. Any other
+    box is halved for the margin that is nearest to a proof. The margins are least at the same end of a row only if this
+    holds for all that may be positive.
 
     Parameters
     ----------
@@ -405,7 +405,7 @@ def _any_by_slopes(margins: Callable[[Rows], tuple[Number, ...]], boxes: Boxes) 
 
 
 def _common_sides(numbers: Sequence[Number], boxes: Boxes) -> Floats:
-    """Return the end of each row at which all margins are least that are not negative throughout, 0 where they differ.
+    """Return the end of each row at which all margins are least that are not negative throughout, 0 if they differ.
 
     Where all of them are negative throughout, any end is as good.
     """

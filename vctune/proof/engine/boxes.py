@@ -113,7 +113,7 @@ class Boxes:
         return np.bincount(self.owner, minlength=owners)
 
     def rows(self) -> list[Number]:
-        """Return the rows enclosed, the edges of all but the frequency as the decimals that they stand for.
+        """Return the rows enclosed, the edges of all but the frequency as decimals.
 
         A row that is infinite throughout, b_c of a rigid coupling, is that float.
         """
@@ -129,7 +129,7 @@ class Boxes:
 
         Parameters
         ----------
-        rows : one number for each of `names`, the frequency first, which is left out
+        rows : one number for each of `names`, without the frequency, which is first
         fixed : the other numbers by name; a row replaces the number of its name
 
         Returns

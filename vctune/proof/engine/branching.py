@@ -27,8 +27,8 @@ class Decided:
 
     Attributes
     ----------
-    proved : where the claim holds throughout
-    fails : where it does not hold at `point`
+    proved : whether the claim holds throughout
+    fails : whether it fails at `point`
     point : a point of each box, shape (rows, n)
     cost : contribution of each row to the uncertainty of each box, of the same shape
     known : where that is more than the row's width; elsewhere the slopes are not known
@@ -92,7 +92,7 @@ def prove(
     halved : for each row, whether it may be halved
     max_halvings : greatest number of halvings of a box
     max_boxes : boxes of one owner after which it is left open
-    measure : number of each proved box that `Proofs.total` adds up for its owner; None for none
+    measure : number that `Proofs.total` sums over the proved boxes of an owner; None for none
     at_ends : whether to replace a box by the face at which its margin is least; only for a test of one margin, and
         without `measure`
     few : number of boxes up to which halves are halved again before the next test, since so few take as long as one

@@ -167,7 +167,7 @@ def handle_impedance(
 
 
 def _closer(device: Device, hz: Floats) -> Floats:
-    """Return frequencies with more of them around a structure's resonance: round as a curve, not as a polygon."""
+    """Return frequencies with more of them around a structure's resonance, so that it is drawn as a smooth curve."""
     if device.structure is None:
         return hz
     narrow = replace(device.structure, damping_ratio=device.structure.damping_ratio / NARROWER)

@@ -125,7 +125,7 @@ def _edges(axes: Axes, proved: list[float | None]) -> None:
 
 
 def _asymptotes(design: Design, axes: Axes) -> None:
-    """Draw the limits of R where they are numbers: omega -> 0 with K_p > 0, omega -> inf with hold "lag".
+    """Draw the finite limits of R: omega -> 0 with K_p > 0, omega -> inf with hold "lag".
 
     See model/README.md, section 6.
     """

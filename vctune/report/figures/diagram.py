@@ -28,7 +28,7 @@ WIDTH, HEIGHT, TALL, LINE = 1.26, 0.82, 1.1, 0.195
 FITS = 21 / WIDTH
 """Letters of a line that an inch of a box has room for; a longer line is in smaller ones."""
 POSITION_AT = 4.58
-"""Where the position goes past the velocity estimate."""
+"""Place where the position passes the velocity estimate."""
 
 
 def loop_figure(device: Device, gains: Gains, coupling: AnyCoupling) -> Figure:

@@ -53,7 +53,7 @@ POWERS = (-3, 5)
 SHALLOW = 1e-9
 """Share of the greatest R that is shown at least; at Nyquist R may vanish. Half and twice it: as many decades."""
 WORST = 3
-"""Hands that have a curve of their own: of the lowest minima, not two of one hand."""
+"""Number of hands with a curve of their own: of the lowest minima, not two of one hand."""
 
 
 def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling) -> Figure:

@@ -72,7 +72,7 @@ def canvas(
 
 
 def legend_above(axes: Axes, columns: int, **options: Any) -> None:
-    """Put the legend over the axes, where it covers no curve.
+    """Put the legend above the axes, where it covers no curve.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def around_one(axes: Axes, factor: float, least: float | None, worst_hz: float |
     ----------
     axes : axes of a ratio
     factor : the safety factor
-    least, worst_hz : the least ratio and where it is, Hz; None for inf
+    least, worst_hz : the least ratio and its frequency, Hz; None for inf
     """
     axes.axhline(1.0, color=RED, linewidth=1.2, linestyle="-.", label="1: the limit")
     axes.axhline(factor, color=INK, linewidth=1, linestyle=(0, (1, 1)), label=f"safety factor {factor:g}")

@@ -103,7 +103,7 @@ def band_figure(front: Table, transparency_edge_hz: float) -> Figure:
     Parameters
     ----------
     front : designs that none other beats, by the edge, Hz
-    transparency_edge_hz : upper edge of the transparency band, which is marked
+    transparency_edge_hz : upper edge of the transparency band, to be marked
     """
     with rc_context(STYLE):
         figure, axes = _frame()

@@ -84,7 +84,7 @@ def frequency_model(problem: Problem, record: DesignRecord) -> dict[str, Any]:
 
 
 def _force_model(device: Device, known: LoopConstants, omega: Floats) -> dict[str, Any]:
-    """Return the constants of an impedance display; those of k_c stand where an admittance display has K_p's.
+    """Return the constants of an impedance display; those of k_c take the place of an admittance display's K_p.
 
     Before a wall b_c acts as K_v does, and k_c as b_c times the quotient of their factors in Z_c.
     """

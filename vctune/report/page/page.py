@@ -89,7 +89,7 @@ def _embedded(data: dict[str, Any], indent: int | None = None) -> str:
 
 
 def templates() -> Environment:
-    """Return where the templates of pages are."""
+    """Return the folder of the pages' templates."""
     return Environment(
         loader=PackageLoader("vctune", "report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )

@@ -66,7 +66,7 @@ def sliders(problem: Problem, gains: Gains, coupling: AnyCoupling, record: Desig
 
 
 def _hands(problem: Problem, worst: Sequence[RatioInHand | RatioInAnyHand]) -> list[Hand | None]:
-    """Return the corners of the box of hands and the worst hands in it; None for any passive one, in their place."""
+    """Return the vertices of the box of hands and the worst hands in it; None for any passive hand."""
     if problem.any_hand:
         return [None]
     corners = [] if problem.hands_met is None else _corners(problem.hands_met)

@@ -154,7 +154,7 @@ def _certified(record: DesignRecord, transparency: TransparencyRecord, problem: 
 
 
 def _failed(proof: CertificateRecord, verdict: str, units: Units) -> str:
-    """Return the first claim with a verdict and where it fails; the certificate's own verdict where no claim has it."""
+    """Return the first claim with a verdict and where it fails; the certificate's own verdict if no claim has it."""
     claim = next((claim for claim in proof.claims if claim.verdict == verdict), None)
     if claim is None:
         return f"the certificate is {proof.verdict}"

@@ -22,7 +22,7 @@ def coupling_coefficients(
 
     Parameters
     ----------
-    coupling : damping b_c and mass m_c in series, drag b_0 beside them; or stiffness and damping; None for none
+    coupling : damping b_c and mass m_c in series, drag b_0 beside them; or stiffness and damping; None without one
     sample_time : T, s
     smoothing, low_passes : those of the velocity that the damping of an impedance display acts on
 
@@ -99,7 +99,7 @@ def limit_coefficients(limit: float | None, position: float, integral: float) ->
 
     Parameters
     ----------
-    limit : greatest force, N; None for none
+    limit : greatest force, N; None without a limit
     position, integral : K_p and K_i, N/m, N/(m s)
     """
     if limit is None:

@@ -32,15 +32,15 @@ class Law:
     ----------
     sample_time : s
     velocity, position, integral : K_v, K_p and K_i of the law K_v + K_p/s + K_i/s^2, N s/m, N/m, N/(m s)
-    coupling : damping b_c and mass m_c in series and the drag b_0 beside them, or of an impedance display a stiffness
-        beside a damping; None for no coupling
+    coupling : damping b_c and mass m_c in series and the drag b_0 beside them, or for an impedance display a stiffness
+        beside a damping; None without one
     virtual_mass, virtual_damping : beside the environment, kg, N s/m
     environment : the rendered environment
     position_resolution : resolution of the encoder, m; 0 for none
     difference : whether the velocity is the backward difference of the measured position; measured itself if not
-    smoothing : a of the low-passes y += a (x - y) that the velocity goes through; None for none
+    smoothing : a of the low-passes y += a (x - y) of the velocity; None without one
     low_passes : number of them, up to 2
-    limit : greatest force, N; None for none. Behind it the integral parts of the law do not wind up
+    limit : greatest force, N; None without a limit. Behind it the integral parts of the law do not wind up
     command : kind of command; without a force there is no law and no limit
     """
 
@@ -108,7 +108,7 @@ def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -
     """Run the firmware for one sample.
 
     The hand's force drives coupling and environment, which move as one: f_h = (Z_c + Z_e) v_e (paper eqs. 15 to 18).
-    What is stiff is implicit: v_e solves this equation at the end of the sample.
+    The stiff part is implicit: v_e solves this equation at the end of the sample.
 
     Parameters
     ----------

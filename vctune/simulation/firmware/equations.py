@@ -1,6 +1,6 @@
 """The firmware as difference equations with named coefficients, in the order of execution.
 
-From this one description come the simulated controller (`controller.py`), the exported C and its coefficients
+This one description is the source of the simulated controller (`controller.py`), the exported C and its coefficients
 (`vctune/firmware/`).
 """
 
@@ -54,7 +54,7 @@ class Parts:
     difference : whether the velocity is the backward difference of the position; measured itself if not
     low_passes : number of low-passes of the velocity, 0 to 2
     coupling : whether there is a virtual coupling
-    virtual : whether a virtual mass and damping stand beside the environment
+    virtual : whether there is a virtual mass and damping beside the environment
     mass, trapezoid : whether the environment has a mass, and whether it may be one of the trapezoidal rule
     contact : whether the environment has stiffness or damping
     wall : whether these may be one-sided

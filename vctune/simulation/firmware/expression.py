@@ -96,7 +96,7 @@ def floor(a: Term) -> Operation:
 
 
 def choice(above: Term, limit: Term, yes: Term, no: Term) -> Operation:
-    """Return one term where another is above a limit, and a third where it is not.
+    """Return one term if another is above a limit, and a third if it is not.
 
     Parameters
     ----------

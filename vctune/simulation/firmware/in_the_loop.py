@@ -80,7 +80,7 @@ def run_in_the_loop(
 
     Returns
     -------
-    traces : finite; a run that diverges ends where it began to
+    traces : finite; a run that diverges ends where the divergence began
     difference : difference from the design's own commands
     """
     samples, T = sample_count(scene.operator, scene.device.sample_time), scene.device.sample_time

@@ -20,7 +20,7 @@ MOST_BYTES = 1_000_000
 """Greatest memory of a controller; a library that claims more is none."""
 
 PRECISIONS: dict[int, Precision] = {4: "single", 8: "double"}
-"""By the bytes of a number."""
+"""The type by the bytes of a number."""
 
 
 class CompiledController:

@@ -29,7 +29,7 @@ class Start:
     Attributes
     ----------
     environment : its environment
-    limit : greatest force, N; None for none
+    limit : greatest force, N; None without a limit
     position, reference : position of the motor from the encoder, and x_e, m
     """
 

@@ -1,7 +1,7 @@
 """A device with its parts, and the hand on it, as linear rates.
 
-The parts are an actuator, a handle on a spring, a servo, and a filter of the force sensor or a delay of it that is no
-whole number of samples. All of it is linear except for friction: it moves on by matrix exponentials, exactly
+The parts are an actuator, a handle on a spring, a servo, and a filter of the force sensor or a delay of it that is not
+a whole number of samples. All of it is linear except for friction: it moves on by matrix exponentials, exactly
 (`transition`), and with friction exactly except for a force that is held over a step (`assembly_friction`). A device
 that moves as one mass and whose force is sensed at a sample is not of this kind (`plant`). A servo follows its command:
 the hand does not affect its rates, and the force of the hand follows from the motion.
@@ -35,7 +35,7 @@ class Assembly:
     Attributes
     ----------
     states : position and velocity of the motor first; bend and handle_velocity, drive and its rate, the rate of a
-        servo's velocity, sensed and its rate where the device has the part
+        servo's velocity, sensed and its rate if the device has the part
     rates : over states and given
     units : units of states and given, in which all rates are about as large as their effect on a sample
     position, velocity : rows of the handle's, m, m/s
@@ -69,7 +69,7 @@ class Sensing:
     Attributes
     ----------
     whole_samples : number of samples ago
-    instant : how long after the sample before, s; None for at the sample itself
+    instant : time since the previous sample, s; None for at the sample itself
     """
 
     whole_samples: int

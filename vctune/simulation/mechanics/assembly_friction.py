@@ -4,8 +4,8 @@ The friction's force is held over a step, at its mean over bristles that follow 
 else is linear and moves on exactly (`assembly`); w is its velocity for the held force. The force does the work F h w on
 the motor and on the bristles alike, so that no step creates energy, for any h, stiffness of the parts and prediction.
 Neither a fast actuator nor a stiff handle is stiff in this step: all that is approximated is how the friction varies
-within it, to second order. What is faster than a step and moved by the friction, a hand's mass on a handle that is
-nearly rigid, has the last step's mean at a sample: to first order.
+within it, to second order. Any motion that is faster than a step and driven by the friction, such as a hand's mass on a
+nearly rigid handle, has the last step's mean at a sample: to first order.
 """
 
 from __future__ import annotations

@@ -12,8 +12,8 @@ from vctune.model.experiment import Operator
 
 Floats = NDArray[np.float64]
 RAMP = 0.1
-"""Share of a stroke's time that each of its two ends takes to gain or lose speed. Half: twice
-the acceleration, which is felt through a hand with mass. Twice: less of the stroke at constant speed."""
+"""Share of a stroke's time that each of its two ends takes to gain or lose speed. Half doubles the acceleration, which
+the hand's mass makes felt. Twice leaves less of the stroke at constant speed."""
 
 
 @dataclass(frozen=True, slots=True)

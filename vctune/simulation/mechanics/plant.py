@@ -1,6 +1,7 @@
 """A rigid device and the hand between two samples, without friction (model/README.md, section 7).
 
-Exact, by matrix exponentials. With an actuator, a handle on a spring or a filter of the force sensor: `assembly`.
+Exact, by matrix exponentials. Devices with an actuator, a handle on a spring or a filter of the force sensor: see
+`assembly`.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ INPUTS = 5
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A compiled step, one(state, inputs) -> (state, record), and its state at rest where the motion starts.
+    """A compiled step, one(state, inputs) -> (state, record), and its state at rest at the start of the motion.
 
     The state contains x, v and the other moving parts, with friction z, and the force that was sensed within the last
     sample if it is sensed there; the firmware's state; commands and sensed forces on their way.
@@ -69,7 +69,7 @@ class OpenStep:
 
 
 def build(scene: Scene, stretch: Stretch = fixed_steps) -> Step:
-    """Assemble and compile the step of a scene; `stretch` says how friction is integrated.
+    """Assemble and compile the step of a scene; `stretch` integrates the friction.
 
     Parameters
     ----------
@@ -195,7 +195,7 @@ def columns(scene: Scene) -> tuple[str, ...]:
 
 
 def _at_rest(scene: Scene, moving: Assembly | None, begin: Equilibrium) -> list[float]:
-    """Return the body's part of the state where the motion starts."""
+    """Return the body's part of the state at the start of the motion."""
     known = {"position": begin.position, "bend": begin.bend, "drive": begin.motor, "sensed": begin.hand}
     body = [known.get(name, 0.0) for name in (moving.states if moving is not None else ("position", "velocity"))]
     body += [0.0] if scene.friction is not None else []
@@ -263,7 +263,7 @@ def _moved_exactly(scene: Scene, moving: Assembly | None, body: Any, inputs: Any
 def _with_friction(scene: Scene, moving: Assembly | None, friction: Friction, stretch: Stretch, firmware: Any) -> Any:
     """Return the step of a device with friction: firmware, then stretches of constant motor force.
 
-    There are one or two, and one more where the force is sensed in the middle of one.
+    There are one or two, and one more if the force is sensed in the middle of one.
     """
     when, push = timing(scene), ca.DM(hand_force_derivatives(scene.operator, scene.device.sample_time))
     state, inputs = ca.MX.sym("state", firmware.size_in(0)), ca.MX.sym("inputs", firmware.size_in(1))
