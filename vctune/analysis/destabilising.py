@@ -233,7 +233,7 @@ def _dual(compliance: float, mobility: float, damping: float, growth: float, ome
 
 
 def _followed(unbalance: Callable[..., complex], theta: float, damping: float) -> list[tuple[float, complex]]:
-    """Return where a pole goes from the unit circle while the damper that holds it there is taken away, step by step.
+    """Follow a pole from the unit circle while the damper that holds it there is removed, step by step.
 
     Nowhere if there is no such damper, and no further than it can be followed.
     """

@@ -56,7 +56,7 @@ def write_solved(folder: Path, file: ProblemFile, solved: Solved) -> tuple[Desig
 
     Parameters
     ----------
-    folder : one that is there
+    folder : an existing folder
     file : the problem
     solved : its result
 
@@ -133,7 +133,7 @@ def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> dict[
 
     Parameters
     ----------
-    folder : one that is there
+    folder : an existing folder
     file : the problem
     record : record of its design, or of the reason why there is none
 

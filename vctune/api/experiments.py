@@ -168,7 +168,7 @@ def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
     Parameters
     ----------
     simulation : simulation to write
-    folder : one that is there
+    folder : an existing folder
 
     Returns
     -------

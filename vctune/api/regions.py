@@ -188,7 +188,7 @@ def write_region(found: AdmissibleGains, folder: Path) -> tuple[Path | None, boo
     Parameters
     ----------
     found : the region; if its search was interrupted, an earlier complete region is kept
-    folder : one that is there
+    folder : an existing folder
 
     Returns
     -------

@@ -39,7 +39,7 @@ class Estimate:
     ----------
     key : name in the device's table
     value, sigma : SI units, frequencies in Hz
-    source : which record, and how
+    source : the record, and the method
     excess : excess difference of other estimates from the same record, below and above
     stated : whether it is the user's, and no record's
     reason : reason of the excess

@@ -43,7 +43,7 @@ class Halved:
     Attributes
     ----------
     nodes : two for each box
-    along_gains : along gains of these, which were halved along K_v or K_p, so that their loops may have become
+    along_gains : whether each was halved along K_v or K_p, so that their loops may have become
         provably stable
     worked_out : lower bounds that it took
     """

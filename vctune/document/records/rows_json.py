@@ -43,7 +43,7 @@ class YardstickRecord(Part):
 
 
 class NumbersRecord(Part):
-    """The error, its unweighted terms, the design, its least ratio and where; null without a design."""
+    """The error, its unweighted terms, the design, its least ratio and the frequency of it; null without a design."""
 
     error: Annotated[Number, Shown("transparency error")]
     admittance_term: Annotated[Number, Shown("|Z_0 G_hh|")]

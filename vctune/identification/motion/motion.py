@@ -172,7 +172,7 @@ class PlacedScores:
     Attributes
     ----------
     sensitivity, residual : at the used samples
-    places : places of those, rising
+    places : their indices, rising
     count : number of all samples
     """
 

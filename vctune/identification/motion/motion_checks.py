@@ -25,7 +25,7 @@ class Check:
 
     Attributes
     ----------
-    code : code of the way
+    code : code of the method
     name : name of the number and of the way
     value : SI units
     sigma : standard deviation of this estimate; None if it has none of its own

@@ -42,7 +42,7 @@ class MotionStudy:
     Attributes
     ----------
     directional, symmetric : fits with friction each way, and the same both ways
-    samples : samples of the directional one
+    samples : samples of the directional fit
     others : directional fits at other cut-offs
     force_noise : standard deviation of a sample of the sensed force, N; None without one
     checks : other ways to the mass

@@ -114,7 +114,7 @@ def solved_from(task: FitTask, start: Floats, model_errors: Floats) -> Floats:
     Parameters
     ----------
     task : the response and its candidate
-    start : as `point` has it, shape (n,)
+    start : in the form of `point`, shape (n,)
     model_errors : model errors of each output, relative, shape (outputs,)
     """
     from scipy.optimize import least_squares
@@ -137,7 +137,7 @@ def scale_of(at: Floats, names: tuple[str, ...], measured: Response) -> Floats:
 
     Parameters
     ----------
-    at : as `point` has it, shape (n,)
+    at : in the form of `point`, shape (n,)
     names : names of the numbers, n of them
     measured : the response, whose frequencies and friction set the units
     """

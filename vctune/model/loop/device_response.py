@@ -43,7 +43,7 @@ class Spring:
     ----------
     mass, damping : those of the handle with its load, kg and N s/m; None without a load
     y_c, y_k : c/(k^2 + (omega c)^2) and k/(k^2 + (omega c)^2), s m/N and m/N
-    total, own_mass : those of the device and of its handle, without a load, kg
+    total, own_mass : masses of the device and of its handle, without a load, kg
     bent, bent_im : g = omega^2 mu/(k + j omega c), in which no mass is: real and imaginary part; y = j g/(omega mu)
     """
 

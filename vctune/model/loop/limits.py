@@ -32,7 +32,7 @@ class Lags:
     Attributes
     ----------
     drive : tau, of hold, delay and actuator
-    estimate, sensor : those of the velocity estimate and of the force sensor
+    estimate, sensor : lags of the velocity estimate and of the force sensor
     loss : c/k^2 of the spring, m s/N
     compliance : 1/k, m/N
     """

@@ -57,7 +57,7 @@ def halved_rows(cells: Cells, rows: int) -> tuple[bool, ...]:
 
     Parameters
     ----------
-    cells : their keys are the last rows
+    cells : cells, whose keys are the last rows
     rows : number of rows before them, those of frequency and hand
 
     Returns

@@ -23,7 +23,7 @@ def turned_angle(curve: Curve, low: float, high: float) -> tuple[Outcome, float]
 
     Parameters
     ----------
-    curve : curve of a ball
+    curve : function of a ball
     low, high : ends of its parameter, 0 <= low <= high
 
     Returns

@@ -40,7 +40,7 @@ from vctune.report.figures.style import (
 )
 
 CURVES = 40
-"""Angles per decade of the curves. Half shows corners, twice is twice as long a file."""
+"""Angles per decade of the curves. Half shows corners; twice makes the file twice as long."""
 PLACES, DAMPINGS = 17, (0.0, 0.1, 1.0)
 """Masses and stiffnesses of the map along each side, and the shares of the range of dampings, of which the worst is
 shown."""

@@ -142,7 +142,7 @@ def stamp(figure: Figure, words: str) -> None:
 
     Parameters
     ----------
-    figure : figure whose axes are there
+    figure : figure with these axes
     words : the text; its size falls with its length
     """
     style: dict[str, Any] = {"ha": "center", "va": "center", "rotation": 20, "fontweight": "bold"}

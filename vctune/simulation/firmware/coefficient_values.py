@@ -24,7 +24,7 @@ def coupling_coefficients(
     ----------
     coupling : damping b_c and mass m_c in series, drag b_0 beside them; or stiffness and damping; None without one
     sample_time : T, s
-    smoothing, low_passes : those of the velocity that the damping of an impedance display acts on
+    smoothing, low_passes : of the velocity on which the damping of an impedance display acts
 
     Returns
     -------
