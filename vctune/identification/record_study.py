@@ -178,7 +178,7 @@ def _compared(recording: Recording, fits: Mapping[str, RecordStudy], best: str, 
         for name, each in fits.items()
     ]
     text = f"{recording.name}: {recording.channels['force'].header} is taken for a {best}: {'; '.join(results)}"
-    text += "; these are not told apart: the delay holds both" if alike else ""
+    text += "; chi2 does not separate these: the delay includes both" if alike else ""
     return text + ("; what lies between command and force is in no number" if best == MEASURED else "")
 
 

@@ -37,8 +37,8 @@ def doubts(problem: Problem) -> Iterator[Note]:
         yield Note("warn-stiffness", said)
     for experiment in problem.experiments:
         if outside := _outside(experiment.environment, problem):
-            said = f"experiment {experiment.name!r} renders {outside}, which is not in [environment]: of what it shows"
-            yield Note("warn-environment", f"{said} nothing is proved")
+            said = f"experiment {experiment.name!r} renders {outside}, which is not in [environment]: "
+            yield Note("warn-environment", f"{said}no claim covers what it shows")
     if RESERVED.match(name.strip().lstrip(".")):
         said = f"name {name!r} is that of a device on Windows; the folder is {folder_name(name)}: better choose another"
         yield Note("warn-name", said)

@@ -259,16 +259,16 @@ def servo_notes(name: str, study: ServoStudy, units: Units) -> list[Note]:
     """
     fit, T, said = study.fit, study.seen.sample_time, []
     if not study.told:
-        text = f"{name}: orders 1 and 2 explain it as well as each other: the box holds both, and unmodelled the rest"
+        text = f"{name}: orders 1 and 2 explain it equally well: the box contains both, and unmodelled covers the rest"
         said.append(Note("remark-order", text))
     if fit.jitter > 0.01 * T:
-        text = f"{name}: the delay jitters by {fit.jitter:.2g} s from command to command, which its interval holds; "
-        said.append(Note("remark-jitter", f"{text}what is proved is proved of delays that stay as they are"))
+        text = f"{name}: the delay jitters by {fit.jitter:.2g} s from command to command, which its interval includes; "
+        said.append(Note("remark-jitter", f"{text}proofs assume a constant delay"))
     if not all(each.told for each in study.fits):
         text = f"{name}: shows a latency of {fit.delay.value + fit.lag:.3g} s, and not how much of it is a low-pass: "
         said.append(Note("remark-latency-only", f"{text}record a sweep up to a tenth of the sampling rate or higher"))
     if abs(fit.gain - 1) > max(CLEAR * fit.gain_sigma, 2e-3):
-        text = f"{name}: moves {fit.gain:.4g} times as far as it is told, which a servo does not: unmodelled holds it"
+        text = f"{name}: moves {fit.gain:.4g} times as far as it is told, which a servo does not: unmodelled covers it"
         said.append(Note("warn-gain", text))
     if study.yielding is not None and any(study.yielding.clear):
         each = study.yielding
@@ -276,7 +276,7 @@ def servo_notes(name: str, study: ServoStudy, units: Units) -> list[Note]:
         shown = " and ".join(compress(numbers, each.clear))
         text = (
             f"{name}: the servo yields: {each.share:.1%} of its motion goes with the force, {shown}. Such a device is "
-            "outside the model, in which the motion follows the command alone: nothing that is proved of the file "
+            "outside the model, in which the motion follows the command alone: no claim about the file "
             "holds for it"
         )
         said.append(Note("warn-yields", text))
