@@ -120,7 +120,7 @@ def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:
     # an entry that is 0 in A may first differ from it in the power that is as high as A has rows
     last = next(n for n in count(len(matrix)) if not x ** (n + 1) / factorial(n + 1) > LEFT_OUT * ops.precision * x)
     for order in range(2, last + 1):
-        term = shared(product(term, small), order)
+        term = divided(product(term, small), order)
         total = added(total, term)
     # all further terms add up to less than 1.1 times the first of them: x <= 1/2
     rest = ops.within(1.1 * x ** (last + 1) / factorial(last + 1))
@@ -156,14 +156,14 @@ def half_coth(matrix: Matrix, ops: Arithmetic) -> Matrix:
     square = product(half, half)
     ratio = (norm / 2.0**halvings / (2 * pi)) ** 2  # |B_2k|/(2k)! = 2 zeta(2k)/(2 pi)^2k
     last = next(n for n in count(len(matrix)) if not 3.7 * ratio ** (n + 1) > LEFT_OUT * ops.precision * ratio)
-    term = shared(square, 2)
-    found = shared(term, 6)
+    term = divided(square, 2)
+    found = divided(term, 6)
     for k in range(2, last + 1):
-        term = shared(product(term, square), (2 * k - 1) * (2 * k))
+        term = divided(product(term, square), (2 * k - 1) * (2 * k))
         number = bernoulli(2 * k)
         # from B_36 on a numerator is no double: rounding it and its product is the unit that enclosures add for one
         numerator = number.numerator if ops.arrays is None else float(number.numerator)
-        found = added(found, shared(scaled(term, numerator), number.denominator))
+        found = added(found, divided(scaled(term, numerator), number.denominator))
     # all further terms add up to less than 2 zeta(2)/(1 - ratio) < 3.7 times a power of ratio <= 1/pi^2
     one, quarter = identity(len(matrix)), rows_of(scaled(square, 0.25))
     total = added(one, rows_of(_each(found, ops.within(3.7 * ratio ** (last + 1)))))
@@ -406,7 +406,7 @@ def scaled(matrix: AnyMatrix, factor: Number) -> AnyMatrix:
     return tuple(tuple(times(entry, factor) for entry in row) for row in matrix)
 
 
-def shared(matrix: AnyMatrix, count: Number) -> AnyMatrix:
+def divided(matrix: AnyMatrix, count: Number) -> AnyMatrix:
     """Return A divided by a number.
 
     Parameters
