@@ -58,7 +58,7 @@ class NumbersRecord(Part):
     min_ratio: Annotated[Number, Shown("least Re Z_c / R")]
     worst_hz: Annotated[Number, Shown("where the ratio is least", of="frequency")]
     peak_sensitivity: Annotated[Number, Shown("peak |S|")]
-    stability_high_hz: Annotated[Number, Shown("upper edge of the stability band, if any is asked for", of="frequency")]
+    stability_high_hz: Annotated[Number, Shown("upper edge of the stability band, if required", of="frequency")]
 
 
 COLUMNS = how_shown(NumbersRecord) | how_shown(FeltRecord) | how_shown(YardstickRecord)
