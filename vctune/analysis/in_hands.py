@@ -398,7 +398,8 @@ def _need(required: Floats, there: Floats) -> Floats:
 def _resonant(device: Device, hands: Hands, gains: Gains) -> Floats:
     """Return angles at which hands resonate sharply with the device, and those hands: shape (4, n), n may be 0.
 
-    These are the stiffest hands, where the angle is greatest and the damping ratio least, and hands a hundredth as stiff.
+    These are the stiffest hands, where the angle is greatest and the damping ratio least, and hands a hundredth as
+    stiff.
     """
     found = []
     damping, hand = device.damping + hands.low.damping + gains.velocity, hands.low.damping

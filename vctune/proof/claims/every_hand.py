@@ -56,8 +56,8 @@ EASY_BOXES = 20_000
 """Boxes after which hands near a sharp resonance get boxes of their own; if the constraint leaves room there, some
 hundred suffice. If they do not, half or twice as many cost half or twice as much: some seconds."""
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
-"""Distance from an end of the angles, as a share of pi, at which a witness is sought. With fewer, growth takes longer to
-see; with more, it is not seen."""
+"""Distance from an end of the angles, as a share of pi, at which a witness is sought. With fewer, growth takes longer
+to see; with more, it is not seen."""
 MAX_HALVINGS = 120
 """Greatest number of halvings of a box: twenty in each of six rows. Half and twice as often: the same proofs."""
 
