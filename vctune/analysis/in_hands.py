@@ -25,7 +25,7 @@ from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.worlds import WorldsMet
 
 SEARCHED = 6
-"""Local minima over the angle that are looked at closer; half miss none of the reference problems' worst hands."""
+"""Local minima over the angle that are refined. Half of them miss none of the reference problems' worst hands."""
 SHARP = 0.03
 """Damping ratio below which the angles where a hand resonates with the device are looked at, which no grid meets. Half
 and twice it lead to the same design of a display of hardly any damping."""
@@ -37,7 +37,7 @@ class RatioInHand:
 
     Attributes
     ----------
-    ratio : inf where nothing is required
+    ratio : inf if nothing is required
     omega : rad/s
     hand : in which it is least
     """
@@ -53,7 +53,7 @@ class RatioInAnyHand:
 
     Attributes
     ----------
-    ratio : inf where nothing is required
+    ratio : inf if nothing is required
     omega : rad/s
     """
 
@@ -67,7 +67,7 @@ def least_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[
 
     Parameters
     ----------
-    problem : of one device, with hands to be met, or any on an impedance display
+    problem : problem of one device, with a claim in hands, or in any hand on an impedance display
     gains, coupling : plain floats, in the problem's units
     """
     found: list[RatioInHand | RatioInAnyHand] = []
@@ -88,7 +88,7 @@ def least_ratios_in_hands(
     device : plain numbers
     hands : the box
     gains, coupling : a design, plain numbers
-    met : the environments, of which `needs_in_worlds` says what the ratio is; None for every passive one
+    met : the environments, whose ratio `needs_in_worlds` defines; None for every passive one
 
     Returns
     -------
@@ -109,20 +109,21 @@ def least_ratios_in_hands(
 
 
 WINDOW = np.exp(np.linspace(-0.3, 0.3, 121))
-"""Angles about a worst one, relative, at which the environments of a box are looked at. Half and twice as far, or as
-many, lead to the same designs."""
+"""Relative range of angles about a worst one at which the environments of a box are tried. Half and twice the range, or
+the number, give the same designs."""
 
 
 def windows(
     problem: Problem, gains: Gains, coupling: AnyCoupling, worst: Sequence[RatioInHand | RatioInAnyHand]
 ) -> list[RatioInHand]:
-    """Return the ends of the windows of angles in which a box of environments is not met, about the worst places.
+    """Return the ends of the windows of angles, about the worst places, in which the constraint for a box of
+    environments is violated.
 
-    Between them one margin has to do where another ceases to: a demand in the middle alone moves the window along.
+    Between them one margin has to do where another ceases to: a constraint in the middle alone moves the window along.
 
     Parameters
     ----------
-    problem : of one device, with hands to be met
+    problem : problem of one device, with a claim in hands
     gains, coupling : plain floats, in the problem's units
     worst : places of `least_ratios`
     """
@@ -177,7 +178,7 @@ def least_ratio_near(
     hands : the box
     gains, coupling : a design, plain numbers
     omega : rad/s
-    hand : of the box
+    hand : hand of the box
     met : the environments; None for every passive one
     """
     start = PlacesInHands.of([(omega * device.sample_time, hand)])
@@ -189,7 +190,7 @@ def least_ratios_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling
 
     Parameters
     ----------
-    device : of an impedance display, plain numbers
+    device : an impedance display, in plain numbers
     gains, coupling : a design, plain numbers
 
     Returns
@@ -208,7 +209,7 @@ def ratio_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling, theta
 
     Parameters
     ----------
-    device : of an impedance display, plain numbers
+    device : an impedance display, in plain numbers
     gains, coupling : a design, plain numbers
     theta : omega T, rad
     """
@@ -220,7 +221,8 @@ def ratio_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling, theta
 def _resonant(device: Device, hands: Hands, gains: Gains) -> list[tuple[float, Hand]]:
     """Return angles at which hands resonate sharply with the device, and those hands.
 
-    The stiffest of them, where the angle is greatest and the damping ratio least, and one a hundredth as stiff.
+    These are the stiffest hands, where the angle is greatest and the damping ratio least, and hands a hundredth as
+    stiff.
     """
     found = []
     damping = device.damping + hands.low.damping + gains.velocity

@@ -25,7 +25,7 @@ SENSOR, SENSOR_DELAY, ESTIMATE, LAW = "force sensor", "force sensor's delay", "v
 HOLD, DELAY, ACTUATOR, MECHANISM = "hold", "delay", "actuator", "mechanism"
 FEEDBACK, ALIASES = "feedback", "aliases of sampling"
 PARTS = (SENSOR, SENSOR_DELAY, ESTIMATE, LAW, HOLD, DELAY, ACTUATOR, MECHANISM, FEEDBACK, ALIASES)
-"""What has a phase, as it is called on a page, from the hand on."""
+"""The parts that have a phase, under their names on a page, from the hand on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Phases:
     Attributes
     ----------
     omega : rad/s
-    shares : by part, rad; only of parts that there are
+    shares : phases by part, rad; only for existing parts
     """
 
     omega: float
@@ -48,11 +48,11 @@ class Phases:
 
 
 def crossover(device: Device, gains: Gains) -> float | None:
-    """Return the highest frequency at which the sampled loop has |L| = 1, rad/s; None where it has none.
+    """Return the highest frequency at which the sampled loop has |L| = 1, rad/s; None if it has none.
 
     Parameters
     ----------
-    device : plain numbers, SI units; nobody holds it
+    device : plain numbers, SI units; without a hand
     gains : K_v, K_p, N s/m and N/m
     """
     if not gains.closed:
@@ -64,11 +64,11 @@ def crossover(device: Device, gains: Gains) -> float | None:
 def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
     """Return the contribution of each part to the phase of L = A H (K_v F + K_p/s) P_mu of the sampled loop.
 
-    What sampling adds to the frequency model is a share of its own. The hold is the exact one: it is what runs.
+    The effect of sampling on the frequency model has a share of its own. The hold is the exact one.
 
     Parameters
     ----------
-    device : plain numbers, SI units; nobody holds it
+    device : plain numbers, SI units; without a hand
     gains : K_v, K_p, N s/m and N/m
     omega : rad/s, 0 < omega <= pi/T
     """
@@ -87,8 +87,7 @@ def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
 def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
     """Return the contribution of each part to the phase of q = F_s G_he, with G_he = P_hu C_0/(1 + P_mu C_f).
 
-    The feedback, 1/(1 + P_mu C_f), makes up for most of what is late within the loop; nothing does for the force
-    sensor.
+    The feedback, 1/(1 + P_mu C_f), makes up for most of the lag within the loop; nothing makes up for the force sensor.
 
     Parameters
     ----------
@@ -109,11 +108,11 @@ def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
 
 
 def sensor_miss(device: Device, omega: Floats) -> Floats | None:
-    """Return |1 - F_s|, by how much the sensed force misses the hand's; None where it is the same.
+    """Return |1 - F_s|, the error of the sensed force; None if it is 0.
 
     Parameters
     ----------
-    device : only its force sensor counts
+    device : only its force sensor matters
     omega : rad/s, > 0, shape (n,)
     """
     sensor = device_response(device, omega, FLOATS).sensor
@@ -141,7 +140,7 @@ def _without_loop(known: LoopConstants) -> complex:
 
 
 def _law_phase(gains: Gains, omega: float) -> dict[str, float]:
-    """Return the phase of K_v + K_p/s where it has one."""
+    """Return the phase of K_v + K_p/s, if the law is not 0."""
     return {LAW: _angle(complex(gains.velocity, -gains.position / omega))} if gains.position > 0 else {}
 
 

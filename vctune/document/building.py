@@ -24,9 +24,9 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 
 ProblemSource = str | Path | Mapping[str, Any] | Problem | ProblemFile
-"""What states a problem: the path of its file, the file's tables, or the problem itself."""
+"""A problem: the path of its file, the file's tables, or the problem itself."""
 DesignSource = Gains | GainsFile | str | Path
-"""What states a design: the path of a gains file, the file, or gains beside a coupling."""
+"""A design: the path of a gains file, the file, or gains beside a coupling."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +96,8 @@ def design(gains: DesignSource, coupling: AnyCoupling | None = None, kind: Displ
     Parameters
     ----------
     gains : a gains file or its path, or the gains of a coupling
-    coupling : None with a file
-    kind : of the device that a coupling is for, if it is the coupling of such a device
+    coupling : None if a file is given
+    kind : kind of the device that a coupling is for, if it is the coupling of such a device
 
     Raises
     ------
@@ -133,7 +133,7 @@ def design_for(file: ProblemFile, gains: DesignSource, coupling: AnyCoupling | N
     Parameters
     ----------
     file : the problem
-    gains, coupling : as of `design`
+    gains, coupling : see `design`
 
     Raises
     ------

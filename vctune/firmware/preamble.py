@@ -47,14 +47,15 @@ def assumptions(made: Firmware) -> list[str]:
     if device.servo is not None:
         return [
             f"Assumed: {built}; the {units.force_name} is sampled just before a command is given; environments are "
-            f"passive as they run. Nothing is proved of a limited speed or acceleration, of a command that is lost or "
-            f"late, and of the rounding of each operation.",
+            "passive as they run. The proof does not cover a limited speed or acceleration, a lost or late command, "
+            "and the rounding of each operation.",
         ]
     sampled = "" if made.parts.spring else f"; the {units.force_name} is sampled just before"
     return [
         f"Assumed: {built}; the command acts {device.delay!r} s after the "
-        f"sample and is held{sampled}; environments are passive as they run. Of static "
-        f"friction, a limited {units.force_name}, quantisation and the rounding of each operation nothing is proved.",
+        f"sample and is held{sampled}; environments are passive as they run. The "
+        f"proof does not cover static friction, a limited {units.force_name}, quantisation and the rounding of each "
+        "operation.",
     ]
 
 

@@ -34,7 +34,7 @@ from vctune.model.parts import PARTS, Servo
 
 Progress = Callable[[str], None]
 LEAST_LINES = 2
-"""Fewer frequencies make no radii between them."""
+"""Least number of frequencies; fewer give no radii between them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,15 +43,15 @@ class Identified:
 
     Attributes
     ----------
-    name : of the device
-    device : in the middle of the box
+    name : name of the device
+    device : device in the middle of the box
     bounds : the box
-    unmodelled : (Hz, radius) of what no device of the box has; none of slow motion alone
+    unmodelled : (Hz, radius) of the response that no device of the box has; empty for slow motion alone
     distances : relative, of each line or band to the nearest device of the box, for each record that has them
-    friction : for the simulation; None where none was found
-    force_noise : of a sample of the sensed force, N; None where none was recorded
+    friction : friction for the simulation; None if none was found
+    force_noise : noise of a sample of the sensed force, N; None if no force was recorded
     records : one for each recording
-    remarks : what the recordings do not tell, and what was done about it
+    remarks : remarks on what the recordings do not show
     """
 
     name: str
@@ -75,19 +75,19 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
     Parameters
     ----------
     recordings : at least one, all of the same device
-    known : what the user says of them
-    name : of the device
-    progress : told the stage of the work
+    known : the user's statements about them
+    name : name of the device
+    progress : function that receives the current stage
 
     Returns
     -------
     Identified
-        The device, its box, and what the recordings do not tell; SI units and hertz.
+        The device, its box, and remarks; SI units and hertz.
 
     Raises
     ------
     InputError
-        If a recording cannot be used, says nothing, or the sample times differ.
+        If a recording cannot be used, has no information, or the sample times differ.
     """
     times = [check(recording, known.document.sample_time, servo=known.servo) for recording in recordings]
     T = times[0]

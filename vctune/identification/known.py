@@ -35,7 +35,7 @@ def check_known(known: LogMap, sample_time: float) -> None:
     Raises
     ------
     InputError
-        Listing what cannot be, each with its line and key.
+        If a number is impossible, with its line and key.
     """
     raw: dict[str, Any] = toml.parse(known.text, known.source) if known.text else {}
     device = raw.get("device", {}) | {"sample_time": sample_time}
@@ -62,7 +62,8 @@ def known_sensor(known: LogMap) -> ForceSensor | None:
 
 
 def velocity_estimate(known: LogMap) -> VelocityEstimate:
-    """Return how the firmware knows its velocity: by the difference of the position, where nobody says otherwise."""
+    """Return how the firmware obtains its velocity: by the difference of the position, unless the user says
+    otherwise."""
     stated = known.document.device.velocity
     if stated is None:
         return VelocityEstimate("difference")
@@ -75,7 +76,7 @@ def known_parts(known: LogMap) -> dict[str, Any]:
 
 
 def velocity_assumed(known: LogMap) -> bool:
-    """Whether nobody says how the firmware knows its velocity."""
+    """Whether the user does not state how the firmware obtains its velocity."""
     stated = known.document.device.velocity
     return stated is None or stated.source is None
 
@@ -99,15 +100,15 @@ def with_known(
 
     Parameters
     ----------
-    estimates : of all recordings
+    estimates : estimates of all recordings
     known : the log.toml, which may state the delay
     T : sample time, s
-    recordings : for messages
+    recordings : recordings for messages
 
     Raises
     ------
     InputError
-        If nothing tells the delay.
+        If no recording determines the delay.
     """
     stated = known.document.device
     if known.servo:

@@ -29,7 +29,7 @@ from vctune.model.parts import (
 
 Hold = Literal["zoh", "lag"]
 Commanded = Literal["force", "velocity", "position"]
-"""What a firmware commands: a motor's force, or the motion that a servo follows."""
+"""Kinds of command: a motor's force, or the motion that a servo follows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class Device:
 
     Attributes
     ----------
-    mass : kg, > 0; 1 for a servo, on which nothing depends
+    mass : kg, > 0; 1 for a servo, where it has no effect
     damping : N s/m, >= 0; 0 for a servo
     sample_time : s, > 0
     delay : s, >= 0, from sampling to actuation, beyond the hold
@@ -102,7 +102,7 @@ class Device:
 
     @property
     def with_operator(self) -> Device:
-        """The device with its least operator at the handle, a part of it: W = Z_d + Z_h in place of Z_d if rigid."""
+        """The device including its least operator: W = Z_d + Z_h instead of Z_d if rigid."""
         if self.operator is None:
             return self
         if self.structure is not None:
@@ -128,7 +128,7 @@ class Device:
         return self.damping if self.operator is None else self.damping + self.operator.damping
 
     def number(self, key: str) -> Number:
-        """Return one of its numbers by its key; None where it has not got that."""
+        """Return one of its numbers by its key; None if it does not have it."""
         of: Any = self
         for name in key.split("."):
             of = getattr(of, name) if of is not None else None

@@ -10,14 +10,14 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 
 @dataclass(frozen=True, slots=True)
 class Latency:
-    """The parts of L, by which the force of a spring is late at rest: the drag must be at least K L. All in s.
+    """The parts of L, the delay of a spring's force at rest: the drag must be at least K L. All in s.
 
     Attributes
     ----------
     hold : T/2
     interpolation : T/2 of a position command
-    delay : of the servo
-    lag : of its low-pass
+    delay : delay of the servo
+    lag : lag of its low-pass
     sensor : delay and lag of the force sensor
     filter : lag of the firmware's filter of the sensed samples
     """

@@ -37,13 +37,13 @@ from vctune.study.plane import Plane, Squares, halved
 
 POINTS_PER_DECADE = 24
 TOGETHER = 512
-"""Cells judged together: what is known of them fits into memory."""
+"""Cells judged together; their data fit into memory."""
 LOOPS_AT_ONCE = 16
 """Loops whose arrays, a hundred hands at a hundred angles each, stay in the processor's cache; of no consequence but
 speed."""
 DAMPING = KEYS.index("coupling.damping")
 EASING = "coupling.mass", "coupling.drag"
-"""Variables of which more eases the demands."""
+"""Variables that ease the constraints as they grow."""
 
 Progress = Callable[[str], None]
 
@@ -67,9 +67,10 @@ class Region:
     ----------
     plane : the variables and their edges
     squares : the cells, shape (4, n)
-    kinds : of each cell, `Kind`
-    damping : for each feasible cell a b_c that serves all of it, N s/m, when the problem leaves b_c free; else nan
-    interrupted : whether cells were left undecided that had not been looked at, or could have been divided
+    kinds : kind of each cell, `Kind`
+    damping : for each feasible cell a b_c that serves all of it, N s/m, when the problem leaves b_c free;
+        else nan
+    interrupted : whether undecided cells remain that had not been evaluated, or could have been divided
     """
 
     plane: Plane
@@ -92,16 +93,16 @@ def region(
 ) -> Region:
     """Divide cells of a plane of gains until each is decided or as small as the plane's edges allow.
 
-    Where b_c, m_c or b_0 are free and not on an axis, feasible means that some values within their bounds will do. The
-    demands ease as m_c and b_0 grow, so that their upper bounds decide. Coarse cells come before fine ones, so that a
-    search that is stopped has decided most of the plane that it could in its time.
+    If b_c, m_c or b_0 are free and not on an axis, feasible means that some values within their bounds suffice. The
+    constraints ease as m_c and b_0 grow, so that their upper bounds decide. Coarse cells come before fine ones, so that
+    a search that is stopped has decided most of the plane that it could in its time.
 
     Parameters
     ----------
     problem : one without `plane_errors` in the plane
     plane : the variables and the edges of the finest cells
     squares : cells to begin with, shape (4, n)
-    progress : told what share of the plane is decided
+    progress : function that receives the decided share of the plane
     stopped : whether to give up now; asked before each `TOGETHER` cells. The time limit ends it earlier
 
     Returns
@@ -137,12 +138,12 @@ def free_damping(plane: Plane) -> bool:
 
 
 def easiest(cells: Cells, plane: Plane) -> Cells:
-    """Return the cells with m_c and b_0 at their upper bounds where they are free.
+    """Return the cells with m_c and b_0 at their upper bounds if they are free.
 
     Parameters
     ----------
     cells : boxes of the variables, SI units, n of them
-    plane : says which variables are axes
+    plane : the plane, which defines the axes
     """
     low = cells.low.copy()
     for index in (KEYS.index(key) for key in EASING if plane.at_full_width(key)):
@@ -156,7 +157,7 @@ def with_damping(cells: Cells, damping: Floats) -> Cells:
     Parameters
     ----------
     cells : boxes of the variables, n of them
-    damping : b_c, N s/m, shape (n,); nan where the cell keeps its range
+    damping : b_c, N s/m, shape (n,); nan if the cell keeps its range
     """
     low, high = cells.low.copy(), cells.high.copy()
     given = np.isfinite(damping)
@@ -170,13 +171,13 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
 
     Parameters
     ----------
-    problems : all of which a feasible cell meets: those of the stated delay and of others beside it
+    problems : problems that a feasible cell meets: that of the stated delay, and those of others beside it
     plane, squares : the cells
 
     Returns
     -------
-    kinds : of each cell, `Kind`, shape (n,)
-    damping : N s/m, shape (n,); nan where the cell is not feasible, or b_c is fixed or an axis
+    kinds : kind of each cell, `Kind`, shape (n,)
+    damping : N s/m, shape (n,); nan if the cell is not feasible, or b_c is fixed or an axis
     """
     cells, free = easiest(plane.cells(squares), plane), free_damping(plane)
     damping, places = _estimate(problems, cells, free=free)
@@ -193,7 +194,7 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
 
 
 def _lost(problem: Problem, cells: Cells, places: Places, *, free: bool) -> Flags:
-    """Return which cells are proved to hold no design that meets a problem's demands."""
+    """Return the cells that are proved to hold no design that meets a problem's constraints."""
     demands = pose(problem).demands
     lost = refuted(demands, cells, places)
     if free:
@@ -206,7 +207,7 @@ def _lost(problem: Problem, cells: Cells, places: Places, *, free: bool) -> Flag
 
 
 def _closer(problem: Problem, cells: Cells, places: Places) -> Places:
-    """Return the places with the hands and the angles next to those that ask most of the centres."""
+    """Return the places with the hands and the angles next to those with the greatest requirement of the centres."""
     assert problem.hands_met is not None and places.in_hands is not None
     K_v, K_p, *of_coupling = cells.centres().low[:, :, None, None]
     coupling, first = coupling_from(of_coupling), places.in_hands[0]
@@ -220,7 +221,7 @@ class _Asked:
 
     Attributes
     ----------
-    omega : rad/s, at which the coupling is met, of an impedance display theta, rad, shape (places,)
+    omega : rad/s, at which the coupling is evaluated, for an impedance display theta, rad, shape (places,)
     needed : the least Re Z_c there, N s/m, or Re(1/Z_c)/s^2, shape (n, places)
     place : the place of each cell as `Places` has it, from one of these numbers each
     """
@@ -235,8 +236,8 @@ def _estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> tuple
 
     Returns
     -------
-    damping : a b_c with which the centre meets the demands of all problems; nan if there seems to be none
-    places : of each problem, where they are hardest to meet
+    damping : a b_c with which the centre meets the constraints of all problems; nan if no such value is found
+    places : places of each problem, where they are hardest to meet
     """
     least, most = cells.low[DAMPING].copy(), cells.high[DAMPING].copy()
     meets, places = np.ones(len(cells), bool), []
@@ -250,12 +251,12 @@ def _estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> tuple
 
 @dataclass(frozen=True, slots=True)
 class _Hardest:
-    """Where the demands on n cells are hardest to meet.
+    """Places at which the constraints on n cells are hardest to meet.
 
     Attributes
     ----------
-    least, most : b_c between which the coupling's demands are met where it is free, N s/m, shape (n,)
-    meets : whether the others are, shape (n,)
+    least, most : range of b_c that meets the coupling's constraints if it is free, N s/m, shape (n,)
+    meets : whether the other constraints hold, shape (n,)
     places : where
     """
 

@@ -3,7 +3,7 @@ section 1).
 
 In a hand F and P are affine in the gains with constants of the angle and the hand (`vctune.model.sampled.hand_loop`).
 So both sides of |F|^2 Re Z_c >= factor (-o/2) are quadratic in them; in any passive hand on an impedance display both
-sides are so of K_v (`vctune.model.sampled.any_hand`). Any set of places will do.
+sides are so of K_v (`vctune.model.sampled.any_hand`). Any set of places is valid.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ from vctune.proof.enclosures.array_intervals import Enclosure, Flags, Floats, de
 from vctune.proof.enclosures.jets import ENCLOSURES
 
 NO_GAINS = Gains(0.0, 0.0)
-"""Those of a device without a loop of its own."""
+"""The constraints of a device without a loop of its own."""
 
 
 @dataclass(frozen=True, slots=True)
 class SampledConditions:
-    """The demand on the coupling in the sampled loop at some places, those of one device after another.
+    """The constraint on the coupling in the sampled loop at some places, those of one device after another.
 
     Attributes
     ----------
-    offer : of the couplings there
-    required : R, of an impedance display R/s^2
+    offer : offer of the couplings there
+    required : R, for an impedance display R/s^2
     """
 
     offer: Offer
@@ -70,7 +70,7 @@ def conditions_in_hands(devices: Sequence[Device], places: PlacesInHands) -> Sam
     Returns
     -------
     SampledConditions
-        At d k places, those of one device after another.
+        The conditions at d k places, those of one device after another.
     """
     angles = [_angles(device, places.at) for device in devices]
     each = [_in_hands(device, theta, places.hands) for device, theta in zip(devices, angles, strict=True)]
@@ -78,7 +78,7 @@ def conditions_in_hands(devices: Sequence[Device], places: PlacesInHands) -> Sam
 
 
 def conditions_in_any_hand(devices: Sequence[Device], omega: Floats) -> SampledConditions:
-    """Return the demand on the coupling in any passive hand, for each of several impedance displays.
+    """Return the constraint on the coupling in any passive hand, for each of several impedance displays.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def conditions_in_any_hand(devices: Sequence[Device], omega: Floats) -> SampledC
     Returns
     -------
     SampledConditions
-        At d k places, those of one device after another.
+        The conditions at d k places, those of one device after another.
     """
     angles = [_angles(device, omega) for device in devices]
     each = [_in_any_hand(device, theta) for device, theta in zip(devices, angles, strict=True)]
@@ -102,7 +102,7 @@ def _angles(device: Device, omega: Floats) -> Floats:
 def _conditions(
     devices: Sequence[Device], angles: list[Floats], each: list[tuple[Coefficients, Coefficients]]
 ) -> SampledConditions:
-    """Return the demand from the coefficients of R's numerator and denominator on each device."""
+    """Return the constraint from the coefficients of R's numerator and denominator on each device."""
     lost, size = (joined([coefficients[k] for coefficients in each]) for k in (0, 1))
     offer: Offer
     if devices[0].kind.inverse:

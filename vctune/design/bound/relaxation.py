@@ -2,8 +2,9 @@
 
 See model/README.md, section 8; design/bound/README.md, section 1.
 
-The demands are posed at some frequencies, angles and hands, for they can only be harder at all. There their constants
-are known, and only the gains are not (`llewellyn.py`, `hands.py`); the error is bounded term by term (`objective.py`).
+The relaxation imposes the constraints at some frequencies, angles and hands; at all of them they can only be harder.
+There their constants are known, and only the gains are not (`llewellyn.py`, `hands.py`); the error is bounded term by
+term (`objective.py`).
 """
 
 from __future__ import annotations
@@ -31,14 +32,14 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 
 
 class Conditions(Protocol):
-    """A demand on the coupling at some places, those of one device after another."""
+    """A constraint on the coupling at some places, those of one device after another."""
 
     @property
     def offer(self) -> Offer:
         """The offer of couplings there."""
 
     def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
-        """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes that meet none."""
+        """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes that satisfy none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,9 +49,10 @@ class Relaxation:
     Attributes
     ----------
     problem : the problem
-    devices, places : at which the demands are posed
-    conditions : on the coupling
-    sensitivity : |S|^2 of the sampled loop; for an uncertain device the demands are posed at each vertex of its box too
+    devices, places : at which the constraints are imposed
+    conditions : conditions on the coupling
+    sensitivity : |S|^2 of the sampled loop; for an uncertain device the constraints are imposed at each vertex of its
+        box too
     objective : the terms of the squared error
     """
 
@@ -64,7 +66,7 @@ class Relaxation:
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """Where a relaxation knows the demands.
+    """The places at which a relaxation imposes the constraints.
 
     Attributes
     ----------
@@ -102,22 +104,22 @@ class Places:
 def relaxation(
     problem: Problem, devices: list[Device], objective: list[Device], places: Places, intervals: int
 ) -> Relaxation:
-    """Relax a problem: pose its demands at some places only, and bound the terms of its error from below.
+    """Relax a problem: pose its constraints at some places only, and bound the terms of its error from below.
 
     See design/bound/README.md, section 1.
 
     Parameters
     ----------
-    problem : in SI units
-    devices : d devices at which the demands are posed, known exactly
-    objective : those of them whose greatest error is the objective
-    places : frequencies, angles and hands at which the demands are posed
+    problem : problem in SI units
+    devices : d devices at which the constraints are imposed, known exactly
+    objective : the devices among them whose greatest error is the objective
+    places : frequencies, angles and hands at which the constraints are imposed
     intervals : number of intervals of the transparency band for norm "rms", or of frequencies for "peak"
 
     Returns
     -------
     Relaxation
-        Each admissible design of the problem is admissible for it, with an error that is no greater.
+        Each feasible design of the problem is feasible for it, with an error that is no greater.
     """
     terms = objective_of(problem, objective, intervals)
     return Relaxation(
@@ -131,12 +133,12 @@ def relaxation(
 
 
 def at_places(relaxed: Relaxation, places: Places) -> Relaxation:
-    """Return the relaxation with its demands at other places; the terms of the error stay.
+    """Return the relaxation with its constraints at other places; the terms of the error stay.
 
     Parameters
     ----------
     relaxed : the relaxed problem
-    places : frequencies, angles and hands at which the demands are posed, on each device
+    places : frequencies, angles and hands at which the constraints are imposed, on each device
 
     Returns
     -------

@@ -20,12 +20,12 @@ from vctune.model.transparency import TERMS, TermName
 DEMANDS = ("ratio", "sensitivity", "stability", "peak", "unmodelled", "in_hand")
 """Kinds of constraint, in the order of `NlpStructure.capacities`."""
 CAPACITY_STEPS = (12, 12, 4, 12, 12, 12)
-"""Room for each kind of constraint comes in multiples of this, and open bounds switch off what is not used, so that a
+"""Room for each kind of constraint comes in multiples of this, and open bounds switch off unused constraints, so that a
 growing working set rarely needs another solver. Compiling one takes tens of milliseconds, an unused constraint some
-microseconds: half as many means more compiling, twice as many slower iterations; the answers are the same."""
+microseconds. Half means more compiling, twice slower iterations; the answers are the same."""
 IN_WORLDS = 36
-"""The same of the loops in hands with a box of environments, which join by windows of frequencies. Half of it compiles
-twice, twice makes every iteration slower."""
+"""The same for the loops in hands with a box of environments, which join by windows of frequencies. Half of it compiles
+twice; twice makes every iteration slower."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class NlpStructure:
 
     Attributes
     ----------
-    kind : of the device
+    kind : kind of the device
     rigid : whether b_c is infinite
     worlds : whether the environments are those of a box
     free : (index among a design's numbers, whether it may be 0) for each variable
@@ -42,13 +42,13 @@ class NlpStructure:
     terms : terms of the error with a positive weight
     norm : "rms" or "peak" (an epigraph variable is added)
     panels : panels of the quadrature, 0 for "peak"
-    capacities : how many constraints of each of `DEMANDS` there is room for
+    capacities : number of slots for each kind of `DEMANDS`
     tracked_peaks : number of peaks of |S| whose frequencies are variables
     operator_damping : whether the damping of an operator eases the conditions
-    parts : what the device has beside an ideal one, fields of `DeviceResponse`
-    order : of the sampled device, 1 if ideal
-    differenced, low_passes : whether the velocity is a difference of positions; how many low-passes it goes through
-    uncertain : whether the demands are posed at several devices, whose numbers then come with each frequency
+    parts : parts of the device that an ideal one lacks, fields of `DeviceResponse`
+    order : order of the sampled device, 1 if ideal
+    differenced, low_passes : whether the velocity is a difference of positions; number of its low-passes
+    uncertain : whether the constraints are imposed at several devices, whose numbers then come with each frequency
     objective_devices : number of devices the greatest of whose errors is the objective, for "rms"
     """
 
@@ -95,8 +95,8 @@ def nlp_structure(
     ----------
     posed : dimensionless
     free : its variables
-    working_set : where the demands are posed
-    panels : of the quadrature of the error
+    working_set : points at which the constraints are imposed
+    panels : panels of the quadrature of the error
     integrator : whether K_p > 0
     """
     problem, weights = posed.problem, posed.problem.transparency.weights

@@ -41,7 +41,7 @@ from vctune.simulation.scene import designed_scene
 
 SLOW = 0.1
 """A filter whose corner is below this share of the Nyquist frequency is named. Half names none of the usual 0.05 at 500
-Hz and less, twice names some that a hand cannot tell from none."""
+Hz and less, twice names some that a hand cannot decide from none."""
 
 
 def check_admittance(
@@ -56,16 +56,16 @@ def check_admittance(
     Parameters
     ----------
     problem : the device, with its velocity loop: the gains are fixed
-    path : of the parameter file
+    path : path of the parameter file
     given : its selected axes
     only : names of the axes to check; empty for all
-    progress : told the stage of the work
+    progress : function that receives the current stage
 
     Returns
     -------
     list of Checked
         One for each axis, in the file's order. An axis that does not move as the device does, a rotation or a
-        translation, is undecided: it is not looked at.
+        translation, is undecided: it is skipped.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def check_admittance(
 
 
 def _chosen(problem: ProblemFile, path: Path, given: AdmittanceFile, only: Sequence[str]) -> list[Admittance]:
-    """Return the axes to look at and those to name as not looked at."""
+    """Return the axes to look at and those to name as skipped."""
     selected = [axis.axis for axis in given.axes]
     if unknown := [name for name in only if name not in selected]:
         message = f"selects {', '.join(selected)}, and --axis asks for {', '.join(unknown)}; name axes that it selects"
@@ -110,7 +110,7 @@ def _moves_as(axis: Admittance, problem: ProblemFile) -> bool:
 
 
 def _misfit(axes: list[Admittance], problem: ProblemFile) -> str:
-    """Return why axes cannot be looked at with this problem."""
+    """Return why axes cannot be checked with this problem."""
     own = problem.problem.device.units
     other: UnitSystem = "linear" if own == "rotary" else "rotary"
     moves = "rotations" if other == "rotary" else "translations"
@@ -161,7 +161,7 @@ def _device(problem: ProblemFile, given: AdmittanceFile) -> dict[str, Any]:
 def _checked(
     problem: ProblemFile, tables: dict[str, Any], given: AdmittanceFile, axis: Admittance, progress: Progress
 ) -> Checked:
-    """Check an axis; its name does not count."""
+    """Check an axis; its name does not matter."""
     began, T = perf_counter(), problem.problem.device.sample_time
     looped = problem.problem.device.kind.own_loop
     coupling = coupling_of_admittance(axis, T, servo=not looped)

@@ -1,8 +1,8 @@
 """A design before a servo as parameters of a ROS 2 admittance_controller.
 
-The controller's law is a coupling with b_c = 2 m_c/T, m_c = M - D T and b_0 = D (see `admittance_problem`):
-M = m_c + D T and D = b_0 render mass and drag of a design. There is no damper in a row with the mass to set. D is told
-as a damping ratio of M and S, and as joint_damping, which all axes share and which alone damps without a stiffness.
+The controller's law is a coupling with b_c = 2 m_c/T, m_c = M - D T and b_0 = D (see `admittance_problem`): M = m_c + D
+T and D = b_0 render mass and drag of a design. There is no damper in a row with the mass to set. The file states D as a
+damping ratio of M and S, and as joint_damping, which all axes share and which alone damps without a stiffness.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from vctune.model.gains import Coupling
 from vctune.model.problem import Problem
 
 DIGITS = 7
-"""Of a damping, rounded up. Half of them ask for a hundredth of a per cent more; twice are not read by anybody."""
+"""Digits of a damping, rounded up. With half of them a damping is a hundredth of a per cent greater; nobody reads twice
+as many."""
 RETURN = 1e4
 """Seconds in which a spring that is there for the sake of its damping ratio alone pulls an axis back. Half and twice it
 cost a millionth of a damping."""
@@ -27,13 +28,13 @@ cost a millionth of a damping."""
 
 @dataclass(frozen=True, slots=True)
 class RenderedAxis:
-    """A design of one axis.
+    """The design of one axis.
 
     Attributes
     ----------
     axis : one of `AXES`
     device : a servo
-    coupling : of the design; its damping is left out
+    coupling : coupling of the design, without its damping
     """
 
     axis: str
@@ -70,7 +71,7 @@ def parameters_of(designs: Sequence[RenderedAxis], source: str) -> AdmittanceFil
     Parameters
     ----------
     designs : at least one
-    source : what messages call the problem
+    source : name of the problem in messages
 
     Raises
     ------

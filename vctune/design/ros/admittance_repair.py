@@ -23,14 +23,14 @@ from vctune.model.problem import Problem
 def repairs_of_axis(
     document: dict[str, Any], problem: Problem, judgement: Judgement, progress: Progress
 ) -> list[Repair] | None:
-    """Return the changes of one number after which an axis passes, or no longer is idle; None where it needs none.
+    """Return the changes of one number after which an axis passes, or is no longer idle; None if it needs none.
 
     Parameters
     ----------
     document : the tables of the device and of the parameter file (`document_of_both`)
-    problem : that they state
-    judgement : of the axis
-    progress : told what is tried
+    problem : problem that they state
+    judgement : judgement of the axis
+    progress : function that receives the current stage
 
     Returns
     -------
@@ -55,7 +55,7 @@ def remedy(repairs: Sequence[Repair], source: str) -> str:
 
     Parameters
     ----------
-    repairs : of an axis
+    repairs : repairs of an axis
     source : the problem file
     """
     words = [

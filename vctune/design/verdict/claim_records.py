@@ -92,7 +92,7 @@ GROWING: dict[ClaimId, Callable[[Problem, Judgement, Outcome], dict[str, Environ
     "worlds": _environment,
     "any_hand": _environment_of_any_hand,
 }
-"""Finds what a design grows with where the claim is refuted."""
+"""Functions that find the environment with which a design grows if the claim is refuted."""
 
 
 def _environment_record(device: Device, hand: HandRecord, found: GrowingEnvironment) -> dict[str, EnvironmentRecord]:

@@ -23,10 +23,10 @@ from vctune.proof.engine.interval import Verdict
 from vctune.running import unlimited
 
 RESERVE = 1e-3
-"""By what share the contact that is proved is softer than the stiffest in double precision: what is nearer takes a
-proof of many more boxes. Half of it takes up to twice the boxes."""
+"""Share by which the proved contact is softer than the stiffest in double precision: a closer one takes many more
+boxes. Half of it takes up to twice the boxes."""
 DIGITS = 4
-"""Of the stiffest contact."""
+"""Digits of the stiffest contact."""
 
 
 def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | None:
@@ -34,8 +34,8 @@ def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | No
 
     Parameters
     ----------
-    problem : with every default filled in, SI units
-    judgement : of the design
+    problem : problem with every default filled in, SI units
+    judgement : judgement of the design
     """
     hands = problem.hands_met
     if problem.device.servo is None or hands is None:
@@ -83,8 +83,8 @@ def _stiffest(
 
     Parameters
     ----------
-    problem, judgement : of the design
-    hands : to be met, of which a certified design bears all
+    problem, judgement : those of the design
+    hands : hands of the claim; a certified design bears all of them
     bears : the stiffest contact in double precision
     """
     if judgement.status is Status.CERTIFIED and (bears == inf or _floored(bears) <= hands.high.stiffness):

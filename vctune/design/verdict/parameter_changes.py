@@ -24,29 +24,29 @@ A gain that is changed too far fails again: up to a factor of 4 no window wider 
 FURTHEST = 1e6
 """How far a bound, or a gain, is moved at most: beyond any that could be built. A factor of ten is one trial."""
 SOFTEST = 1e-3
-"""How far the heaviest, most damped or stiffest hand is brought down at most: to what nobody would call a hand."""
+"""Least share to which the heaviest, most damped or stiffest hand is reduced: nobody would call less a hand."""
 FINEST, FINEST_FROM_ZERO = 1e-9, 1e-18
-"""Relative changes below which a change is none: what is smaller is lost in the digits of a file, or of a number."""
+"""Least relative changes: smaller ones are lost in the digits of a file, or of a number."""
 DIGITS = 12
 """Significant digits of a new value at most."""
 BETTER = {key: each for key, each in ENTRIES.items() if each.better}
 """The numbers of a device's parts of which a better one may be bought."""
 OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
 ONLY_UPWARDS = ("coupling.mass", "coupling.drag")
-"""What adds to Re Z_c wherever it grows: less of it makes nothing possible."""
+"""Numbers that add to Re Z_c as they grow: a decrease makes nothing possible."""
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterChange:
     """A number of a problem file that may be changed one way.
 
-    Changes are relative to the smaller of the old and the new value. Where the old value is 0 they are relative to the
-    natural size, and where it is infinite the same holds of the reciprocals.
+    Changes are relative to the smaller of the old and the new value. If the old value is 0 they are relative to the
+    natural size; if it is infinite the same holds for the reciprocals.
 
     Attributes
     ----------
-    path : where it stands in the file
-    meaning : what changing it means
+    path : its place in the file
+    meaning : meaning of the change
     old : the value that the file, or a default, gives it
     limit : the furthest value worth trying, above `old` or below it
     scale : natural size, where `old` is 0 or infinite
@@ -97,7 +97,7 @@ class ParameterChange:
         return abs(new - self.old) / min(new, self.old) if new > 0 else inf
 
     def size(self, new: float) -> float:
-        """Return the size of a change, by which changes of all numbers are compared: r/(1 + r), r the relative change.
+        """Return the size of a change, for comparing changes of all numbers: r/(1 + r), r the relative change.
 
         It is at most 1, the change relative to the greater of the old and the new value.
         """
@@ -105,12 +105,12 @@ class ParameterChange:
         return relative / (1 + relative) if relative < inf else 1.0
 
     def partial(self, new: float, share: float) -> float:
-        """Return the value after a share of a change; of the reciprocals where the old value is infinite.
+        """Return the value after a share of a change; if the old value is infinite, of the reciprocals.
 
         Parameters
         ----------
         new : value after the whole change
-        share : of it, 0 < share <= 1
+        share : share of it, 0 < share <= 1
         """
         return new / share if self.old == inf else self.old + share * (new - self.old)
 
@@ -127,7 +127,7 @@ class ParameterChange:
         Parameters
         ----------
         relative : the least change that is wanted
-        growth : how much greater it may be, as a share of it
+        growth : greatest relative increase
 
         Returns
         -------
@@ -156,7 +156,7 @@ class ParameterChange:
 
         Parameters
         ----------
-        document : parsed TOML, which stays as it is
+        document : parsed TOML, which is not modified
         new : the new value, in the file's unit
         """
         beside = () if self.other is None else (((*self.path[:-1], OTHER_END[self.path[-1]]), self.other),)
@@ -169,7 +169,7 @@ def parameter_changes(document: dict[str, Any], problem: Problem) -> list[Parame
     Parameters
     ----------
     document : parsed TOML
-    problem : that it states
+    problem : problem that it states
     """
     return [*_of_device(problem), *_of_operator(problem), *changes_of_demands(document, problem)]
 
@@ -180,7 +180,7 @@ def changes_of_demands(document: dict[str, Any], problem: Problem) -> list[Param
     Parameters
     ----------
     document : parsed TOML
-    problem : that it states
+    problem : problem that it states
     """
     band = _of_band(document, problem) if problem.passive else ()
     return [*band, *_of_worlds(problem), *_of_demands(problem), *_of_gains(document, problem)]
@@ -211,9 +211,9 @@ def _of_device(problem: Problem) -> Iterator[ParameterChange]:
 
 
 def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
-    """Yield fewer hands: with more damping, or where a box of them is to be met with less mass or stiffness.
+    """Yield fewer hands: with more damping or, if the claim is about a box of them, with less mass or stiffness.
 
-    Where none of a box has a stiffness, nothing may return the handle: then stiffer hands, too.
+    If no hand of a box has a stiffness, nothing may return the handle: then stiffer hands, too.
     """
     device, low, high = problem.device, problem.hands.low, problem.hands.high
     meaning, loop = "more damping in every hand", _natural_impedance(problem)
@@ -312,8 +312,8 @@ def change_of_gain(problem: Problem, key: str, old: float, limit: float) -> Para
 
     Parameters
     ----------
-    problem : that the design is of
-    key : of the number
+    problem : problem of the design
+    key : key of the number
     old, limit : the value that it has, and the furthest one
     """
     table, name = key.split(".")
@@ -338,10 +338,10 @@ def _natural_sizes(problem: Problem) -> dict[str, float]:
 
 
 def _upwards(old: float, natural: float) -> float:
-    """Return how far upwards to go."""
+    """Return the greatest upward change."""
     return max(FURTHEST * old, 10 * natural)
 
 
 def _downwards(old: float, key: str) -> float:
-    """Return how far downwards to go: to 0 where a gain may be that."""
+    """Return the greatest downward change: to 0 if a gain may be 0."""
     return 0.0 if key.startswith("gains.") else old / FURTHEST

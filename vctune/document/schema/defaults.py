@@ -55,8 +55,9 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Transparenc
     Parameters
     ----------
     document : the tables of a problem file, in its units
-    default_name : of the problem, where the document states none
-    yardstick : whose band and Z_0 replace the defaults of the objective; None for those of the device. The bounds have
+    default_name : default name of the problem, if the document states none
+    yardstick : yardstick whose band and Z_0 replace the defaults of the objective; None for those of the device. The
+        bounds have
         the scales of the device in either case
     """
     hands = _hands(document.operator or OperatorTable(), document.device.units)
@@ -97,8 +98,8 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
     Parameters
     ----------
     document : which states some
-    device : whose scales the others have
-    lag : of its loop, s
+    device : device whose scales the others have
+    lag : lag of its loop, s
     Z_0, middle : N s/m and rad/s, of the device's own transparency band unless they are stated
     """
     gains, coupling = document.gains, document.coupling
@@ -146,7 +147,7 @@ def _on(yardstick: Transparency | None, own: Transparency, table: TransparencyTa
 def _hands(table: OperatorTable, system: UnitSystem) -> Hands:
     """Return the hands of a table; a plain number is the least, the greatest is then a human hand's, or as much.
 
-    What a human hand is to a rotary device nobody knows but who states it: there a plain number is all.
+    The hands of a rotary device have no default, so that a plain number is all.
     """
     ranges = {}
     for name, high in HUMAN_HANDS.high.numbers.items():
@@ -157,7 +158,7 @@ def _hands(table: OperatorTable, system: UnitSystem) -> Hands:
 
 
 def _worlds(table: WorldsTable | None) -> Worlds | None:
-    """Return the environments of a table; None where it excludes none that is passive."""
+    """Return the environments of a table; None if it excludes no passive one."""
     if table is None:
         return None
     low = World(table.mass.min, table.damping.min, table.stiffness.min)
@@ -169,19 +170,19 @@ def _worlds(table: WorldsTable | None) -> Worlds | None:
 def _asked(hands: Hands, latency: float) -> float:
     """Return the drag that the stiffest hand of a box requires of a servo at rest, stiffness times latency, N s/m.
 
-    Where no hand has a stiffness, its damping or its mass over the latency stand in its place.
+    If no hand has a stiffness, its damping or its mass over the latency is used instead.
     """
     most = hands.high
     return max(most.stiffness * latency, most.damping, most.mass / latency) or 1.0
 
 
 def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag: float, slowest: float) -> Stability:
-    """Return the demands; those of an impedance display are up to the Nyquist frequency.
+    """Return the constraints; those of an impedance display are up to the Nyquist frequency.
 
     Parameters
     ----------
-    table : as stated
-    criterion : which hands are met
+    table : table as stated
+    criterion : selects the hands
     device, lag : whose loop it is, and its lag, s
     slowest : lower edge of the transparency band, rad/s
     """
@@ -227,7 +228,7 @@ def stated_parts(table: BaseModel) -> dict[str, Any]:
 
 
 def _uncertainty(table: UncertaintyTable, device: Device) -> Uncertainty | None:
-    """Return None where no number moves: a half-width of 0, or relative to a number that is 0."""
+    """Return None if no number moves: a half-width of 0, or relative to a number that is 0."""
     widths = table.model_dump(by_alias=True, exclude={"objective", "unmodelled"})
     moving = tuple((key, width) for key, width in widths.items() if width > 0)
     radii = () if device.servo is not None else tuple(table.unmodelled)

@@ -17,8 +17,8 @@ MAX_DELAY_SAMPLES = 200
 SENSED_DELAYS = set(DELAYS) - set(LOOP_DELAYS)
 """The delays behind the loop's own, which `contradictions` looks at."""
 FASTEST, SLOWEST = 1e3, 1e-6
-"""Between what shares of the sampling rate a bandwidth or a resonance may lie: beyond, it does nothing, or nothing else
-does anything."""
+"""Range of a bandwidth or a resonance as shares of the sampling rate: beyond it, the part has no effect, or hides all
+others."""
 
 
 def impossible_parts(raw: dict[str, Any]) -> Iterator[Contradiction]:

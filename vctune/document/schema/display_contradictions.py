@@ -20,7 +20,7 @@ OF_ADMITTANCE: dict[tuple[str, ...], str] = {
     ("environment",): "its demands are proved of every passive environment alone, not of a box of them",
     ("uncertainty", "unmodelled"): "its demands are not proved of a response that is not known",
 }
-"""What an impedance display has not got."""
+"""Keys that do not apply to an impedance display."""
 OF_OWN_LOOP: dict[tuple[str, ...], str] = {
     ("device", "mass"): "the hand does not move it: its motion follows the command alone",
     ("device", "damping"): "the hand does not move it: its motion follows the command alone",
@@ -36,7 +36,7 @@ OF_OWN_LOOP: dict[tuple[str, ...], str] = {
     ("uncertainty", "delay"): 'the delay is "servo.delay"',
     ("stability", "max_sensitivity"): "the file closes no loop of its own that could be too sensitive",
 }
-"""What a servo has not got."""
+"""Keys that do not apply to a servo."""
 
 
 def impossible_display(raw: dict[str, Any]) -> Iterator[Contradiction]:

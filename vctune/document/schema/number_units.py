@@ -38,8 +38,8 @@ def unit_of(path: KeyPath, units: Units) -> str:
 
     Parameters
     ----------
-    path : of its key
-    units : of the problem
+    path : path of its key
+    units : units of the problem
     """
     names = [step for step in path if isinstance(step, str) and step not in ("min", "max")]
     if not names or any(name in SHARES for name in names):
@@ -53,7 +53,7 @@ def heading(name: str, unit: str) -> str:
 
     Parameters
     ----------
-    name : of the column
+    name : name of the column
     unit : "" for none
     """
     return f"{name} [{unit}]" if unit and "_hz" not in name else name

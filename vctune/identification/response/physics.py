@@ -32,7 +32,7 @@ class Candidate:
     ----------
     masses : 1 or 2
     lag : whether a first-order actuator is between command and motor
-    load : whether the handle has a damping of its own, which a problem file cannot say
+    load : whether the handle has a damping of its own, which a problem file cannot state
     """
 
     masses: int
@@ -103,7 +103,7 @@ def held_compliance(device: Device, omega: Floats) -> Complex:
 
     Parameters
     ----------
-    device : with its delay and actuator; a delay below 0 is a sample earlier and the rest of it later
+    device : device with its delay and actuator; a delay below 0 is a sample earlier and the rest of it later
     omega : rad/s, 0 < omega <= pi/T
     """
     T = device.sample_time
@@ -113,7 +113,7 @@ def held_compliance(device: Device, omega: Floats) -> Complex:
 
 
 def antiresonance_hz(device: Device) -> float | None:
-    """Return where the motor hardly moves: the handle on its spring alone, Hz; None of a rigid device."""
+    """Return the antiresonance of the motor, the handle on its spring alone, Hz; None for a rigid device."""
     if device.structure is None:
         return None
     return sqrt(mechanism(device, device.structure, FLOATS).stiffness / device.structure.handle_mass) / (2 * pi)

@@ -1,7 +1,7 @@
 """The device's constants in its loop at a frequency, independent of the gains (README, sections 1 and 12).
 
-An ideal device is a mass and a damping, and a hold with its delay. What else there is, an actuator, a velocity
-estimate, a force sensor, a spring between motor and handle, comes beside them, and costs nothing where it is not.
+An ideal device is a mass and a damping, and a hold with its delay. Other parts (an actuator, a velocity estimate, a
+force sensor, a spring between motor and handle) are optional, and cost nothing if absent.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ class Spring:
 
     Attributes
     ----------
-    mass, damping : of the handle with what it is loaded with, kg and N s/m; None without a load
+    mass, damping : those of the handle with its load, kg and N s/m; None without a load
     y_c, y_k : c/(k^2 + (omega c)^2) and k/(k^2 + (omega c)^2), s m/N and m/N
-    total, own_mass : of the device and of its handle, without a load, kg
+    total, own_mass : masses of the device and of its handle, without a load, kg
     bent, bent_im : g = omega^2 mu/(k + j omega c), in which no mass is: real and imaginary part; y = j g/(omega mu)
     """
 
@@ -64,13 +64,13 @@ class DeviceResponse(NamedTuple):
     Attributes
     ----------
     omega : rad/s
-    mass, damping : of the motor's part, all of the device if it is rigid, kg and N s/m
+    mass, damping : those of the motor's part, all of the device if it is rigid, kg and N s/m
     drive : A H
     estimate : F, from the motor's velocity to the firmware's; None for 1
-    sensor : F_s, from the hand's force to what is sensed; None for 1
-    spring : between motor and handle; None if rigid
+    sensor : F_s, from the hand's force to the sensed force; None for 1
+    spring : spring between motor and handle; None if rigid
     operator : b_h, the damping of the least operator, N s/m; None without one
-    factor : x = 1 + delta, by which the mechanism's response is multiplied; None for 1
+    factor : x = 1 + delta, factor of the mechanism's response; None for 1
     follows : whether the motion follows the command alone, as a servo's
     """
 
@@ -93,8 +93,8 @@ class Mechanism:
     Attributes
     ----------
     motor, handle : kg
-    damping : of the handle, N s/m, None for none; the motor's is the device's
-    stiffness, viscosity : of the spring between them, N/m and N s/m
+    damping : damping of the handle, N s/m, None for none; the motor's is the device's
+    stiffness, viscosity : those of the spring between them, N/m and N s/m
     """
 
     motor: Number
@@ -170,7 +170,7 @@ def device_response(device: Device, omega: Number, ops: Arithmetic) -> DeviceRes
 
     Parameters
     ----------
-    device : in SI units; parts that it lacks are None in the result
+    device : device in SI units; parts that it lacks are None in the result
     omega : angular frequency, rad/s, may be 0; a number or an array of any shape
     ops : arithmetic of omega and of the device's numbers
 

@@ -1,6 +1,6 @@
 """Non-ideal parts of a device at a frequency: velocity estimate, actuator, force sensor (README, section 12).
 
-All have gain 1 at rest, so that what they take away, not what they leave, is worked out: nothing cancels.
+All have gain 1 at rest, so that the code computes their loss, not their remainder: nothing cancels.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ class FilterResponse:
 
     Attributes
     ----------
-    re : Re, which vanishes far above a low-pass, while what it takes away does so far below it
+    re : Re, which vanishes far above a low-pass, while its loss vanishes far below it
     curvature : (1 - Re)/omega^2, s^2
     lag : -Im/omega, s
     """
@@ -149,7 +149,7 @@ def velocity_estimate(
     Returns
     -------
     FilterResponse or None
-        Of the shape of omega; None if the firmware knows the true velocity.
+        An array of the shape of omega; None if the firmware measures the true velocity.
     """
     theta, T, found = omega * sample_time, sample_time, None
     half = ops.sinc(theta / 2)
@@ -177,7 +177,7 @@ def firmware_low_pass(
     Returns
     -------
     FilterResponse or None
-        Of the shape of omega; None if the firmware has no low-pass.
+        An array of the shape of omega; None if the firmware has no low-pass.
     """
     if estimate.filter_hz is None:
         return None
@@ -205,7 +205,7 @@ def sensor_response(sensor: ForceSensor, omega: Number, ops: Arithmetic) -> Filt
     Returns
     -------
     FilterResponse or None
-        Of the shape of omega; None if the sensor senses the force at once.
+        An array of the shape of omega; None if the sensor senses the force without delay.
     """
     found = None
     if sensor.bandwidth_hz is not None:

@@ -24,8 +24,8 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.impedance_display import Required, firmware_filter
 
 ALIASES = 24
-"""Pairs of aliases that are added up one by one behind an actuator or a spring; those beyond are bounded. With half of
-them R is known to a thousandth at the Nyquist frequency, with twice as many to a tenth of that."""
+"""Pairs of aliases that are summed one by one behind an actuator or a spring; the rest is bounded. Half of them give R
+to a thousandth at the Nyquist frequency, twice as many to a tenth of that."""
 
 
 class InAnyHand(NamedTuple):
@@ -45,7 +45,7 @@ class AnyHand(NamedTuple):
     short : (r - Re c)/s^2
     beyond : (|c|^2 - r^2)/s^2
     centre : c
-    low_pass : F there; None for 1
+    low_pass : F at theta; None for 1
     sine2 : s^2
     """
 
@@ -65,7 +65,7 @@ class AnyHand(NamedTuple):
         return InAnyHand(self.short, -(self.beyond * low_pass.re), 2 * along, low_pass.abs2() * inside)
 
     def required(self, gains: Gains) -> Required:
-        """Return R/s^2 as a quotient; of the gains only K_v counts."""
+        """Return R/s^2 as a quotient; only K_v of the gains matters."""
         K_v, of = gains.velocity, self.of_velocity
         return Required(of.lost + K_v * of.lost_slope, 1 + K_v * of.size_slope + K_v * K_v * of.size_square)
 
@@ -194,14 +194,14 @@ def motor_disc(device: Device, omega: Number, ops: Arithmetic) -> tuple[Number, 
 
     Parameters
     ----------
-    device : with b > 0, in SI units
+    device : device with b > 0, in SI units
     omega : angular frequency, rad/s
     ops : arithmetic of both
 
     Returns
     -------
     rho : m/(N s)
-    reactance : omega m_1, N s/m, of the motor's part; of a rigid device omega m
+    reactance : omega m_1, N s/m, of the motor's part; for a rigid device omega m
     g : m/(N s); None for a rigid device
     """
     b, reactance = device.damping, omega * device.motor_mass

@@ -1,10 +1,10 @@
 """The sampled loop of a device let go, for boxes of devices (model/README.md, section 14).
 
-The polynomials of a sampled device are sums that cancel: where its numbers are not known exactly, enclosures of them
-are wide. Those of x' = A x + b u, held and sampled exactly as (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u
-with Q = (A/2) coth(A/2), are hardly wider than what they enclose. The states are the motor's position, the velocity of
-the centre of mass, how far the spring is bent and how fast: so the resonance has no mass in it. None but the position's
-own row depends on the position, so that its integrator 2 j s can be left out.
+The polynomials of a sampled device are sums that cancel: if its numbers are not known exactly, enclosures of them are
+wide. The numbers of x' = A x + b u, held and sampled exactly as (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1)
+u with Q = (A/2) coth(A/2), have enclosures hardly wider than their ranges. The states are the motor's position, the
+velocity of the centre of mass, and the bend of the spring and its rate: so the resonance has no mass in it. Only the
+position's own row depends on the position, so that its integrator 2 j s can be left out.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class PlantLetGo:
     ----------
     rates, step : A and Q
     push, older : b and b_1, None for 0
-    lead : what the motor's velocity has of the rate of bending beside the velocity of the centre of mass; None if rigid
+    lead : coefficient of the rate of bending in the motor's velocity, beside the centre of mass; None if rigid
     whole_samples : N, of the delay
     sample_time, mass : T and m, of the units
     difference : whether the velocity is that of the position
@@ -64,7 +64,7 @@ def has_sharp_form(device: Device) -> bool:
 
     Parameters
     ----------
-    device : in plain numbers
+    device : device in plain numbers
     """
     if device.structure is not None:
         return bool(device.structure.frequency_hz * device.sample_time < HIGHEST)
@@ -72,9 +72,9 @@ def has_sharp_form(device: Device) -> bool:
 
 
 def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, fractional: bool) -> PlantLetGo:
-    """Sample a device exactly that nobody holds, in the form of this module (model/README.md, section 14).
+    """Sample a device without a hand exactly, in the form of this module (model/README.md, section 14).
 
-    A load of the structure counts. The force sensor does not, since no loop contains it without a hand.
+    A load of the structure is included. The force sensor does not, since no loop contains it without a hand.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def return_difference(plant: Plant, theta: Number, ops: Arithmetic, *, position:
 
     Parameters
     ----------
-    plant : a device that nobody holds, in either form
+    plant : a device without a hand, in either form
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of plant and theta
     position : whether the law has K_p > 0; if not, the position's part is 0 and F is that of the velocity loop

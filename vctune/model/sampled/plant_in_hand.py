@@ -6,7 +6,7 @@ Held and sampled, with theta = omega T, s = sin(theta/2) and c = cos(theta/2),
     (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = f(A/E) E,   f(X) = (X/2) coth(X/2),
 
 where d = 1 - z^-1, b_1 is the share of the older force of a sample and f(X) = 1 + X^2/12 - ...: nearly the mechanism
-itself with 2 j tan(theta/2) in the place of s, so that its low frequencies hardly depend on the mass.
+itself with 2 j tan(theta/2) instead of s, so that its low frequencies hardly depend on the mass.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Delays:
     loop : N, of the device's delay
     loop_fractional : whether there is an older force in a sample
     felt : the same of the sum with the force sensor's delay
-    felt_fractional : whether there is an older force in what is felt
+    felt_fractional : whether the sensed force contains an older command
     """
 
     loop: Number
@@ -70,13 +70,13 @@ class Mechanism(NamedTuple):
 
     Attributes
     ----------
-    names : of the states
-    inertia : diagonal of E, by state; 1 where it is not named
-    sensed : what else is in E, of the handle's acceleration, by the row of the sensor's filter
+    names : names of the states
+    inertia : diagonal of E, by state; 1 for other states
+    sensed : additional entries of E, of the handle's acceleration, by the row of the sensor's filter
     rates : rows of A
     push : b
-    felt : what is sensed of x, by state
-    felt_inertia : what is sensed of the handle's acceleration; None with a filter
+    felt : sensed part of x, by state
+    felt_inertia : sensed part of the handle's acceleration; None with a filter
     handle : state that is the handle's velocity
     """
 
@@ -97,14 +97,14 @@ class PlantInHand:
     Attributes
     ----------
     rates, step : A and Q
-    push, older, felt_older : b, b_1 of the loop, and b_1 of what is felt, whose delay is longer; None where it is 0
-    felt : what is sensed of the states, -G_f is with the handle's inertia
-    felt_inertia : row of what is sensed of d x, and what of d b_1 u; None with a filter
+    push, older, felt_older : b, b_1 of the loop, and b_1 of the sensed force, whose delay is longer; None if it is 0
+    felt : sensed part of the states; -G_f includes the handle's inertia
+    felt_inertia : row of the sensed part of d x, and that of d b_1 u; None with a filter
     delays : whole samples
     sample_time, mass : T and m, of the units
     difference : whether the velocity is that of the position
     low_pass, order : a and r of the firmware's low-passes of the velocity; None without
-    meets_position : whether the environment meets the position, as an impedance display's does
+    meets_position : whether the environment acts on the position, as an impedance display's does
     """
 
     rates: Matrix
@@ -124,7 +124,7 @@ class PlantInHand:
 
     @property
     def poles(self) -> int:
-        """How many poles the loop's F has more than there are delays, by which it turns if none is unstable."""
+        """Return the number of the loop F's poles beyond its delays, which gives its turns if none is unstable."""
         return len(self.push) + (0 if self.meets_position else self.order)
 
 
@@ -137,7 +137,7 @@ class ServoInHand:
 
     @property
     def poles(self) -> int:
-        """How many poles a loop has, which is not there."""
+        """Return the number of poles of a loop, which is not part of it."""
         return 0
 
 
@@ -150,7 +150,7 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
 
     Parameters
     ----------
-    device : in SI units; its least operator does not count, the hand takes its place
+    device : device in SI units; its least operator is ignored, the hand takes its place
     hand : M, B and K at the handle
     delays : whole samples of the device's delay alone, and with the force sensor's
     ops : arithmetic of device and hand

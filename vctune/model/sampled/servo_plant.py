@@ -6,13 +6,13 @@ transfer functions from the held velocity are
 
     G_v = w^N V/O,   G_a = w^N A/O,   G_x = w^N X/(d O),
 
-with polynomials that are homogeneous in d and w, of degree n + 1, n + 1, n + 2 and n. On the unit circle
-d = 2 j s e^(-j theta/2) and w = (c - j s) e^(-j theta/2), s = sin(theta/2), c = cos(theta/2). Divided by powers of
-e^(-j theta/2) each polynomial is one of 2 j s and c with real coefficients, and what is met of 1/O is multiplied out:
+with polynomials that are homogeneous in d and w, of degree n + 1, n + 1, n + 2 and n. On the unit circle d = 2 j s
+e^(-j theta/2) and w = (c - j s) e^(-j theta/2), s = sin(theta/2), c = cos(theta/2). Divided by powers of e^(-j
+theta/2), each polynomial is one of 2 j s and c with real coefficients, and the factors of 1/O are multiplied out:
 
     G_x = e^(-j mu theta) (e(y) + j s c o(y))/(2 j s D(y)),   D = |O|^2,   mu = N + 1/2,
 
-and likewise G_v and G_a with 2 j s V and 2 j s A in the place of X. A filter y += a (x - y) of the sensed samples is
+and likewise G_v and G_a with 2 j s V and 2 j s A instead of X. A filter y += a (x - y) of the sensed samples is
 
     a/(1 - b w) = a (a + 2 b y - 2 j b s c)/(a^2 + 4 b y),   b = 1 - a.
 """
@@ -62,7 +62,7 @@ class ServoPlant:
     interpolated : whether the command is a position: all is times cos(theta/2)
     sample_time : T, s
     pull : the firmware's own spring; None without it
-    radii : of a disc of responses, `Servo.radii`
+    radii : radii of a disc of responses, `Servo.radii`
     """
 
     size: Vector
@@ -128,8 +128,8 @@ def sensed_delay(device: Device) -> SensedDelay:
 def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPlant:
     """Sample a servo and its force sensor exactly (model/README.md, section 17).
 
-    The sensor reads the force just before the next command acts. With a delay of whole samples, that force is still due
-    to the command before.
+    The sensor reads the force just before the next command acts. With a delay of whole samples, the previous command
+    still causes that force.
 
     Parameters
     ----------

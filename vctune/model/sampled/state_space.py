@@ -1,6 +1,6 @@
 """A device with an actuator or a structure over one sample, exactly: its states and their step.
 
-Time is counted in T, impedances in m/T, so that all numbers are dimensionless and of the size of what they mean for the
+Time is in units of T, impedances in m/T, so that all numbers are dimensionless and of the size of their effect on the
 sampled loop (README, section 12).
 """
 
@@ -49,7 +49,7 @@ def sampled_states(device: Device, older: Number | None, ops: Arithmetic) -> Ste
 
     Parameters
     ----------
-    device : in SI units
+    device : device in SI units
     older : part of a sample for which the older force acts, s; None if the delay is a whole number of samples
     ops : arithmetic of both
 
@@ -72,7 +72,7 @@ class SampledChain:
     ----------
     open : coefficients of det(x - psi), without the last, which is 1
     states : numerators of all states, a vector for each power of x, from the newer and from the older input of a sample
-    position : numerators of the integral, over another x, likewise
+    position : numerators of the integral, over another x, in the same way
     """
 
     open: Vector

@@ -1,7 +1,7 @@
 """An upper bound of what hands require of a coupling: straight pieces over the angle, each of them proved.
 
-What is required in a hand is of the gains alone. Where many couplings meet the same gains it is looked at once, and
-each coupling is then compared with the bound over the angle, without a hand.
+The requirement in a hand depends on the gains alone. If many couplings have the same gains the prover bounds it once,
+and compares each coupling with the bound over the angle, without a hand.
 """
 
 from __future__ import annotations
@@ -33,22 +33,23 @@ STEP = 1.05
 """Ratio of the edges of a piece. Its square root takes a third more boxes and leaves as much of a plane open, its
 square a tenth fewer and half as much again."""
 SHARES = (0.0, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0)
-"""Shares of each range at which hands are looked at before a piece is proved. Half as many miss what is asked between
-them, so that pieces are up to a tenth higher, and of a plane twice as much stays open; twice as many take twice as
-long."""
+"""Shares of each range of the hands that are tried before a piece is proved. Half as many miss the requirement between
+them, so that pieces are up to a tenth higher and twice as much of a plane stays open; twice as many take twice as long.
+"""
 WITHIN = 5
 """Angles of a piece at which they are. Half and twice as many: the same, on average to 1e-4."""
 SLACK, RAISED = 5e-3, 4.0
-"""By how much a piece is raised above what was seen, relative, at first, and how many times as much in each attempt
-that follows. Half of either takes a third more boxes, twice a sixth fewer; of a plane half and twice the first leave
-half as much again open, of the second a tenth."""
+"""Relative amount by which a piece is first raised above the tried hands, and its growth in each further attempt. Half
+of either takes a third more boxes, twice a sixth fewer. For a plane, half and twice the first leave half as much again
+open, of the second a tenth."""
 SMALL = 1e-4
-"""Share of the greatest bound below which a piece is raised as one of so much is. Half and twice: the same."""
+"""Share of the greatest bound; a smaller piece is raised as if it had this size. Half and twice: the same."""
 ATTEMPTS = 10
-"""Attempts to prove a piece before nothing is said of it. Most take two or three; half and twice as many: the same."""
+"""Attempts to prove a piece before it stays open. Most take two or three; half and twice as many: the same."""
 MAX_HALVINGS, MAX_BOXES = 40, 250
-"""How often a box of angle and hand is halved, and how many of a piece are looked at in the first attempt, in each that
-follows twice as many. Half and twice the first: the same; of the second: as much of a plane is left open."""
+"""How often a box of angle and hand is halved, and how many boxes of a piece are tried in the first attempt; each
+further attempt doubles the number. Half and twice the first: the same; of the second: as much of a plane is left open.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +59,8 @@ class Envelope:
     Attributes
     ----------
     low, high : edges of the pieces, rad, shape (n,)
-    offset, slope : N s/m, and by rad, shape (n,); of an impedance display of R/s^2. inf where there is no bound
-    boxes : what it took
+    offset, slope : N s/m, and by rad, shape (n,); for an impedance display of R/s^2. inf if there is no bound
+    boxes : number of boxes
     """
 
     low: Floats
@@ -80,7 +81,7 @@ class Envelope:
 def envelope(device: Device, hands: Hands | None, gains: Gains) -> Envelope:
     """Bound R from above in all hands, by a straight line over each piece of the angle.
 
-    For each piece a sample of hands gives a first line, and a proof raises it until it is certainly above R.
+    For each piece a sample of hands gives a first line, and the prover raises it until it is certainly above R.
 
     Parameters
     ----------

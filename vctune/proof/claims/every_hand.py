@@ -1,7 +1,7 @@
 """The loop in every hand of a box, with every passive environment, at every frequency (model/README.md, section 14).
 
-The margin is proved positive over angle, hand and uncertain device together. Where it is, no pole of the loop is on the
-unit circle; in one hand none is outside, and from there to any other none crosses over.
+The margin is proved positive over angle, hand and uncertain device together. Where it is positive, no pole of the loop
+is on the unit circle; in one hand none is outside, and from there to any other hand none crosses over.
 """
 
 from __future__ import annotations
@@ -53,18 +53,17 @@ from vctune.proof.engine.winding import turned_angle
 STEP = 1.4
 """Ratio of the edges of the first intervals. Its square root and its square take as many boxes within a tenth."""
 MAX_BOXES = 400_000
-"""Boxes looked at before the claim is left open; an optimal design takes some thousand. Half and twice it: as long
-to give up."""
+"""Boxes before the claim is left open; an optimal design takes some thousand. Half and twice it: as long to give up."""
 EASY_BOXES = 20_000
-"""Boxes after which hands next to a sharp resonance are looked at apart: where the demand leaves room there, some
-hundred do. Half or twice as many cost half or twice as much where they were in vain: some seconds."""
+"""Boxes after which hands near a sharp resonance get boxes of their own; if the constraint leaves room there, some
+hundred suffice. If they do not, half or twice as many cost half or twice as much: some seconds."""
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
 """How far from an end of the angles, as a share of pi, a witness is looked for. Fewer: growth that takes longer to see;
 more: none that is seen."""
 Ends = dict[str, tuple[Floats, Floats]]
 """The least and the greatest number of each row by its name, of one box or of several."""
 MAX_HALVINGS = 120
-"""How often a box is halved at most: twenty times in each of six rows. Half and twice as often: the same proofs."""
+"""Greatest number of halvings of a box: twenty in each of six rows. Half and twice as often: the same proofs."""
 
 
 def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
@@ -73,8 +72,8 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     Parameters
     ----------
     design : taken as the decimals that it is written as
-    demands : with the hands and the factor
-    box : devices for all of which the claim is proved; None for the design's own alone
+    demands : constraints with the hands and the factor
+    box : devices for which the claim is proved; None for the design's own alone
 
     Returns
     -------
@@ -124,7 +123,7 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
 def _of_margins(
     demands: Demands, uncertain: tuple[str, ...], part: _Part, fixed: Values, near: Resonance | None = None
 ) -> Test:
-    """Return the test of the margins of which one must be positive, in hands next to resonance or in all."""
+    """Return the test of the margins, of which one must be positive, in hands next to resonance or in all."""
     both = [hands_margins(demands, uncertain, part.delays, ops) for ops in (ENCLOSURES, TAYLOR)]
     slopes, polynomials = (near.margins(each) for each in both) if near else both
     spans, servo = part.spans, demands.device.servo
@@ -182,8 +181,8 @@ def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = Non
     Parameters
     ----------
     design : taken as the decimals that it is written as
-    demands : with the factor
-    box : devices for all of which the claim is proved; None for the design's own alone
+    demands : constraints with the factor
+    box : devices for which the claim is proved; None for the design's own alone
 
     Returns
     -------
@@ -209,7 +208,8 @@ def _and_without_reserve(
     demands: Demands,
     box: DeviceBox | None,
 ) -> Outcome:
-    """Return an outcome that holds with the factor 1 too, which of a coupling that may drive is no weaker demand."""
+    """Return an outcome that holds with the factor 1 too; for a coupling that may drive, the factor 1 is no weaker
+    constraint."""
     if found.verdict is not Verdict.PROVED or demands.factor == 1 or not design.device.coupling_may_drive:
         return found
     again = proof(design, replace(demands, factor=1.0), box)
@@ -225,7 +225,7 @@ def _proved_over(
     max_boxes: int,
     near: Resonance | None = None,
 ) -> Outcome:
-    """Prove margins of theta, the hand's numbers and the device's positive over all of them.
+    """Prove margins of theta, the hand's numbers and the device's numbers positive over all of them.
 
     Parameters
     ----------
@@ -271,7 +271,7 @@ def _in_doubt(
     boxes: int,
     near: Resonance | None,
 ) -> Outcome:
-    """Decide by balls about a point at which arrays have not proved the demand."""
+    """Decide by balls about a point at which arrays have not proved the constraint."""
     for row, name in enumerate(names):
         if name in DELAY_ROWS:  # at its ends the whole samples change
             inwards = np.minimum(NEXT_TO * design.device.sample_time, (part.high[row] - part.low[row]) / 2)
@@ -316,12 +316,12 @@ class _Part:
         return np.asarray((self.high - self.low).max(axis=1, keepdims=True))
 
     def within(self, test: Test, names: tuple[str, ...]) -> Test:
-        """Return a test that leaves out where the sum of both delays has other whole samples.
+        """Return a test that ignores points where the sum of both delays has other whole samples.
 
         Parameters
         ----------
-        test : of boxes with these rows
-        names : of the rows, but the frequency
+        test : test of boxes with these rows
+        names : names of the rows, but the frequency
         """
         rows = [1 + index for index, name in enumerate(names) if name in DELAY_ROWS]
         if not rows:
@@ -375,7 +375,7 @@ def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) ->
 def _whole(low: float, high: float, T: float, *, last: bool) -> range:
     """Return the whole samples of delays between two; of the `last` delays also the whole number that they end at.
 
-    What is sensed at a whole number is not the limit of what is sensed just below it.
+    The sensed force at a whole number is not the limit of that just below it.
     """
     first, end = floor(low / T * (1 + SNAP)), high / T
     return range(first, max(first + 1, floor(end * (1 + SNAP)) + 1 if last else ceil(end * (1 - SNAP))))
@@ -427,7 +427,7 @@ def _ends(
 ) -> Ends:
     """Return the ends of the numbers of hand, if the claim is about hands, of `SHARE` if needed, and of the device.
 
-    Where the corners of the hands are enough there is a column for each.
+    If the vertices of the hands suffice, each has a column.
     """
     low, high = ([], []) if hands is None else ([hands.low], [hands.high])
     if corners is not None:

@@ -25,25 +25,26 @@ RATIO = "stiffness of the hand over the resonant one"
 ROWS = tuple(RATIO if key == STIFFNESS else key for key in HAND)
 """The numbers of a hand here."""
 SHARP = 0.03
-"""Damping ratio of hand and device below which resonance is looked at apart. Of loops at a ratio of 0.02 half of it
-takes up to two thirds fewer boxes; those at 1e-5 take 34,000 with it and more than half a million without."""
+"""Damping ratio of hand and device below which resonance gets boxes of its own. For loops at a ratio of 0.02, half of
+it takes up to two thirds fewer boxes; those at 1e-5 take 34,000 with it and more than half a million without."""
 DAMPED = 0.1
-"""Damping ratio from which on a softer hand resonates no more sharply. Half and twice: as many boxes within a third."""
+"""Damping ratio from which on a softer hand resonates no more sharply. Half and twice take as many boxes within a
+third."""
 AROUND = (0.5, 2.0)
-"""Which multiples of the resonant stiffness are looked at so. Half as far in the logarithm takes up to half as many
+"""Multiples of the resonant stiffness that such boxes cover. Half as far in the logarithm takes up to half as many
 boxes again, twice as far as many within a tenth."""
 WITHIN = 1e-9
-"""By what share a box lies inside at least that is left to the others, or outside that is left out: beyond rounding."""
+"""Least share by which a box lies inside if it is left to the others, or outside if it is left out: beyond rounding."""
 DEVICE_MASS = "device.mass"
 
 
 @dataclass(frozen=True, slots=True)
 class Resonance:
-    """Where a hand resonates with a device sharply.
+    """A sharp resonance of a hand with the device.
 
     Attributes
     ----------
-    mass, sample_time : m, kg, where that is no row, and T, s
+    mass, sample_time : m, kg, if it is not a row, and T, s
     least, greatest : stiffness of the hands, N/m
     first : the angle from which on, rad, > 0
     """
@@ -72,8 +73,8 @@ class Resonance:
 
         Parameters
         ----------
-        test : of boxes with the rows of `HAND`
-        names : of the boxes' rows, without the frequency
+        test : test of boxes with the rows of `HAND`
+        names : names of the boxes' rows, without the frequency
 
         Returns
         -------
@@ -104,13 +105,13 @@ class Resonance:
 
         Parameters
         ----------
-        test : of boxes with the rows of `ROWS`
-        names : of the boxes' rows, without the frequency
+        test : test of boxes with the rows of `ROWS`
+        names : names of the boxes' rows, without the frequency
 
         Returns
         -------
         Test
-            Of the same boxes; a failure counts only at a stiffness that a hand has.
+            The test for the same boxes; a failure is valid only at a stiffness that a hand has.
         """
         ratio = 1 + names.index(RATIO)
         tied = np.array([0, *(1 + k for k, name in enumerate(names) if name in (MASS, DEVICE_MASS, RATIO))])
@@ -136,7 +137,7 @@ class Resonance:
         Parameters
         ----------
         theta : omega T, rad, > 0
-        numbers : by the names of `ROWS` and, if the device's mass is uncertain, `DEVICE_MASS`
+        numbers : numbers by the names of `ROWS` and, if the device's mass is uncertain, `DEVICE_MASS`
 
         Returns
         -------

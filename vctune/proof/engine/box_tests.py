@@ -1,8 +1,8 @@
 """Tests of boxes: that a margin is positive throughout, that a curve misses 0.
 
-A margin is bounded from below by its value at one point of the box: the middle in those rows in which it may both rise
-and fall, which costs their slope times their half-width, and the worse end in those in which its slope keeps its sign,
-which costs nothing. So a worst device, or a worst design, at a vertex of its box is met exactly.
+The test bounds a margin from below by its value at one point of the box: the middle in those rows in which the margin
+may both rise and fall, which costs their slope times their half-width, and the worse end in those in which its slope
+keeps its sign, which costs nothing. So a worst device, or a worst design, at a vertex of its box is evaluated exactly.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ NARROW = 1.02
 """Ratio of a box's frequencies below which it is worth another margin that needs it narrower. Half and twice its excess
 over 1 take as many boxes."""
 FROM_ZERO = 0.1
-"""As how wide, relative, an interval from frequency 0 counts: halved it is no narrower. Half and twice it take as many
-boxes."""
+"""Relative width that an interval from frequency 0 is taken to have: halving makes it no narrower. Half and twice it
+take as many boxes."""
 
 
 LOST = -1.0
-"""How near a margin counts as to being proved that all that it varies by would not make positive."""
+"""Room of a margin whose whole variation would not make it positive."""
 
 Margin = Callable[[Number, Values], Number]
-"""What must be positive, of a frequency and of numbers by name, over enclosures and jets."""
+"""A function that must be positive, of a frequency and of numbers by name, over enclosures and jets."""
 Margins = Callable[[Number, Values], tuple[Number, ...]]
-"""Of which one must be positive."""
+"""Margins, of which one must be positive."""
 Curve = Callable[[Number, Values], Pair]
-"""What must not be 0."""
+"""A function that must not be 0."""
 Rows = Sequence[Number]
 OfRows = Callable[[Rows], Number]
 
@@ -88,14 +88,14 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, be
 def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -> Test:
     """Return the test that a curve misses 0.
 
-    It does where the rectangle around its image does not contain 0, where `sufficient` is positive, or where its
+    It misses 0 where the rectangle around its image does not contain 0, where `sufficient` is positive, or where its
     component along its own value at the middle of the box is positive.
 
     Parameters
     ----------
     curve : function of a frequency and of values by name
     fixed : values that are no rows of the boxes
-    sufficient : a margin that is positive only where the curve is not 0; None for none
+    sufficient : a margin that is positive only where the curve is not 0; None if there is none
 
     Returns
     -------
@@ -129,7 +129,7 @@ def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -
 
 
 def turned_angles(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
-    """Return the function that measures how far a curve turns around 0 over a box's frequencies.
+    """Return the function that measures the turn of a curve around 0 over a box's frequencies.
 
     The curve must miss 0 on the box, and the box must be a single point in every row but the frequency.
 
@@ -141,7 +141,7 @@ def turned_angles(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
     Returns
     -------
     function
-        Maps n boxes to angles, rad, shape (n,); nan where rounding leaves open on which side of half a turn a box lies.
+        Maps n boxes to angles, rad, shape (n,); nan if rounding leaves open on which side of half a turn a box lies.
     """
 
     def turn(boxes: Boxes) -> Floats:
@@ -167,7 +167,7 @@ def lower_bound_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
     Returns
     -------
     array of float
-        Shape (n,), in the margin's unit; nan where no bound is known.
+        Shape (n,), in the margin's unit; nan if no bound is known.
     """
 
     def least(part: Boxes) -> Floats:
@@ -186,7 +186,7 @@ def next_to_zero(rows: Sequence[str], sufficient: Sequence[Margin], fixed: Value
     sufficient : margins any of which proves as much there, the more so the narrower these rows are; where they are
         negative, or least, says nothing of the claim's
     fixed : the values that are not among a box's rows
-    test : of the other boxes
+    test : test of the other boxes
     """
 
     def there(margin: Margin, boxes: Boxes) -> Decided:
@@ -215,7 +215,7 @@ def any_of(tests: Sequence[Test]) -> Test:
 
     Parameters
     ----------
-    tests : of one margin each
+    tests : tests of one margin each
     """
     return lambda boxes: nearest([test(boxes) for test in tests])
 
@@ -302,8 +302,8 @@ class _Bounded:
 def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Bounded:
     """Bound a margin from below by its value at one point of each box and by its slopes.
 
-    Halving a row saves what its slope costs; where the margin is negative at that point, what it varies by; where
-    nothing is known of the slopes, the widest row is as good as any.
+    Halving a row saves the cost of its slope; where the margin is negative at that point, its variation; where no
+    slopes are known, the widest row is as good as any.
     """
     check_time()
     varied = boxes.varied()

@@ -30,7 +30,7 @@ CHUNK = 4096
 """Boxes evaluated together: their arrays stay in the processor's cache. Half and twice it take as long."""
 
 Values = Mapping[str, Number]
-"""Numbers by name; what is not among them is a claim's own."""
+"""Numbers by name; all other numbers are a claim's own."""
 
 
 def gains_of(values: Values) -> Gains:
@@ -49,7 +49,7 @@ def coupling_of(values: Values) -> AnyCoupling:
 class Cells:
     """Boxes of designs, [low, high] in each number of a design; arrays of shape (numbers, cells).
 
-    A cell whose edges meet is a single design.
+    A cell whose edges coincide is a single design.
     """
 
     low: Floats
@@ -84,9 +84,9 @@ class Boxes:
 
     Attributes
     ----------
-    names : of the rows, `FREQUENCY` first
+    names : names of the rows, `FREQUENCY` first
     low, high : edges, shape (rows, n)
-    owner : which of several proofs each box belongs to, shape (n,)
+    owner : number of the proof to which each box belongs, shape (n,)
     whole_samples : N, of the delay, where that is uncertain, shape (n,)
     """
 
@@ -110,11 +110,11 @@ class Boxes:
         )
 
     def count(self, owners: int) -> Integers:
-        """Return how many boxes each owner has."""
+        """Return the number of boxes of each owner."""
         return np.bincount(self.owner, minlength=owners)
 
     def rows(self) -> list[Number]:
-        """Return the rows enclosed, the edges of all but the frequency as the decimals that they stand for.
+        """Return the rows enclosed, the edges of all but the frequency as decimals.
 
         A row that is infinite throughout, b_c of a rigid coupling, is that float.
         """
@@ -130,7 +130,7 @@ class Boxes:
 
         Parameters
         ----------
-        rows : one number for each of `names`, the frequency first, which is left out
+        rows : one number for each of `names`, without the frequency, which is first
         fixed : the other numbers by name; a row replaces the number of its name
 
         Returns
@@ -141,7 +141,7 @@ class Boxes:
         return {**fixed, **dict(zip(self.names[1:], rows[1:], strict=True)), WHOLE_SAMPLES: self.whole_samples}
 
     def varied(self) -> list[bool]:
-        """Return for each row whether some box has a width there; a frequency always counts."""
+        """Return for each row whether some box has a width there; a frequency always has."""
         return [True, *np.any(self.low[1:] < self.high[1:], axis=1).tolist()]
 
     def ends(self, side: Floats) -> Boxes:
@@ -199,7 +199,7 @@ def over_band(
 
     Parameters
     ----------
-    names : of the rows beside the frequency
+    names : names of the rows beside the frequency
     low, high : edges of each owner in these rows, shape (names, owners)
     band : lower and upper edges of m intervals, from `band_of`
     whole_samples : N of the delay, the same for all boxes

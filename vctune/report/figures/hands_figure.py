@@ -35,10 +35,10 @@ from vctune.report.figures.style import (
 )
 
 CURVES = 40
-"""Angles per decade of the curves. Half shows corners, twice is twice as long a file."""
+"""Angles per decade of the curves. Half shows corners; twice makes the file twice as long."""
 PLACES, DAMPINGS = 17, (0.0, 0.1, 1.0)
-"""Masses and stiffnesses of the map along each side, and the shares of the range of dampings, of which the worst
-counts."""
+"""Masses and stiffnesses of the map along each side, and the shares of the range of dampings, of which the worst is
+shown."""
 LOWEST, MAPPED = 1e-3, 24
 """Least angle and angles per decade of the map. Half as many are 2 % off at the steepest place, twice as many 0.1 %."""
 LEVELS = (0, 20, 40, 60, 70, 80, 90, 95, 100, 120)
@@ -48,7 +48,7 @@ POWERS = (-3, 5)
 SHALLOW = 1e-9
 """Share of the greatest R that is shown at least; at Nyquist R may vanish. Half and twice it: as many decades."""
 WORST = 3
-"""Hands that have a curve of their own: of the lowest minima, not two of one hand."""
+"""Number of hands with a curve of their own: of the lowest minima, not two of one hand."""
 
 
 def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling) -> Figure:
@@ -57,7 +57,7 @@ def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoup
     Parameters
     ----------
     problem : the device
-    hands : to be met
+    hands : hands of the claim
     gains, coupling : the design
 
     Returns

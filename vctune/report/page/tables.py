@@ -164,8 +164,8 @@ def claim_lines(record: DesignRecord, problem: Problem) -> list[ClaimLine]:
 
     Parameters
     ----------
-    record : of the design
-    problem : that it states
+    record : record of the design
+    problem : problem that it states
     """
     proof, loop, design = record.certificate, record.inner_loop, record.design
     if proof is None or design is None:

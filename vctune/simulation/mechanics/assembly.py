@@ -1,10 +1,10 @@
 """A device with its parts, and the hand on it, as linear rates.
 
-The parts are an actuator, a handle on a spring, a servo, and a filter of the force sensor or a delay of it that is no
-whole number of samples. All of it is linear but for friction: it moves on by matrix exponentials, exactly
-(`transition`), and with friction exactly but for a force that is held over a step (`assembly_friction`). A device that
-moves as one mass and whose force is sensed at a sample is not of this kind (`plant`). A servo moves as it is commanded:
-the hand has no part in its rates, and what the hand does to it follows from its motion.
+The parts are an actuator, a handle on a spring, a servo, and a filter of the force sensor or a delay of it that is not
+a whole number of samples. All of it is linear except for friction: it moves on by matrix exponentials, exactly
+(`transition`), and with friction exactly except for a force that is held over a step (`assembly_friction`). A device
+that moves as one mass and whose force is sensed at a sample is not of this kind (`plant`). A servo follows its command:
+the hand does not affect its rates, and the force of the hand follows from the motion.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from vctune.simulation.mechanics.plant import Transition, exponential_less_one, 
 from vctune.simulation.scene import Scene
 
 GIVEN = ("command", "friction", "push", "push_1", "push_2", "push_3")
-"""What acts on the states: the held command that has arrived, a force or the velocity of a servo, the friction's force,
+"""Inputs of the states: the held command that has arrived, a force or the velocity of a servo, the friction's force,
 the force of the hand's spring and damper if the handle stood still at 0, N, and its three derivatives."""
 
 
@@ -40,10 +40,10 @@ class Assembly:
     states : position and velocity of the motor first; bend and handle_velocity, those of the drive, the rate of a
         servo's velocity, sensed and its rate where the device has the part
     rates : over states and given
-    units : of states and given, with which all rates are about as large as what they mean for a sample
+    units : units of states and given, in which all rates are about as large as their effect on a sample
     position, velocity : rows of the handle's, m, m/s
-    force : row of f_h, N, what the hand does to the handle
-    sensed : row of what the force sensor has of it, its delay apart, N
+    force : row of f_h, N, the force of the hand on the handle
+    sensed : row of the sensor's force, without its delay, N
     """
 
     states: tuple[str, ...]
@@ -56,7 +56,7 @@ class Assembly:
 
     @property
     def size(self) -> int:
-        """How many states there are."""
+        """Number of states."""
         return len(self.states)
 
     def changed(self, time: float) -> Floats:
@@ -71,8 +71,8 @@ class Sensing:
 
     Attributes
     ----------
-    whole_samples : how many samples ago
-    instant : how long after the sample before, s; None for at the sample itself
+    whole_samples : number of samples ago
+    instant : time since the previous sample, s; None for at the sample itself
     """
 
     whole_samples: int
@@ -169,7 +169,7 @@ def _assembled(
     states : names, those of the sensor too
     of : unit row of each of states and given
     rates : rows of those that change
-    units : of states and given
+    units : units of states and given
     seen : rows of the handle's position and velocity and of f_h
     sensor : what senses f_h
     """
@@ -208,12 +208,12 @@ def _units(names: tuple[str, ...], force: float, command: float, sample_time: fl
 def transition(scene: Scene, moving: Assembly) -> Transition:
     """Return the exact transition of an assembly without friction over one sample.
 
-    Where the force is sensed between samples, what is sensed then is one more number after the states; it has no part
-    in what follows.
+    If the force is sensed between samples, the sensed value is one more number after the states; it does not affect the
+    rest.
 
     Parameters
     ----------
-    scene : without friction
+    scene : scene without friction
     moving : `assembly` of the scene
 
     Returns
