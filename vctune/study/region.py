@@ -121,7 +121,8 @@ def region(
         decided += plane.areas(first)[kinds != Kind.UNDECIDED].sum()
         settled = (kinds != Kind.UNDECIDED) | (size == 1)
         done.append((first[:, settled], kinds[settled], damping[settled]))
-        squares = np.concatenate((squares, halved(first[:, ~settled])), axis=1)
+        left = first[:, ~settled]
+        squares = np.concatenate((squares, halved(left, _more_across(problems, plane, left))), axis=1)
     left = squares.shape[1]
     done.append((squares, np.full(left, Kind.UNDECIDED, np.intp), np.full(left, np.nan)))
     cells, kinds, damping = (np.concatenate(part, axis=-1) for part in zip(*done, strict=True))
@@ -187,6 +188,23 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
         left = np.flatnonzero(kinds == Kind.UNDECIDED)
         kinds[left[_lost(problem, cells.subset(left), hardest.subset(left), free=free)]] = Kind.INFEASIBLE
     return kinds, np.where((kinds == Kind.FEASIBLE) & free, damping, np.nan)
+
+
+def _more_across(problems: Sequence[Problem], plane: Plane, squares: Squares) -> Flags:
+    """Return where what is asked for changes more from left to right of a cell than from bottom to top."""
+    cells, free = easiest(plane.cells(squares), plane), free_damping(plane)
+    middle, changes = cells.centres().low, list[Floats]()
+    for axis in plane.axes:
+        ends = []
+        for edge in (cells.low, cells.high):
+            at = middle.copy()
+            at[axis] = edge[axis]
+            at[DAMPING] = cells.low[DAMPING]
+            high = at.copy(); high[DAMPING] = cells.high[DAMPING]
+            ends.append(np.max([_hardest(problem, Cells(at, high), free=free).excess for problem in problems], axis=0))
+        changes.append(np.nan_to_num(np.abs(ends[1] - ends[0])))
+    longer = squares[1] - squares[0] > squares[3] - squares[2]
+    return np.where(changes[0] == changes[1], longer, changes[0] > changes[1])
 
 
 def _lost(problem: Problem, cells: Cells, places: Places, *, free: bool) -> Flags:
@@ -261,23 +279,26 @@ class _Hardest:
     most: Floats
     meets: Flags
     places: Places
+    excess: Floats
 
 
 def _hardest(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
     K_v, K_p, *of_coupling = cells.centres().low[:, :, None]
     coupling = coupling_from(of_coupling)
     least, most = np.zeros(len(cells)), np.full(len(cells), inf)
-    meets, found = np.ones(len(cells), bool), dict[str, Floats]()
+    meets, found, worst = np.ones(len(cells), bool), dict[str, Floats](), np.full(len(cells), -inf)
     for name, asked in _asked(problem, K_v, K_p).items():
         if free and isinstance(coupling, Coupling):
             needed = asked.needed - coupling.drag
             low, high = admissible_damping(needed, coupling.mass * asked.omega)
             least, most = np.maximum(least, low.max(axis=1)), np.minimum(most, high.min(axis=1))
             hardest = [needed / np.maximum(asked.omega, TINY), low, -high]
+            worst = np.maximum(worst, np.log(np.maximum(2 * hardest[0] / coupling.mass, TINY)).max(axis=1))
         else:
             scarcity = asked.needed / _offered(coupling, problem.device, asked.omega)
             meets &= scarcity.max(axis=1) <= 1
             hardest = [scarcity]
+            worst = np.maximum(worst, np.log(np.maximum(scarcity, TINY)).max(axis=1))
         found[name] = np.stack([asked.place(np.argmax(hard, axis=1)) for hard in hardest], axis=-2)
     below = frequency_grid(
         *inwards((slowest_resonance(problem, problem.bounds.velocity.min), problem.nyquist)), POINTS_PER_DECADE
@@ -285,7 +306,11 @@ def _hardest(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
     S = sensitivity_of(problem.device, Gains(K_v, K_p))(below)
     meets &= S.max(axis=1) <= problem.stability.max_sensitivity
     theta_S = below[np.argmax(S, axis=1)] * problem.device.sample_time
-    return _Hardest(least, most, meets, Places(theta_S, **found))
+    worst = np.maximum(worst, np.log(S.max(axis=1) / problem.stability.max_sensitivity))
+    if free:
+        between = np.log(np.maximum(least, cells.low[DAMPING]) / np.minimum(most, cells.high[DAMPING]))
+        worst = np.maximum(worst, np.where(np.isfinite(between), between, -inf))
+    return _Hardest(least, most, meets, Places(theta_S, **found), worst)
 
 
 def _offered(coupling: AnyCoupling, device: Device, place: Floats) -> Floats:

@@ -21,7 +21,7 @@ from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import Vector, nothing
-from vctune.model.numbers.pair import EvenOdd, Pair, re_conj_product
+from vctune.model.numbers.pair import EvenOdd
 from vctune.model.sampled.impedance_display import ForceInHand, Offered, Required, firmware_filter, offered_by_spring
 from vctune.model.sampled.plant_in_hand import PlantInHand, equations, numerators
 
@@ -95,39 +95,59 @@ def loop_in_hand(plant: PlantInHand, theta: Number, ops: Arithmetic) -> AnyLoopI
     )
 
 
-def required_in_limp_hand(
-    plant: PlantInHand, velocity: Number, theta: Number, share: Number, ops: Arithmetic
-) -> Required:
-    """Return what `required_in_hand` does over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
+class NextToRest(NamedTuple):
+    """Where what vanishes at theta = 0 in a hand without stiffness, and with K_p = 0, comes from.
 
-    There F and the sensed force vanish with rho, 2 s = (1 - share) rho and K T^2/m = share rho. With rho x_1 in the
+    Attributes
+    ----------
+    rho : 2 s + (K + K_p) T^2/m
+    turned, spring, integrator : shares of 2 s, of K and of K_p in it; their sum is 1
+    """
+
+    rho: Number
+    turned: Number
+    spring: Number
+    integrator: Number
+
+
+def required_in_limp_hand(
+    plant: PlantInHand, velocity: Number, theta: Number, rest: NextToRest, ops: Arithmetic
+) -> Required:
+    """Return what `required_in_hand` does over rho^2, next to theta = 0, a hand without stiffness and K_p = 0.
+
+    There F and the sensed force vanish with rho, and so does what the law makes of a position. With rho x_1 in the
     place of the position x_1 they are divided by it: its column of the equations is, in which 2 s and K are factors.
+    Numbers are even + j turned odd.
 
     Parameters
     ----------
     plant : at one or several hands
     velocity : K_v, N s/m
     theta : omega T, rad, in [0, pi]
-    share : between 0, a hand without stiffness, and 1, no frequency; need not be that of theta and the hand
+    rest : need not be those of theta, the hand and K_p
     ops : arithmetic of all of these
     """
-    at, turned = _circle(theta, ops), 1 - share
+    at, turned, half = _circle(theta, ops), rest.turned, rest.rho / 2
+    square = turned * turned
 
-    def number(even: Number, odd: Number) -> Pair:
-        return Pair(even, at.sin * odd)
+    def number(even: Number, odd: Number) -> EvenOdd:
+        return EvenOdd(even, half * odd, square)
 
-    def states(older: Vector | None) -> dict[int, Pair]:
+    def states(older: Vector | None) -> dict[int, EvenOdd]:
         exact = equations(plant.rates, plant.step, plant.push, older, at.cos, at.square)
         rows = [[None if entry is None else number(entry.even, entry.odd) for entry in row] for row in exact]
         for row, rates, step in zip(rows, plant.rates, plant.step, strict=True):
             # the hand's spring acts as -K x_1 wherever it does
-            row[0] = Pair(0 if nothing(rates[0]) else at.cos * share, turned * step[0])
+            row[0] = EvenOdd(0 if nothing(rates[0]) else at.cos * rest.spring, step[0], square)
         return numerators(rows)
 
-    moved = Pair(turned * at.sin, turned * at.cos)  # d/rho
-    open_loop, speed, _, felt = _answers(plant, at, number, states, moved, 0 if nothing(plant.felt[0]) else share)
-    F = open_loop + speed.scaled(velocity * plant.sample_time / plant.mass)
-    return Required(-(velocity * re_conj_product(felt, F)), F.abs2())
+    moved = EvenOdd(square * half, at.cos, square)  # d/rho
+    grip = 0 if nothing(plant.felt[0]) else rest.spring
+    open_loop, speed, position, felt = _answers(plant, at, number, states, moved, grip)
+    unit = plant.mass / plant.sample_time
+    F = open_loop + speed.scaled(velocity / unit) + position.scaled(rest.integrator)
+    P = felt * EvenOdd(rest.integrator * unit * at.cos, velocity, square)
+    return Required(P.even * F.odd - P.odd * F.even, F.abs2())
 
 
 class _Circle(NamedTuple):

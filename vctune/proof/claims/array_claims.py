@@ -19,7 +19,7 @@ from vctune.model.loop.loop import loop_response
 from vctune.model.numbers.arithmetic import ArrayArithmetic, Number
 from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.any_hand import any_hand
-from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand, room
+from vctune.model.sampled.hand_loop import NextToRest, loop_in_hand, required_in_hand, room
 from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.let_go import Plant, has_sharp_form, plant_let_go, return_difference
 from vctune.model.sampled.plant_in_hand import Delays, PlantInHand, delays_of, plant_in_hand
@@ -50,8 +50,8 @@ from vctune.proof.engine.box_tests import Curve, Margin
 from vctune.proof.engine.boxes import WHOLE_SAMPLES, Values, coupling_of, gains_of
 from vctune.proof.engine.sharing import shared
 
-SHARE = "share of the hand's stiffness"
-"""In what F vanishes with, for K_p = 0 next to theta = 0 and a hand without stiffness."""
+SHARES = "share of the integrator", "share of the hand's stiffness in the rest"
+"""In what F vanishes with, next to theta = 0, a hand without stiffness and K_p = 0: rows of boxes after those of `HAND`."""
 AT_REST = (0, 1 + HAND.index("operator.stiffness"))
 """Rows of boxes of hands, the angle and the stiffness, that both begin at 0 there."""
 
@@ -262,9 +262,9 @@ def _above_bound(demands: Demands) -> Margin:
 
 
 def limp_hands_margin(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> Margin:
-    """Return the margin that must be positive for K_p = 0 next to theta = 0 and a hand without stiffness.
+    """Return the margin that must be positive next to theta = 0, a hand without stiffness and K_p = 0.
 
-    It is of theta and of values with those of `HAND` and with `SHARE`, each between 0 and 1.
+    It is of theta and of values with those of `HAND` and with `SHARES`, each between 0 and 1.
 
     Parameters
     ----------
@@ -277,7 +277,15 @@ def limp_hands_margin(demands: Demands, uncertain: tuple[str, ...], delays: Dela
 
     def margin(theta: Number, v: Values) -> Number:
         design = Design(device(v), gains_of(v), coupling_of(v))
-        return limp_hand_margin(in_hand(v), design, theta, v[SHARE], factor, OPS)
+        unit = design.device.mass / (design.device.sample_time * design.device.sample_time)
+        integrator, left = v[SHARES[0]], 1 - v[SHARES[0]]
+        rest = NextToRest(
+            rho=2 * OPS.sin(theta / 2) + (v[HAND[2]] + design.gains.position) / unit,
+            turned=left * (1 - v[SHARES[1]]),
+            spring=left * v[SHARES[1]],
+            integrator=integrator,
+        )
+        return limp_hand_margin(in_hand(v), design, theta, rest, factor, OPS)
 
     return margin
 

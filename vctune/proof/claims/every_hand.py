@@ -21,7 +21,7 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.keys import keys_of
 from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
 from vctune.model.sampled.velocity_loop import SNAP
-from vctune.proof.claims.array_claims import AT_REST, SHARE, Demands, any_hand_margins, hands_margin, limp_hands_margin
+from vctune.proof.claims.array_claims import AT_REST, SHARES, Demands, any_hand_margins, hands_margin, limp_hands_margin
 from vctune.proof.claims.margins_of_claims import HALF_TURN, Design, LoopDelay, any_hand_margin, hand_curve, hand_margin
 from vctune.proof.claims.resonant_hands import AROUND, RATIO, ROWS, Resonance, resonance
 from vctune.proof.claims.sampled_poles import in_rad_per_s
@@ -80,7 +80,7 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
         return replace(stable, hand=middle)
     uncertain = box.modelled.uncertain if box is not None else ()
     limp = not design.device.renders_force and design.gains.position == 0 and demands.hands.low.stiffness == 0
-    rows = (*HAND, SHARE) if limp else HAND
+    rows = (*HAND, *SHARES) if limp else HAND
 
     def tests(part: _Part, fixed: Values, near: Resonance | None = None) -> list[Test]:
         slopes, polynomials = (hands_margin(demands, uncertain, part.delays, ops) for ops in (ENCLOSURES, TAYLOR))
@@ -373,11 +373,11 @@ def _margin_at(design: Design, hand: Hand | None, theta: float, factor: float) -
 def _ends(
     hands: Hands | None, box: DeviceBox | None, uncertain: tuple[str, ...], *, limp: bool = False
 ) -> tuple[Floats, Floats]:
-    """Return the least and the greatest numbers of hand, if one is to be met, of `SHARE` if asked for, and device."""
+    """Return the least and the greatest numbers of hand, if one is to be met, of `SHARES` if asked for, and device."""
     devices = () if box is None else (box.low, box.high)
     numbers = [[end.number(key) for key in uncertain] for end in devices] or [[], []]
     held = [astuple(hands.low), astuple(hands.high)] if hands is not None else [(), ()]
     if limp:
-        held = [(*held[0], 0.0), (*held[1], 1.0)]
+        held = [(*held[0], 0.0, 0.0), (*held[1], 0.0, 1.0)]  # no integrator
     low, high = (np.array([*hand, *device], float).reshape(-1, 1) for hand, device in zip(held, numbers, strict=True))
     return low, high

@@ -15,7 +15,7 @@ from vctune.model.loop.loop import loop_response
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
 from vctune.model.sampled.any_hand import any_hand
-from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand, required_in_limp_hand, room
+from vctune.model.sampled.hand_loop import NextToRest, loop_in_hand, required_in_hand, required_in_limp_hand, room
 from vctune.model.sampled.let_go import Plant, return_difference
 from vctune.model.sampled.plant_in_hand import PlantInHand
 from vctune.model.sampled.velocity_loop import difference_slope
@@ -205,21 +205,23 @@ def hand_margin(plant: PlantInHand, design: Design, theta: Number, factor: Numbe
 
 
 def limp_hand_margin(
-    plant: PlantInHand, design: Design, theta: Number, share: Number, factor: Number, ops: Arithmetic
+    plant: PlantInHand, design: Design, theta: Number, rest: NextToRest, factor: Number, ops: Arithmetic
 ) -> Number:
-    """Return `hand_margin` over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
+    """Return a bound of `hand_margin` over rho^2 from below, next to theta = 0, a hand without stiffness and K_p = 0.
+
+    Of the coupling its drag is all that counts there.
 
     Parameters
     ----------
     plant : the device in the hand
-    design : in numbers of the arithmetic, K_p = 0
+    design : in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
-    share : of the hand's stiffness in rho, between 0 and 1; where the margin is positive for each of them, it is
+    rest : shares in rho; where the margin is positive for each of them, it is
     factor : least Re Z_c / R
     ops : arithmetic of all of these
     """
-    required = required_in_limp_hand(plant, design.gains.velocity, theta, share, ops)
-    return room(design.coupling, design.device, required, factor, theta, ops)
+    required = required_in_limp_hand(plant, design.gains.velocity, theta, rest, ops)
+    return design.series.drag * required.size - factor * required.lost
 
 
 def any_hand_margin(
