@@ -160,7 +160,9 @@ def test_next_to_rest_both_forms_differ_by_rho(numbers, integrating):
         K_p = integrating * float(10 ** rng.uniform(-6, 4))
         plant = plant_in_hand(device, held, delays_of(device), FLOATS)
         known = required_in_hand(loop_in_hand(plant, theta, FLOATS), Gains(K_v, K_p))
-        parts = np.array([2 * np.sin(theta / 2), *(np.array([held.stiffness, K_p]) * device.sample_time**2 / device.mass)])
+        parts = np.array(
+            [2 * np.sin(theta / 2), *(np.array([held.stiffness, K_p]) * device.sample_time**2 / device.mass)]
+        )
         rho = parts.sum()
         found = required_in_limp_hand(plant, K_v, theta, NextToRest(rho, *parts / rho), FLOATS)
         size = abs(found.size) + abs(found.lost) / K_v

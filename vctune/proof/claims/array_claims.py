@@ -51,7 +51,7 @@ from vctune.proof.engine.boxes import WHOLE_SAMPLES, Values, coupling_of, gains_
 from vctune.proof.engine.sharing import shared
 
 SHARES = "share of the integrator", "share of the hand's stiffness in the rest"
-"""In what F vanishes with, next to theta = 0, a hand without stiffness and K_p = 0: rows of boxes after those of `HAND`."""
+"""In what F vanishes with, next to theta = 0, a hand without stiffness and K_p = 0: rows of boxes."""
 AT_REST = (0, 1 + HAND.index("operator.stiffness"))
 """Rows of boxes of hands, the angle and the stiffness, that both begin at 0 there."""
 
