@@ -24,7 +24,8 @@ from vctune.proof.engine.branching import Test, prove
 
 MAX_HALVINGS, MAX_BOXES, TOGETHER = 4 * CELL_HALVINGS, 30_000, 128
 """What `CELL_HALVINGS` and `MAX_BOXES` are for boxes of angle and hand, and how many cells are proved together: what is
-known of them fits into memory. Cells with room take up to 20,000 boxes, most some thousand."""
+known of them fits into memory. Cells with room take up to 30,000 boxes, most some thousand;
+with 12,000 some of those next to K_p = 0 are left to smaller ones."""
 AT_REST = 0.1
 """Greatest K_p T^2/m, as a share of the first interval of angles, of cells that are proved next to rest apart."""
 
