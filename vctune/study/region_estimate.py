@@ -58,6 +58,7 @@ def estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> tuple[
     return np.where(meets & (least <= most), damping, np.nan), places
 
 
+@np.errstate(all="ignore")
 def changes(problems: Sequence[Problem], cells: Cells, axes: tuple[int, int], *, free: bool) -> list[Floats]:
     """Return by how much what is hardest to meet changes across each cell along two axes, as logarithms.
 
