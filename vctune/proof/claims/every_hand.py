@@ -24,7 +24,7 @@ from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
 from vctune.model.sampled.servo_in_hand import vertices
 from vctune.model.sampled.velocity_loop import SNAP
 from vctune.model.worlds import WorldsMet
-from vctune.proof.claims.array_claims import AT_REST, SHARE, any_hand_margins, hands_margins, limp_hands_margins
+from vctune.proof.claims.array_claims import AT_REST, SHARES, any_hand_margins, hands_margins, limp_hands_margins
 from vctune.proof.claims.margins_of_claims import (
     HALF_TURN,
     Design,
@@ -92,7 +92,7 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
         return replace(stable, hand=middle)
     uncertain = box.modelled.uncertain if box is not None else ()
     limp = looped and design.gains.position == 0 and demands.hands.low.stiffness == 0
-    rows = (*HAND, SHARE) if limp else HAND
+    rows = (*HAND, *SHARES) if limp else HAND
 
     servo = design.device.servo
     # what a servo asks is convex in the hand; which environments it meets is not
@@ -428,7 +428,7 @@ def _ends(
     *,
     limp: bool = False,
 ) -> tuple[Floats, Floats]:
-    """Return the least and the greatest numbers of hand, if one is to be met, of `SHARE` if asked for, and device.
+    """Return the least and the greatest numbers of hand, if one is to be met, of `SHARES` if asked for, and device.
 
     Where the corners of the hands are enough there is a column for each.
     """
@@ -436,7 +436,7 @@ def _ends(
     numbers = [[end.number(key) for key in uncertain] for end in devices] or [[], []]
     held = [astuple(hands.low), astuple(hands.high)] if hands is not None else [(), ()]
     if limp:
-        held = [(*held[0], 0.0), (*held[1], 1.0)]
+        held = [(*held[0], 0.0, 0.0), (*held[1], 0.0, 1.0)]  # no integrator
     if corners is not None:
         each = np.array([astuple(hand) for hand in corners], float).T
         low, high = (np.vstack((each, *(np.full(each.shape[1], x) for x in end))) for end in numbers)
