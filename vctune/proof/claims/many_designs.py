@@ -89,7 +89,7 @@ def _proofs(demands: Demands, cells: Cells) -> Certified:
 
     def sensitivity_holds(cells: Cells) -> tuple[Flags, Integers]:
         found = cells_over_band(
-            positive(claims.sensitivity, {}, claims.sensitivity_any_position), cells, 0.0, HALF_TURN
+            positive(claims.sensitivity, {}, claims.sensitivity_any_position), cells, 0.0, HALF_TURN, in_parts=True
         )
         return found.proved, found.boxes
 

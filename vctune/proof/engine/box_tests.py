@@ -87,7 +87,7 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, be
         near, rows = of(sufficient or margin), boxes.rows()
         if _from_zero(boxes):
             decided = _by_slopes(near, boxes, rows).decided
-            return decided if sufficient is None else _without_failures(decided)
+            return decided if sufficient is None else _by_sufficient(decided)
         if _wide(boxes):
             proved = of(margin)(rows).positive()
             return _to_halve_in_frequency(boxes, proved if sufficient is None else proved | near(rows).positive())
@@ -190,7 +190,7 @@ def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -
             value = image_of(rows)
             return value.re * re + value.im * im
 
-        decided = _without_failures(_by_slopes(component, boxes, rows).decided)
+        decided = _by_sufficient(_by_slopes(component, boxes, rows).decided)
         return replace(decided, proved=decided.proved | missed)
 
     return partial(_kind_by_kind, test)
@@ -260,9 +260,9 @@ def next_to_zero(rows: Sequence[int], sufficient: Sequence[Margin], fixed: Value
 
     def there(margin: Margin, boxes: Boxes) -> Decided:
         found = _by_slopes(lambda x: margin(x[0], boxes.named(x, fixed)), boxes, boxes.rows())
-        decided = _without_failures(found.decided)
+        decided = _by_sufficient(found.decided)
         decided.cost[both] = np.where(decided.known, found.reach[both], decided.cost[both])
-        return replace(decided, side=np.zeros_like(decided.side))
+        return decided
 
     tests = [partial(there, margin) for margin in sufficient]
 
@@ -468,9 +468,9 @@ def _to_halve_in_frequency(boxes: Boxes, proved: Flags) -> Decided:
     return Decided(proved, none, point, cost, none, np.zeros_like(cost), room)
 
 
-def _without_failures(decided: Decided) -> Decided:
-    """Return what a sufficient margin shows: where it is negative nothing is known of the claim."""
-    return replace(decided, fails=np.zeros_like(decided.fails))
+def _by_sufficient(decided: Decided) -> Decided:
+    """Return what a sufficient margin shows: where it is negative, or least, says nothing of the claim's own margin."""
+    return replace(decided, fails=np.zeros_like(decided.fails), side=np.zeros_like(decided.side))
 
 
 @dataclass(frozen=True, slots=True)
