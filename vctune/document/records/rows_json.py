@@ -118,9 +118,7 @@ class ObjectiveRecord(Part):
 class SweepRecord(Document):
     """What a sweep found, in a few numbers.
 
-    `units` are those of axes and numbers, `idle` counts certified designs, and `stability_high_hz` is the least and the
-    greatest upper edge of the stability band where neither problem nor axes state it and the points' own devices differ
-    in it.
+    `units` are those of axes and numbers, `idle` counts certified designs.
     """
 
     SCHEMA = "vctune/sweep/2"
@@ -130,7 +128,6 @@ class SweepRecord(Document):
     status: dict[str, int]
     idle: int
     yardstick: ObjectiveRecord
-    stability_high_hz: Pair | None
     units: dict[str, str]
     best: Cells | None
     worst: Cells | None
