@@ -1,4 +1,4 @@
-"""The tracking term of many loops at once: where loops hardly work."""
+"""The tracking term of many loops at once."""
 
 from __future__ import annotations
 

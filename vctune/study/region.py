@@ -1,4 +1,4 @@
-"""The admissible gains as a set: cells proved feasible throughout, proved infeasible throughout, or undecided."""
+"""The feasible gains as a set: cells proved feasible throughout, proved infeasible throughout, or undecided."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Progress = Callable[[str], None]
 
 
 class Kind(IntEnum):
-    """What is proved of a cell."""
+    """The verdict on a cell."""
 
     UNDECIDED = 0
     FEASIBLE = 1
@@ -45,7 +45,7 @@ Kinds = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """The cells of a plane, each with what is proved of it.
+    """The cells of a plane, each with its verdict.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ def with_damping(cells: Cells, damping: Floats) -> Cells:
 
 @np.errstate(all="ignore")
 def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
-    """Return what can be proved of each cell, and the b_c that serves a feasible one if it is free.
+    """Return the verdict on each cell, and the b_c of a feasible one if it is free.
 
     Parameters
     ----------

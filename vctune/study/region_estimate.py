@@ -1,4 +1,4 @@
-"""Where the demands on cells of gains are hardest to meet, on a grid of frequencies; nothing of it is proved."""
+"""Estimates on a grid of frequencies: where the demands on cells of gains are hardest to meet."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> tuple[
 
 @np.errstate(all="ignore")
 def changes(problems: Sequence[Problem], cells: Cells, axes: tuple[int, int], *, free: bool) -> list[Floats]:
-    """Return by how much what is hardest to meet changes across each cell along two axes, as logarithms.
+    """Return the logarithm by which the hardest demand changes across each cell along two axes.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def changes(problems: Sequence[Problem], cells: Cells, axes: tuple[int, int], *,
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """What is asked of the coupling at the centres of n cells.
+    """The requirement on the coupling at the centres of n cells.
 
     Attributes
     ----------
@@ -161,7 +161,7 @@ def _offered(coupling: AnyCoupling, device: Device, place: Floats) -> Floats:
 
 
 def _asked(problem: Problem, K_v: Floats, K_p: Floats) -> dict[str, _Asked]:
-    """Return what the demands ask for at some gains, arrays of shape (n, 1), by the names of `Places`."""
+    """Return the requirements at some gains, arrays of shape (n, 1), by the names of `Places`."""
     device, factor, found = problem.device, problem.stability.safety_factor, {}
     if problem.passive:
         omega = frequency_grid(*inwards(sampled_span(problem)), POINTS_PER_DECADE)

@@ -280,7 +280,7 @@ def _above_bound(demands: Demands) -> Margin:
 
 
 def limp_hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> tuple[Margin, ...]:
-    """Return what the margins of `hands_margins` are next to theta = 0, a hand without stiffness and K_p = 0.
+    """Return the margins of `hands_margins` next to theta = 0, a hand without stiffness and K_p = 0.
 
     They are of theta and of values with those of `HAND` and with `SHARES`, each between 0 and 1. What decides nothing
     there is left out. With environments of a box K_p is 0.

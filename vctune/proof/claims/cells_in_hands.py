@@ -1,4 +1,4 @@
-"""The demand in every hand of a box for many cells of gains, next to rest by what vanishes there.
+"""The demand in every hand of a box for many cells of gains, next to rest divided by the factors that vanish.
 
 See proof/README.md, section 10.
 """
