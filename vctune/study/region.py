@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
-from vctune.analysis.in_hands import hardest_near
+from vctune.analysis.hardest_hands import hardest_near
 from vctune.design.prepared import of_one_device, pose, problems_beside
 from vctune.design.variables import coupling_from
 from vctune.model.gains import Gains
@@ -25,9 +25,9 @@ from vctune.study.plane import Plane, Squares, halved
 from vctune.study.region_estimate import DAMPING, changes, estimate
 
 TOGETHER = 512
-"""Cells judged together: what is known of them fits into memory."""
+"""Cells judged together; their data fit into memory."""
 EASING = "coupling.mass", "coupling.drag"
-"""Variables of which more eases the demands."""
+"""Variables that ease the constraints as they grow."""
 
 Progress = Callable[[str], None]
 
@@ -197,10 +197,9 @@ def _lost(problem: Problem, cells: Cells, places: Places, *, free: bool) -> Flag
 
 
 def _closer(problem: Problem, cells: Cells, places: Places) -> Places:
-    """Return the places with the hands and the angles next to those that ask most of the centres."""
+    """Return the places with the hands and the angles next to those with the greatest requirement of the centres."""
     assert problem.hands_met is not None and places.in_hands is not None
     K_v, K_p, *of_coupling = cells.centres().low[:, :, None, None]
-    at, *hand = places.in_hands[:, 0]
-    coupling = coupling_from(of_coupling)
-    _, theta, hands = hardest_near(problem.device, problem.hands_met, Gains(K_v, K_p), coupling, at, np.array(hand))
-    return replace(places, in_hands=np.vstack((theta, hands))[:, None])
+    coupling, first = coupling_from(of_coupling), places.in_hands[0]
+    _, closer = hardest_near(problem.device, problem.hands_met, Gains(K_v, K_p), coupling, first)
+    return replace(places, in_hands=closer[None])

@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass
 from math import inf
+from typing import Any
 
 import numpy as np
 
 from vctune.analysis.demands import response, sampled_span, slowest_resonance
 from vctune.analysis.extrema import Floats, frequency_grid
-from vctune.analysis.in_hands import LoopsInHands, loops_in_any_hand, loops_in_hands
+from vctune.analysis.loops_in_hands import LoopsInHands, loops_in_any_hand, loops_in_hands
 from vctune.analysis.sampled_loop import sensitivity_of
 from vctune.design.variables import coupling_from
 from vctune.model.coupling import coupling_impedance
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
+from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.keys import KEYS
@@ -101,7 +103,7 @@ class _Asked:
 
     omega: Floats
     needed: Floats
-    place: Callable[[Integers], Floats]
+    place: Callable[[Integers], Floats | PlacesInHands]
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +129,7 @@ def _hardest(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
     K_v, K_p, *of_coupling = cells.centres().low[:, :, None]
     coupling = coupling_from(of_coupling)
     least, most = np.zeros(len(cells)), np.full(len(cells), inf)
-    meets, found, worst = np.ones(len(cells), bool), dict[str, Floats](), np.full(len(cells), -inf)
+    meets, found, worst = np.ones(len(cells), bool), dict[str, Any](), np.full(len(cells), -inf)
     for name, asked in _asked(problem, K_v, K_p).items():
         if free and isinstance(coupling, Coupling):
             needed = asked.needed - coupling.drag
@@ -140,7 +142,7 @@ def _hardest(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
             meets &= scarcity.max(axis=1) <= 1
             hardest = [scarcity]
             worst = np.maximum(worst, np.log(np.maximum(scarcity, TINY)).max(axis=1))
-        found[name] = np.stack([asked.place(np.argmax(hard, axis=1)) for hard in hardest], axis=-2)
+        found[name] = _stacked([asked.place(np.argmax(hard, axis=1)) for hard in hardest])
     below = frequency_grid(
         *inwards((slowest_resonance(problem, problem.bounds.velocity.min), problem.nyquist)), POINTS_PER_DECADE
     )
@@ -152,6 +154,13 @@ def _hardest(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
         between = np.log(np.maximum(least, cells.low[DAMPING]) / np.minimum(most, cells.high[DAMPING]))
         worst = np.maximum(worst, np.where(np.isfinite(between), between, -inf))
     return _Hardest(least, most, meets, Places(theta_S, **found), worst)
+
+
+def _stacked(places: Sequence[Any]) -> Any:
+    """Return several places of each cell, the hardest first."""
+    if isinstance(places[0], PlacesInHands):
+        return places[0].mapped(lambda *each: np.stack(each), *places[1:])
+    return np.stack(places)
 
 
 def _offered(coupling: AnyCoupling, device: Device, place: Floats) -> Floats:
@@ -187,9 +196,9 @@ def _asked_in_hands(at: LoopsInHands, device: Device, factor: float, gains: Gain
         needed[i : i + LOOPS_AT_ONCE], worst[i : i + LOOPS_AT_ONCE] = factor * R.max(axis=1), R.argmax(axis=1)
     needed, worst = needed[same], worst[same]
 
-    def place(which: Integers) -> Floats:
+    def place(which: Integers) -> PlacesInHands:
         hand = worst[np.arange(len(which)), which].astype(np.intp)
-        return np.stack((at.theta[which], *(number[hand] for number in astuple(at.hands))))
+        return PlacesInHands(at.theta[which], at.hands.mapped(lambda number: number[hand]))
 
     met = at.theta if device.kind.inverse else np.tan(at.theta / 2) * (2 / device.sample_time)
     return _Asked(met, needed, place)
