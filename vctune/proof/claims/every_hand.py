@@ -25,7 +25,7 @@ from vctune.model.sampled.loop_in_worlds import posed, sum_of
 from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
 from vctune.model.sampled.velocity_loop import SNAP
 from vctune.model.worlds import WorldsMet
-from vctune.proof.claims.array_claims import AT_REST, SHARE, any_hand_margins, hands_margins, limp_hands_margins
+from vctune.proof.claims.array_claims import AT_REST, SHARES, any_hand_margins, hands_margins, limp_hands_margins
 from vctune.proof.claims.margins_of_claims import (
     HALF_TURN,
     Design,
@@ -425,7 +425,7 @@ def _ends(
     *,
     limp: bool = False,
 ) -> Ends:
-    """Return the ends of the numbers of hand, if the claim is about hands, of `SHARE` if needed, and of the device.
+    """Return the ends of the numbers of hand, if the claim is about hands, of `SHARES` if needed, and of the device.
 
     If the vertices of the hands suffice, each has a column.
     """
@@ -435,7 +435,7 @@ def _ends(
     least, most = (stacked(each).by_key if each else {} for each in (low, high))
     ends = {key: (least[key], most[key]) for key in least}
     if limp:
-        ends[SHARE] = np.zeros(1), np.ones(1)
+        ends |= {SHARES[0]: (np.zeros(1), np.zeros(1)), SHARES[1]: (np.zeros(1), np.ones(1))}  # no integrator
     if box is not None:
         of = ((key, box.low.number(key), box.high.number(key)) for key in uncertain)
         ends |= {row_of(key): (np.full(max(len(low), 1), a), np.full(max(len(low), 1), b)) for key, a, b in of}
