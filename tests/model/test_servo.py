@@ -40,7 +40,7 @@ UNIT_HANDS = [Grip(mass=1.0), Grip(damping=1.0), Grip(stiffness=1.0)]
 
 def required_of_servo(plant, hand, theta, ops) -> Required:
     seen = seen_of_servo(plant, hand, theta, ops)
-    return Required(blur_of(plant, seen, theta, ops) - 0.5 * seen.odd, seen.size)
+    return Required(blur_of(plant, seen, theta, ops) - 0.5 * seen.odd, 1)
 
 
 def plant_of(device: Device):
@@ -51,7 +51,7 @@ def seen_at(device: Device, hand: Hand, theta: np.ndarray) -> np.ndarray:
     """Return Z_seen as one complex number."""
     found = seen_of_servo(plant_of(device), hand, theta, FLOATS)
     s = np.sin(theta / 2)
-    return (found.even + 1j * s * found.odd) / (2j * s * found.size)
+    return (found.even + 1j * s * found.odd) / (2j * s)
 
 
 def required_at(device: Device, hand: Hand, theta: np.ndarray) -> np.ndarray:

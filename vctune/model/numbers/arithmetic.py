@@ -46,6 +46,9 @@ class Arithmetic(Protocol):
             In their unit.
         """
 
+    def reciprocal(self, re: Number, im: Number) -> tuple[Number, Number]:
+        """Return the real and the imaginary part of 1/(re + j im), which is not 0."""
+
     def exp(self, x: Number) -> Number: ...
     def sin(self, x: Number) -> Number: ...
     def cos(self, x: Number) -> Number: ...
@@ -151,6 +154,22 @@ def sinc_curvature_series(x2: Number) -> Number:
     return total / 6
 
 
+def by_conjugate(re: Number, im: Number) -> tuple[Number, Number]:
+    """Return 1/(re + j im) by its conjugate: of numbers without width as tight as any other form.
+
+    Parameters
+    ----------
+    re, im : of a complex number that is not 0
+
+    Returns
+    -------
+    tuple of two numbers
+        The real and the imaginary part.
+    """
+    square = re * re + im * im
+    return re / square, -im / square
+
+
 class _FloatArithmetic:
     """Double precision, elementwise over NumPy arrays."""
 
@@ -175,6 +194,7 @@ class _FloatArithmetic:
 
     sqrt = staticmethod(np.sqrt)
     exp = staticmethod(np.exp)
+    reciprocal = staticmethod(by_conjugate)
 
     @staticmethod
     def modulus(re: Number, im: Number) -> Number:

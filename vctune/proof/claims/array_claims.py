@@ -33,6 +33,7 @@ from vctune.model.sampled.plant_in_hand import (
     delays_of,
     plant_in_hand,
 )
+from vctune.model.sampled.servo_plant import ServoPlant
 from vctune.model.sampled.velocity_loop import sampled_plant, split_delay
 from vctune.model.worlds import WorldsMet
 from vctune.proof.claims.margins_of_claims import (
@@ -70,6 +71,7 @@ AT_REST = (0, 1 + HAND.index("operator.stiffness"))
 """Rows of boxes of hands, the angle and the stiffness, that both begin at 0 there."""
 
 
+NO_HAND = Hand(0, 0, 0)
 OFFSET, SLOPE = "offset of the bound", "slope of the bound"
 """Names of the rows of a straight line that bounds R in all hands (`vctune.proof.claims.envelope`)."""
 
@@ -346,10 +348,21 @@ def _plant_in_hand(
 
     if nominal.servo is not None and not uncertain:  # sampled once, in balls, which leave enclosures of half a digit
         with ctx.workprec(PRECISION):
-            known = plant_in_hand(device_ball(nominal), Hand(0, 0, 0), delays, BALLS)
+            known = plant_in_hand(device_ball(nominal), NO_HAND, delays, BALLS)
         assert isinstance(known, ServoInHand)
         servo = known.plant.converted(enclosure_of)
         return lambda v: ServoInHand(servo, Hand(*(v[name] for name in HAND)))
+
+    if nominal.servo is not None:  # no hand moves it
+
+        def servo_of(*numbers: Number) -> ServoPlant:
+            found = plant_in_hand(exact.with_numbers(dict(zip(uncertain, numbers, strict=True))), NO_HAND, delays, ops)
+            assert isinstance(found, ServoInHand)
+            return found.plant
+
+        return lambda v: ServoInHand(
+            shared(servo_of, [v[name] for name in rows[len(HAND) :]]), Hand(*(v[name] for name in HAND))
+        )
 
     def plant(mass: Number, damping: Number, stiffness: Number, *numbers: Number) -> AnyPlantInHand:
         device = exact.with_numbers(dict(zip(uncertain, numbers, strict=True)))

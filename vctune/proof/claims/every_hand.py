@@ -124,13 +124,11 @@ def _of_margins(
     """Return the test of the margins of which one must be positive, in hands next to resonance or in all."""
     both = [hands_margins(demands, uncertain, part.delays, ops) for ops in (ENCLOSURES, TAYLOR)]
     slopes, polynomials = (near.margins(each) for each in both) if near else both
-    spans, servo = part.spans, demands.device.servo
+    spans = part.spans
     if demands.worlds is not None:
         return any_positive(polynomials, slopes, fixed, spans)
     sloping, curved = (alone(each) for each in (slopes, polynomials))
     by_slopes = positive(sloping, fixed)
-    if servo is not None and servo.radii:  # a modulus has slopes, and no polynomial
-        return by_slopes
     return positive_by_polynomials(curved, fixed, spans, by_slopes)
 
 
