@@ -119,6 +119,10 @@ class _SymbolArithmetic:
         return 0.0
 
     @staticmethod
+    def middle(x: Number) -> Number:
+        return x
+
+    @staticmethod
     def magnitude(x: Number) -> float:
         raise NotImplementedError("a symbol has no size")
 

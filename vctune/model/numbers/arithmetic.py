@@ -104,6 +104,9 @@ class Arithmetic(Protocol):
     def within(self, radius: Number) -> Number:
         """Return the numbers between -radius and radius, enclosed; 0 where nothing is."""
 
+    def middle(self, x: Number) -> Number:
+        """Return a number within x that has no width; of plain numbers x."""
+
     def magnitude(self, x: Number) -> float:
         """Return a number that no |x|, of all elements, exceeds; of plain numbers about that."""
 
@@ -240,6 +243,10 @@ class _FloatArithmetic:
     @staticmethod
     def within(radius: Number) -> Number:
         return 0.0
+
+    @staticmethod
+    def middle(x: Number) -> Number:
+        return x
 
     @staticmethod
     def magnitude(x: Number) -> float:

@@ -19,10 +19,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import exp
 
 from vctune.model.device import Device, Servo
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import (
+    LEFT_OUT,
     Matrix,
     Vector,
     add,
@@ -31,11 +33,17 @@ from vctune.model.numbers.matrices import (
     exponential_less_one,
     half_coth,
     identity,
+    norm_of,
     product,
     scaled,
 )
 from vctune.model.sampled.state_space import filter_rows
 from vctune.model.sampled.velocity_loop import split_delay
+
+
+FAR = 4.0
+"""Up to which |A| times the width of a time a series goes from the middle. Half and twice: a servo of half and twice the
+bandwidth is enclosed so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,11 +162,10 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
     rates, lags = _chain(device, servo, ops)
     older = (_sensed_delay(device) - delay.whole * T) / T if delay.fractional else 0
     rounded = half_coth(rates, ops)
-    newer = exponential_less_one(scaled(rates, 1 - older) if delay.fractional else rates, ops)
     interpolated = servo.command == "position"
     return ServoPlant(
         below=added(product(rounded, lags), scaled(identity(len(rates)), 0.5)),
-        held=tuple(1 + x for x in applied(newer, (1,) * len(rates))),
+        held=_let_go(rates, 1 - older, ops) if delay.fractional else _at_once(rates, ops),
         lags=lags[0],
         driven=added(scaled(rates, 0.5), scaled(rounded, -1))[0],
         older=older,
@@ -170,6 +177,29 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
         pull=_pull(device, servo, delay, ops),
         radii=servo.radii,
     )
+
+
+def _at_once(rates: Matrix, ops: Arithmetic) -> Vector:
+    """Return e^A (1, 1, ...)."""
+    return tuple(1 + x for x in applied(exponential_less_one(rates, ops), (1,) * len(rates)))
+
+
+def _let_go(rates: Matrix, time: Number, ops: Arithmetic) -> Vector:
+    """Return e^(A t) (1, 1, ...), from the middle of t on by its series, which loses nothing to matrices of boxes."""
+    middle = ops.middle(time)
+    off = time - middle
+    reach = norm_of(rates, ops) * ops.magnitude(off)
+    if reach > FAR:
+        return _at_once(scaled(rates, time), ops)
+    term = found = _at_once(scaled(rates, middle), ops)
+    size, order = max(map(ops.magnitude, found)), 0
+    while size > ops.precision * LEFT_OUT:
+        order += 1
+        size *= reach / order
+        term = tuple(x * (off / order) for x in applied(rates, term))
+        found = tuple(map(add, found, term))
+    # what is left out is less than the series of e^FAR would add
+    return tuple(x + ops.within(exp(FAR) * size) for x in found)
 
 
 def _pull(device: Device, servo: Servo, delay: SensedDelay, ops: Arithmetic) -> Pull | None:

@@ -37,7 +37,15 @@ from vctune.proof.claims.margins_of_claims import (
 from vctune.proof.claims.resonant_hands import AROUND, RATIO, ROWS, Resonance, resonance
 from vctune.proof.claims.sampled_poles import in_rad_per_s
 from vctune.proof.claims.whole_samples import NEXT_TO
-from vctune.proof.device_box import DELAYS, DeviceBox, in_longer_hands, moved_as_one
+from vctune.proof.device_box import (
+    DELAYS,
+    DeviceBox,
+    in_both_delays,
+    in_longer_hands,
+    in_one_delay,
+    late_as_one,
+    moved_as_one,
+)
 from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball, device_ball, gains_ball
 from vctune.proof.enclosures.array_intervals import Floats, decimal_or_inf
 from vctune.proof.enclosures.jets import ENCLOSURES
@@ -80,6 +88,8 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     assert demands.hands is not None
     if box is not None and (parts := moved_as_one(box)):
         return _moved_as_one(design, demands, demands.hands, box, parts)
+    if box is not None and late_as_one(box):
+        return _late_as_one(design, demands, box)
     looped = design.device.kind.senses_force and design.device.kind.own_loop
     if looped:
         if not design.gains.closed:
@@ -161,13 +171,28 @@ def _moved_as_one(design: Design, demands: Demands, hands: Hands, box: DeviceBox
         key: min(value + (getattr(found.hand, key) - own[key]), box.high.number(key)) for key, value in least.items()
     }
     hand, device = replace(found.hand, **own), (found.device or one.device).with_numbers(beyond)
-    theta = None if found.witness is None else min(found.witness * device.sample_time, pi)
+    return _judged_again(found, replace(design, device=device), demands, hand)
+
+
+def _late_as_one(design: Design, demands: Demands, box: DeviceBox) -> Outcome:
+    """Prove the same of one delay of both."""
+    one = in_one_delay(box)
+    found = prove_hands(replace(design, device=one.nominal), replace(demands, device=one.nominal), one)
+    if found.hand is None or found.device is None or found.verdict is Verdict.PROVED:
+        return found
+    device = in_both_delays(box, found.device)
+    return _judged_again(found, replace(design, device=device), demands, found.hand)
+
+
+def _judged_again(found: Outcome, design: Design, demands: Demands, hand: Hand) -> Outcome:
+    """Return what is not proved with the device and the hand that it is about, refuted if these are."""
+    theta = None if found.witness is None else min(found.witness * design.device.sample_time, pi)
     fails = theta is not None and any(
-        _fails_at(replace(design, device=device), replace(demands, factor=factor), hand, theta)
-        for factor in {demands.factor, 1.0}
+        _fails_at(design, replace(demands, factor=factor), hand, theta) for factor in {demands.factor, 1.0}
     )
     refuted = found.verdict is Verdict.REFUTED and fails
-    return replace(found, verdict=Verdict.REFUTED if refuted else Verdict.UNDECIDED, hand=hand, device=device)
+    verdict = Verdict.REFUTED if refuted else Verdict.UNDECIDED
+    return replace(found, verdict=verdict, hand=hand, device=design.device)
 
 
 def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:

@@ -104,6 +104,10 @@ class _BallArithmetic:
         return arb(0, radius)
 
     @staticmethod
+    def middle(x: Number) -> Number:
+        return x
+
+    @staticmethod
     def magnitude(x: Number) -> float:
         return float(abs(arb(x)).upper()) * (1 + 1e-15)
 

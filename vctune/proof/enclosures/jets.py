@@ -327,6 +327,11 @@ class _EnclosureArithmetic:
         return Enclosure(0.0, radius)
 
     @staticmethod
+    def middle(x: Number) -> Number:
+        value = x.value if isinstance(x, Jet) else x
+        return Enclosure(value.mid) if isinstance(value, Enclosure) else value
+
+    @staticmethod
     def magnitude(x: Number) -> float:
         value = x.value if isinstance(x, Jet) else x
         if not isinstance(value, Enclosure):

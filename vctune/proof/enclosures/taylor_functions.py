@@ -171,6 +171,10 @@ class _TaylorArithmetic:
         return _narrower(_power(x, table), over) if isinstance(x, Taylor) else over
 
     @staticmethod
+    def middle(x: Number) -> Number:
+        return Enclosure(x.poly[0]) if isinstance(x, Taylor) else ENCLOSURES.middle(x)
+
+    @staticmethod
     def magnitude(x: Number) -> float:
         return ENCLOSURES.magnitude(_ranged(x))
 
