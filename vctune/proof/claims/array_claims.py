@@ -57,6 +57,7 @@ from vctune.proof.claims.margins_of_claims import (
     sensitivity_margin,
     sensitivity_sufficient_margin,
     unmodelled_margin,
+    whenever_margin,
 )
 from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, device_ball, enclosure_of
 from vctune.proof.enclosures.array_intervals import Enclosure, decimal
@@ -229,6 +230,32 @@ def hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, 
         return tuple(sum_of(getattr(found, name)) for name in names)
 
     return margins
+
+
+def whenever_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS) -> Margin:
+    """Return the margin that proves as much before a servo, however many whole samples late it is.
+
+    Parameters
+    ----------
+    demands : what is to be met
+    uncertain : numbers of the device that the margin takes from among its values
+    delays : any whole samples
+    ops : arithmetic of theta and the values
+
+    Returns
+    -------
+    Margin
+        As of `hands_margins`; only for theta > 0.
+    """
+    in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
+    device = _uncertain_device(demands.device, uncertain)
+
+    def margin(theta: Number, v: Values) -> Number:
+        plant = in_hand(v)
+        assert isinstance(plant, ServoInHand)
+        return whenever_margin(plant, Design(device(v), gains_of(v), coupling_of(v)), theta, factor, ops)
+
+    return margin
 
 
 def bounded_in_hands(device: Device, ops: ArrayArithmetic = OPS) -> Margin:

@@ -24,7 +24,7 @@ from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
 from vctune.model.sampled.servo_in_hand import vertices
 from vctune.model.sampled.velocity_loop import SNAP
 from vctune.model.worlds import WorldsMet
-from vctune.proof.claims.array_claims import AT_REST, SHARE, any_hand_margins, hands_margins, limp_hands_margins
+from vctune.proof.claims.array_claims import AT_REST, SHARE, any_hand_margins, hands_margins, limp_hands_margins, whenever_margins
 from vctune.proof.claims.margins_of_claims import (
     HALF_TURN,
     Design,
@@ -47,7 +47,7 @@ from vctune.proof.device_box import (
     moved_as_one,
 )
 from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball, device_ball, gains_ball
-from vctune.proof.enclosures.array_intervals import Floats, decimal_or_inf
+from vctune.proof.enclosures.array_intervals import Flags, Floats, decimal_or_inf
 from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.proof.enclosures.taylor_functions import TAYLOR
 from vctune.proof.engine.box_tests import FEW, alone, any_positive, next_to_zero, positive, positive_by_polynomials
@@ -64,6 +64,11 @@ to give up."""
 EASY_BOXES = 20_000
 """Boxes after which hands next to a sharp resonance are looked at apart: where the demand leaves room there, some
 hundred do. Half or twice as many cost half or twice as much where they were in vain: some seconds."""
+MANY_PARTS = 3
+"""Parts of a box of delays from which on what holds however late a servo is is looked at first; of fewer there may be
+none whose delay is a whole sample."""
+EASY_PARTS = 4_000
+"""Boxes after which an interval of angles is left to each part by itself. Half and twice it: as long."""
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
 """How far from an end of the angles, as a share of pi, a witness is looked for. Fewer: growth that takes longer to see;
 more: none that is seen."""
@@ -116,7 +121,14 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
 
     ends = partial(_ends, demands.hands, box, uncertain, corners)
     near = resonance(design, demands.hands) if looped else None
-    every = partial(_proved_over, design, demands, uncertain, rows)
+    whenever = None
+    if corners is not None and servo is not None and servo.stiffness is None:
+
+        def whenever(part: _Part, fixed: Values) -> Test:
+            of = partial(whenever_margins, demands, uncertain, part.delays)
+            return positive_by_polynomials(of(TAYLOR), fixed, part.spans, positive(of(ENCLOSURES), fixed))
+
+    every = partial(_proved_over, design, demands, uncertain, rows, whenever=whenever)
     found = every(ends(limp=limp), tests, EASY_BOXES if near else MAX_BOXES)
     if near and found.verdict is Verdict.UNDECIDED:
         found, tried = every(ends(limp=limp), partial(tests, near=near), MAX_BOXES), found.boxes
@@ -246,6 +258,7 @@ def _proved_over(
     tests: Callable[[_Part, Values], list[Test]],
     max_boxes: int,
     near: Resonance | None = None,
+    whenever: Callable[[_Part, Values], Test] | None = None,
 ) -> Outcome:
     """Prove margins of theta, the hand's numbers and the device's positive over all of them.
 
@@ -256,15 +269,20 @@ def _proved_over(
     tests : of a part of the boxes, and of the values that are no rows
     max_boxes : of each part, before it is left open
     near : where the hands are those next to resonance
+    whenever : a test that proves as much of parts with any whole samples
     """
     names = hand_rows + tuple(map(row_of, uncertain))
     band = band_of(near.first if near else 0.0, HALF_TURN, STEP)
     numbers = (*astuple(design.gains), *astuple(design.coupling))
     fixed = dict(zip(keys_of(len(numbers)), map(decimal_or_inf, numbers), strict=True))
     boxes, point = 0, None
-    for part in _parts(design.device, names, *ends):
+    parts = _parts(design.device, names, *ends)
+    left = slice(None)
+    if whenever is not None and len(parts) >= MANY_PARTS:
+        left, boxes = _left_of_parts(whenever(parts[1], fixed), over_band(names, parts[1].low, parts[1].high, band))
+    for part in parts:
         for test in tests(part, fixed):
-            boxes_of_part = over_band(names, part.low, part.high, band)
+            boxes_of_part = over_band(names, part.low, part.high, band).subset(left)
             found = prove(
                 part.within(test, names),
                 replace(boxes_of_part, owner=np.zeros_like(boxes_of_part.owner)),
@@ -280,6 +298,32 @@ def _proved_over(
                 point = found.open[:, 0] if np.isnan(found.failing[0, 0]) else found.failing[:, 0]
                 return _in_doubt(design, demands, uncertain, names, part, point, boxes, near)
     return Outcome(Verdict.PROVED, boxes)
+
+
+def _left_of_parts(test: Test, boxes: Boxes) -> tuple[Flags, int]:
+    """Return which boxes of each part are left to prove, and how many were looked at: the others hold in all parts.
+
+    Parameters
+    ----------
+    test : of angles > 0 and a part whose delays are those of a whole sample
+    boxes : of that part
+    """
+    own, left = np.arange(len(boxes)), np.ones(len(boxes), bool)
+    beyond = np.flatnonzero(boxes.low[0] > 0)
+    apart = replace(boxes.subset(beyond), owner=own[: len(beyond)])
+    found = prove(
+        test,
+        apart,
+        len(beyond),
+        halved=[True] * len(boxes.names),
+        max_halvings=MAX_HALVINGS,
+        max_boxes=EASY_PARTS,
+        at_ends=True,
+        few=FEW,
+        only_whole=True,
+    )
+    left[beyond] = ~found.proved
+    return left, int(found.boxes.sum())
 
 
 def _in_doubt(
@@ -385,6 +429,8 @@ def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) ->
     if not rows:
         return [_Part(low, high, known, T, 0.0)]
     other = sum(delay for name, delay in others.items() if name not in rows)
+    if device.servo is not None and device.servo.stiffness is None and len(rows) == 1:
+        return _parts_of_sum(rows.popitem()[1], low, high, known, T, other)
     parts, row = [], rows.get(own)
     loops = [known.loop] if row is None else _whole(low[row, 0], high[row, 0], T, last=True)
     for loop in loops:
@@ -395,6 +441,17 @@ def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) ->
         for felt in _whole(shortest, longest, T, last=loop == loops[-1]):
             delays = Delays(loop, row is not None or known.loop_fractional, felt, felt_fractional=True)
             parts.append(_Part(least, most, delays, T, other))
+    return parts
+
+
+def _parts_of_sum(row: int, low: Floats, high: Floats, known: Delays, T: float, other: float) -> list[_Part]:
+    """Return the parts of a box of servos, of which only the sum of both delays counts, one of them in a row."""
+    parts = []
+    for felt in _whole(low[row, 0] + other, high[row, 0] + other, T, last=True):
+        least, most = low.copy(), high.copy()
+        least[row], most[row] = max(low[row, 0], felt * T - other), min(high[row, 0], (felt + 1) * T - other)
+        delays = replace(known, felt=felt, felt_fractional=True)
+        parts.append(_Part(least, np.maximum(least, most), delays, T, other))
     return parts
 
 

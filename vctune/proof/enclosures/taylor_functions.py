@@ -39,12 +39,20 @@ def _ranged(x: Number) -> Number:
     return x.enclosed() if isinstance(x, Taylor) else x
 
 
-def _narrower(x: Taylor, over: Enclosure) -> Taylor:
-    """Return a number where something is known of it and less is left out than its range is wide, else that range."""
+def _narrower(x: Taylor, over: Enclosure, of: Taylor) -> Taylor:
+    """Return a number where something is known of it and less is left out than its range is wide, else that range.
+
+    The range is due to the rows that what it is a function of varies with.
+    """
     known = x.rest.sum(axis=0) <= over.rad
+    shares = of.sizes.linear + of.sizes.quad + of.rest[:-1]
+    total = shares.sum(axis=0)
     poly, rest = np.where(known, x.poly, 0.0), np.where(known, x.rest, 0.0)
-    poly[0], rest[-1] = np.where(known, poly[0], over.mid), np.where(known, rest[-1], over.rad)
-    return Taylor(x.rows, poly, rest)
+    poly[0] = np.where(known, poly[0], over.mid)
+    due = total > TINY
+    rest[:-1] += np.where(known | ~due, 0.0, shares * (over.rad / np.maximum(total, TINY)))
+    rest[-1] += np.where(known | due, 0.0, over.rad)
+    return Taylor(x.rows, poly, rest * SWOLLEN)
 
 
 def _reciprocal(re: Number, im: Number) -> tuple[Taylor, Taylor]:
@@ -141,7 +149,7 @@ class _TaylorArithmetic:
     def modulus(re: Number, im: Number) -> Number:
         over = ENCLOSURES.modulus(_ranged(re), _ranged(im))
         square = re * re + im * im
-        return _narrower(TAYLOR.sqrt(square), over) if isinstance(square, Taylor) else over
+        return _narrower(TAYLOR.sqrt(square), over, square) if isinstance(square, Taylor) else over
 
     @staticmethod
     def reciprocal(re: Number, im: Number) -> tuple[Number, Number]:
@@ -168,7 +176,7 @@ class _TaylorArithmetic:
     @staticmethod
     def interpolated(x: Number, table: Table) -> Number:
         over = ENCLOSURES.interpolated(_ranged(x), table)
-        return _narrower(_power(x, table), over) if isinstance(x, Taylor) else over
+        return _narrower(_power(x, table), over, x) if isinstance(x, Taylor) else over
 
     @staticmethod
     def middle(x: Number) -> Number:
