@@ -10,6 +10,8 @@ from vctune.model.device import Device
 from vctune.model.numbers.units import Units
 from vctune.version import __version__
 
+RUN = "environments are passive as they run"
+
 
 def statement(made: Firmware) -> list[str]:
     """Return what is said at the top of every file: what it is, of which design, and what is proved.
@@ -42,18 +44,21 @@ def assumptions(made: Firmware) -> list[str]:
     """Return what the certificate takes for granted, in words."""
     device, units = made.device, made.units
     box = ", and any other of the problem's [uncertainty]" if made.record.uncertainty is not None else ""
+    hands = made.record.certificate.hands
+    boxed = hands is not None and hands.worlds is not None
+    rendered = "environments are those of the box, by the trapezoidal rule" if boxed else RUN
     built = f"{_mechanics(device, units)}{box}; a step every {device.sample_time!r} s"
     if device.servo is not None:
         return [
-            f"Assumed: {built}; the {units.force_name} is sampled just before a command is given; environments are "
-            f"passive as they run. Nothing is proved of a limited speed or acceleration, of a command that is lost or "
+            f"Assumed: {built}; the {units.force_name} is sampled just before a command is given; {rendered}. "
+            f"Nothing is proved of a limited speed or acceleration, of a command that is lost or "
             f"late, and of the rounding of each operation.",
         ]
     sampled = "" if made.parts.spring else f"; the {units.force_name} is sampled just before"
     return [
         f"Assumed: {built}; the command acts {device.delay!r} s after the "
-        f"sample and is held{sampled}; environments are passive as they run. Of static "
-        f"friction, a limited {units.force_name}, quantisation and the rounding of each operation nothing is proved.",
+        f"sample and is held{sampled}; {rendered}. Of static friction, "
+        f" a limited {units.force_name}, quantisation and the rounding of each operation nothing is proved.",
     ]
 
 

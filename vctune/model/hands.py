@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import Units
@@ -75,9 +75,9 @@ class Hands:
     high: Hand
 
     def in_words(self, units: Units) -> str:
-        """Return the box with its units."""
-        (m, b, k), (M, B, K) = ((hand.mass, hand.damping, hand.stiffness) for hand in (self.low, self.high))
-        return f"{m:g} to {M:g} {units.mass}, {b:g} to {B:g} {units.damping}, {k:g} to {K:g} {units.stiffness}"
+        """Return the box with its units, without what no hand of it has."""
+        ends = zip(astuple(self.low), astuple(self.high), (units.mass, units.damping, units.stiffness), strict=True)
+        return ", ".join(f"{low:g} to {high:g} {unit}" for low, high, unit in ends if high > 0) or "nothing"
 
     @property
     def middle(self) -> Hand:

@@ -96,7 +96,8 @@ class CheckedProblemRecord(Part):
 class RegionDocument(Document):
     """What was found of a plane of gains, in SI units: the object of region.json.
 
-    Of one that was `interrupted`, cells that were not looked at are undecided.
+    Of one that was `interrupted`, cells that were not looked at are undecided. In `others` the damping of a rigid
+    coupling, which is infinite, is null.
     """
 
     SCHEMA = "vctune/region/1"
@@ -104,7 +105,7 @@ class RegionDocument(Document):
     problem: ProblemRecord
     demands: DemandsRecord | None = None
     axes: AxesRecord
-    others: dict[str, float | dict[str, float]] = Field(default_factory=dict)
+    others: dict[str, float | dict[str, float] | None] = Field(default_factory=dict)
     areas: dict[str, float] = Field(default_factory=dict)
     interrupted: bool = False
     designs: list[DesignPoint]

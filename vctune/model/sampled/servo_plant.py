@@ -1,9 +1,9 @@
 """A servo and its force sensor over a sample, exactly (model/README.md, section 17).
 
-Velocity, acceleration and position pass servo and sensor alike, so that the sensor's low-pass may follow the servo's and
-both delays add up to (N + delta) T. Both are a chain x' = A x + b u with T = 1, whose first state is the sensed velocity
-and whose states are all 1 at rest with u = 1. In w = z^-1 and d = 1 - w the pulse transfer functions from the held
-velocity are
+Velocity, acceleration and position pass servo and sensor alike, so that the sensor's low-pass may follow the servo's
+and both delays add up to (N + delta) T. Both are a chain x' = A x + b u with T = 1, whose first state is the sensed
+velocity and whose states are all 1 at rest with u = 1. In w = z^-1 and d = 1 - w the pulse transfer functions from the
+held velocity are
 
     G_v = w^(N+1) (1 - q_0),   G_a = -w^(N+1) q_1/T,   G_x = T w^(N+1) ((1 - delta + delta w)/d - l - q_-1),
 
@@ -40,10 +40,9 @@ from vctune.model.numbers.matrices import (
 from vctune.model.sampled.state_space import filter_rows
 from vctune.model.sampled.velocity_loop import split_delay
 
-
 FAR = 4.0
-"""Up to which |A| times the width of a time a series goes from the middle. Half and twice: a servo of half and twice the
-bandwidth is enclosed so."""
+"""Up to which |A| times the half-width of a time the series goes from the middle. Half and twice: a servo of half and
+twice the bandwidth is enclosed so."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -232,7 +232,9 @@ def hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, 
     return margins
 
 
-def whenever_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS) -> Margin:
+def whenever_margins(
+    demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS
+) -> Margin:
     """Return the margin that proves as much before a servo, however many whole samples late it is.
 
     Parameters

@@ -24,7 +24,14 @@ from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
 from vctune.model.sampled.servo_in_hand import vertices
 from vctune.model.sampled.velocity_loop import SNAP
 from vctune.model.worlds import WorldsMet
-from vctune.proof.claims.array_claims import AT_REST, SHARE, any_hand_margins, hands_margins, limp_hands_margins, whenever_margins
+from vctune.proof.claims.array_claims import (
+    AT_REST,
+    SHARE,
+    any_hand_margins,
+    hands_margins,
+    limp_hands_margins,
+    whenever_margins,
+)
 from vctune.proof.claims.margins_of_claims import (
     HALF_TURN,
     Design,
