@@ -1,4 +1,4 @@
-"""From a TOML text to a valid document, or to everything that is wrong with it."""
+"""From a TOML text to a valid document, or to all of its mistakes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Contradiction = tuple[KeyPath, str]
 
 
 class Fault(NamedTuple):
-    """What is wrong with a key of a document."""
+    """A fault of a key of a document."""
 
     path: KeyPath
     message: str
@@ -186,7 +186,7 @@ def _type_messages(model: type[BaseModel], path: KeyPath) -> dict[str, Message]:
 
 
 def untagged(path: KeyPath) -> KeyPath:
-    """Return a path without the tags of what a key may hold."""
+    """Return a path without the tags of a key's alternative forms."""
     return tuple(step for step in path if step not in TAGS)
 
 
@@ -204,7 +204,7 @@ def _short(text: str) -> str:
 
 
 def _elements(path: KeyPath) -> str:
-    """Return what a list consists of, and how it is written."""
+    """Return the elements of a list, and how to write them."""
     return f"pairs; write {PAIR_LISTS[path][1]}" if path in PAIR_LISTS else f"tables; write [[{dotted(path)}]]"
 
 
@@ -214,7 +214,7 @@ def _pair(path: KeyPath) -> str:
 
 
 def _number(model: type[BaseModel], path: KeyPath, value: Any) -> str:
-    """Return what to write in the place of what is no number."""
+    """Return a hint how to write an invalid number."""
     meant = number_meant(value) if isinstance(value, str) else ""
     return meant or f"; write a number{_or_range(model, path)}"
 
@@ -278,7 +278,7 @@ def _with(raw: Any, path: KeyPath) -> Any:
 
 
 def _unknown(model: type[BaseModel], path: KeyPath, has_a_meaning: Callable[[str], bool]) -> str:
-    """Return what is said of a key that there is not: which one was meant, or where it belongs.
+    """Return the message on an unknown key: the probable intention, or where it belongs.
 
     Parameters
     ----------

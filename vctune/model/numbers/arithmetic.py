@@ -1,4 +1,4 @@
-"""The few operations a formula needs beyond + - * /, for each kind of number.
+"""The few operations that a formula needs beyond + - * /, for each kind of number.
 
 Every formula of `vctune.model` takes an `Arithmetic` and is then evaluated on NumPy arrays (scan, margins, figures),
 CasADi symbols (the NLP), Arb balls and intervals on arrays with or without their derivatives (the proof).
@@ -102,7 +102,7 @@ class Arithmetic(Protocol):
         """
 
     def within(self, radius: Number) -> Number:
-        """Return the numbers between -radius and radius, enclosed; 0 where nothing is."""
+        """Return the numbers between -radius and radius, enclosed; 0 outside."""
 
     def middle(self, x: Number) -> Number:
         """Return a number within x that has no width; of plain numbers x."""
@@ -112,7 +112,7 @@ class Arithmetic(Protocol):
 
 
 class ArrayArithmetic(Arithmetic, Protocol):
-    """Elementary functions of numbers that are arrays, and what only these have."""
+    """Elementary functions of numbers that are arrays, and operations that only arrays have."""
 
     def stacked(self, numbers: Sequence[Number]) -> Number:
         """Return numbers as one with another axis in front, plain ones among them too."""
