@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from functools import lru_cache, partial
 from itertools import product
 from math import inf, pi, sqrt
@@ -21,7 +21,7 @@ from vctune.model.problem import Problem
 from vctune.model.sampled.any_hand import AnyHand, any_hand
 from vctune.model.sampled.hand_loop import AnyLoopInHand, loop_in_hand, offered, required_in_hand, seen_in_hand
 from vctune.model.sampled.loop_in_worlds import Seen, disjuncts, offered_at, posed, room_of
-from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.sampled.plant_in_hand import ServoInHand, delays_of, plant_in_hand
 from vctune.model.worlds import WorldsMet
 from vctune.running import check_time
 
@@ -444,15 +444,20 @@ def hardest_near(
     safe = np.where(width > 0, width, 1.0)
     share = np.sqrt((starts - low[:, None]) / safe[:, None])
     step_hand, step_angle = np.full(theta.size, 0.2), np.full(theta.size, 2.3 / PER_DECADE)
-    offsets = np.array(list(product((-1, 0, 1), repeat=3))).T
+    # the requirement before a servo is convex in the hand: one that starts at a vertex stays there
+    at_vertices = device.servo is not None and met is None
+    offsets = np.zeros((3, 1)) if at_vertices else np.array(list(product((-1, 0, 1), repeat=3))).T
     turns = np.array([-1, 0, 1])
-    best = np.full(theta.size, -inf)
+    best, plant = np.full(theta.size, -inf), None
     for _ in range(ROUNDS):
         check_time()
         near = np.clip(share[:, :, None] + offsets[:, None, :] * step_hand[:, None], 0.0, 1.0)
         angle = np.minimum(theta[:, None] * np.exp(turns * step_angle[:, None]), np.pi)
         hand = Hand(*((low[:, None, None] + width[:, None, None] * near**2)[..., None]))
-        plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
+        if isinstance(plant, ServoInHand):  # no hand moves it
+            plant = replace(plant, hand=hand)
+        else:
+            plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
         loop = loop_in_hand(plant, angle[:, None, :], FLOATS)
         need = _needs(loop, device, gains, coupling, angle[:, None, :], met).reshape(theta.size, -1)
         need = np.nan_to_num(need, nan=-inf, posinf=inf)  # 0/0 at rest without an integrator asks for nothing
