@@ -85,6 +85,23 @@ def test_matrix_exponentials(number):
         assert np.abs(required + expected.real).max() < 1e-8 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("number", range(4))
+def test_a_filter_of_the_samples_multiplies_the_force(number):
+    random = np.random.default_rng((78, number))
+    servo, share = random_servo(random), float(random.uniform(0.02, 0.9))
+    theta = np.concatenate((10 ** random.uniform(-2, 0.49, 20), [pi]))
+    device = device_of(servo)
+    sensor = device.force_sensor or ForceSensor()
+    filtered = replace(device, force_sensor=replace(sensor, filter_coefficient=share))
+    passed = share / (1 - (1 - share) * np.exp(-1j * theta))
+    for grip in UNIT_HANDS:
+        expected = seen(servo, grip, theta) * passed
+        hand = Hand(grip.mass, grip.damping, grip.stiffness)
+        assert np.abs(seen_at(filtered, hand, theta) - expected).max() < 1e-8 * np.abs(expected).max()
+    later = servo.latency + servo.sample_time * (1 - share) / share
+    assert required_at(filtered, Hand(0.0, 0.0, 1000.0), np.zeros(1)) == pytest.approx(1000 * later, rel=1e-9)
+
+
 @pytest.mark.parametrize("whole", [1, 3])
 @pytest.mark.parametrize("order", [1, 2])
 def test_whole_samples(whole, order):

@@ -91,7 +91,7 @@ def _seen_at(plant: ServoPlant, hand: Hand, at: Circle) -> Seen:
     if plant.share is not None:
         back = 1 - plant.share
         passed = _reciprocal(Pair(plant.share + 2 * back * y, 2 * back * (s * c)), at.ops)
-        rest = rest.scaled(plant.share) + (Pair(step[0], s * step[1]) * passed).scaled(-(back * spring))
+        rest = (rest.scaled(plant.share) + Pair(step[0], s * step[1]).scaled(-(back * spring))) * passed
     # 2 j s e^(-j theta/2) times what is regular
     turned = rest * Pair(c, -s)
     even, odd = step[0] * spring - 2 * (s * turned.im), step[1] * spring + 2 * turned.re
