@@ -82,8 +82,8 @@ class AdmittanceFile:
 
 
 FORWARD_DYNAMICS = (
-    "states pd_gains, those of FZI's cartesian_controllers; their law solves a virtual arm's dynamics from rest in every "
-    "cycle, has no mass, and acts on the rate of the force; vctune does not prove it; name the parameters of an "
+    "states pd_gains, those of FZI's cartesian_controllers; their law solves a virtual arm's dynamics from rest in "
+    "every cycle, has no mass, and acts on the rate of the force; vctune does not prove it; name the parameters of an "
     "admittance_controller"
 )
 """What vctune says of a law that is none of mass and drag."""

@@ -44,7 +44,8 @@ def assumptions(made: Firmware) -> list[str]:
     """Return the assumptions of the certificate, in words."""
     device, units = made.device, made.units
     box = ", and any other of the problem's [uncertainty]" if made.record.uncertainty is not None else ""
-    hands = made.record.certificate.hands
+    certificate = made.record.certificate
+    hands = None if certificate is None else certificate.hands
     boxed = hands is not None and hands.worlds is not None
     rendered = "environments are those of the box, by the trapezoidal rule" if boxed else RUN
     built = f"{_mechanics(device, units)}{box}; a step every {device.sample_time!r} s"

@@ -164,6 +164,10 @@ def late_as_one(box: DeviceBox) -> bool:
 
     What a servo's sensor says of a command passes servo and sensor alike. The firmware's own spring pulls at what it
     measures of the position, which the sensor's delay does not reach.
+
+    Parameters
+    ----------
+    box : uncertain devices
     """
     servo = box.nominal.servo
     return servo is not None and servo.stiffness is None and {*SUMMED} <= {*box.uncertain}
@@ -188,7 +192,13 @@ def in_one_delay(box: DeviceBox) -> DeviceBox:
 
 
 def in_both_delays(box: DeviceBox, device: Device) -> Device:
-    """Return the device of a box that has the delay of one of `in_one_delay`: the servo's is as long as it may be."""
+    """Return the device of a box that has the delay of one of `in_one_delay`: the servo's is as long as it may be.
+
+    Parameters
+    ----------
+    box : uncertain servos, `late_as_one`
+    device : of the box with one delay
+    """
     own, other = SUMMED
     delay, least = device.number(own), box.low.number(other)
     servo = min(delay, box.high.number(own))

@@ -47,7 +47,17 @@ class Arithmetic(Protocol):
         """
 
     def reciprocal(self, re: Number, im: Number) -> tuple[Number, Number]:
-        """Return the real and the imaginary part of 1/(re + j im), which is not 0."""
+        """Return 1/(re + j im), which is as tight as the number is relative to its size.
+
+        Parameters
+        ----------
+        re, im : parts of a complex number that is not 0
+
+        Returns
+        -------
+        tuple of two numbers
+            The real and the imaginary part.
+        """
 
     def exp(self, x: Number) -> Number: ...
     def sin(self, x: Number) -> Number: ...
@@ -105,7 +115,17 @@ class Arithmetic(Protocol):
         """Return the numbers between -radius and radius, enclosed; 0 outside."""
 
     def middle(self, x: Number) -> Number:
-        """Return a number within x that has no width; of plain numbers x."""
+        """Return a number within x that has no width.
+
+        Parameters
+        ----------
+        x : real number of the arithmetic
+
+        Returns
+        -------
+        Number
+            Of the shape of x; plain numbers are their own middle.
+        """
 
     def magnitude(self, x: Number) -> float:
         """Return a number that no |x|, of all elements, exceeds; of plain numbers about that."""

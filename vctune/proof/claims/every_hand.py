@@ -284,7 +284,7 @@ def _proved_over(
     fixed = dict(zip(keys_of(len(numbers)), map(decimal_or_inf, numbers), strict=True))
     boxes, point = 0, None
     parts = _parts(design.device, names, *ends)
-    left = slice(None)
+    left: slice | Flags = slice(None)
     if whenever is not None and len(parts) >= MANY_PARTS:
         left, boxes = _left_of_parts(whenever(parts[1], fixed), over_band(names, parts[1].low, parts[1].high, band))
     for part in parts:
