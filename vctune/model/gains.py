@@ -19,7 +19,7 @@ class Gains:
 
     @property
     def closed(self) -> bool:
-        """Whether there is a loop at all; of plain numbers."""
+        """Whether there is a loop; for plain numbers."""
         return bool(self.velocity != 0 or self.position != 0)
 
 
@@ -62,7 +62,7 @@ class SpringDamper:
 
 
 AnyCoupling = Coupling | SpringDamper
-"""What couples a device to the virtual world: of an admittance display, or of an impedance display."""
+"""The coupling of a device with the virtual world: for an admittance display, or of an impedance display."""
 
 
 def series_coupling(coupling: AnyCoupling) -> Coupling:

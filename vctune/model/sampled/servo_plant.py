@@ -21,7 +21,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import exp
 
-from vctune.model.device import Device, Servo
+from vctune.model.device import Device
+from vctune.model.loop.filters import filter_rows
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import (
     LEFT_OUT,
@@ -37,7 +38,7 @@ from vctune.model.numbers.matrices import (
     product,
     scaled,
 )
-from vctune.model.sampled.state_space import filter_rows
+from vctune.model.parts import Servo
 from vctune.model.sampled.velocity_loop import split_delay
 
 FAR = 4.0
@@ -61,7 +62,7 @@ class ServoPlant:
     share : a of the firmware's filter y += a (x - y) of the sensed samples; None without
     sample_time : T, s
     pull : the firmware's own spring; None without it
-    radii : of a disc of responses, `Servo.radii`
+    radii : radii of a disc of responses, `Servo.radii`
     """
 
     below: Matrix
@@ -128,22 +129,16 @@ class SensedDelay:
 
 def sensed_delay(device: Device) -> SensedDelay:
     """Return the delays of a device whose numbers are plain, in samples."""
-    whole, left = split_delay(_sensed_delay(device), device.sample_time)
+    whole, left = split_delay(device.sensed_latency, device.sample_time)
     moved, rest = split_delay(device.latency, device.sample_time)
     return SensedDelay(whole, left > 0, SensedDelay(moved, rest > 0))
-
-
-def _sensed_delay(device: Device) -> Number:
-    """Return the delay from a command to the sensed motion, s; only the sum of both delays matters."""
-    sensor = device.force_sensor
-    return device.latency if sensor is None else device.latency + sensor.delay
 
 
 def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPlant:
     """Sample a servo and its force sensor exactly (model/README.md, section 17).
 
-    The sensor reads the force just before the next command acts. With a delay of whole samples, that force is still due
-    to the command before.
+    The sensor reads the force just before the next command acts. With a delay of whole samples, the previous command
+    still causes that force.
 
     Parameters
     ----------
@@ -156,10 +151,10 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
     ServoPlant
         Its numbers have the shape of the device's.
     """
-    T, servo, sensor = device.sample_time, device.servo, device.force_sensor
+    T, servo = device.sample_time, device.servo
     assert servo is not None
     rates, lags = _chain(device, servo, ops)
-    older = (_sensed_delay(device) - delay.whole * T) / T if delay.fractional else 0
+    older = (device.sensed_latency - delay.whole * T) / T if delay.fractional else 0
     rounded = half_coth(rates, ops)
     interpolated = servo.command == "position"
     return ServoPlant(
@@ -171,7 +166,7 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
         order=servo.order,
         turns=delay.whole + (1.0 if interpolated else 0.5),
         interpolated=interpolated,
-        share=None if sensor is None else sensor.filter_coefficient,
+        share=device.sensing.filter_coefficient,
         sample_time=T,
         pull=_pull(device, servo, delay, ops),
         radii=servo.radii,
@@ -204,25 +199,24 @@ def _let_go(rates: Matrix, time: Number, ops: Arithmetic) -> Vector:
 def _pull(device: Device, servo: Servo, delay: SensedDelay, ops: Arithmetic) -> Pull | None:
     if servo.stiffness is None:
         return None
-    sensor = device.force_sensor
-    known = delay.moved is not None or sensor is None or ops.is_zero(sensor.delay)
+    known = delay.moved is not None or ops.is_zero(device.sensing.delay)
     assert known, "the delay of the servo alone is not told"
-    alone = replace(device, servo=replace(servo, stiffness=None), force_sensor=None)
+    alone = replace(device.sensing_at_once, servo=replace(servo, stiffness=None))
     return Pull(servo_plant(alone, delay.moved or delay, ops), servo.stiffness)
 
 
 def _chain(device: Device, servo: Servo, ops: Arithmetic) -> tuple[Matrix, Matrix]:
     """Return A and -A^-1 of the states of sensor and servo, T = 1."""
-    T, sensor = device.sample_time, device.force_sensor
+    T, sensor = device.sample_time, device.sensing
     moved: tuple[str, ...] = ("moved", "moving")[: servo.order]
     felt: tuple[str, ...] = ()
-    if sensor is not None and sensor.bandwidth_hz is not None:
+    if sensor.bandwidth_hz is not None:
         felt = ("felt", "felt rate")[: sensor.order]
     rates: dict[str, dict[str, Number]] = {name: {} for name in (*felt, *moved)}
     lags: dict[str, dict[str, Number]] = {name: {} for name in (*felt, *moved)}
     filter_rows(rates, ("moved", "moving"), servo.bandwidth_hz * T, servo.order, ops)
     _write_lags(lags, moved, servo.bandwidth_hz * T, ops)
-    if sensor is not None and felt:
+    if felt:
         corner = filter_rows(rates, ("felt", "felt rate"), sensor.bandwidth_hz * T, sensor.order, ops)
         rates[felt[-1]]["moved"] = corner
         _write_lags(lags, felt, sensor.bandwidth_hz * T, ops)

@@ -14,7 +14,8 @@ from vctune.proof.enclosures.jets import ENCLOSURES, LIBRARY_ERROR, Table
 from vctune.proof.enclosures.taylor import SWOLLEN, Taylor, stacked
 
 SINC_TERMS = 12
-"""Of the series of sinc' and sinc'' below 1: what they leave out is below 1e-20. Half leave out 1e-9; twice as good."""
+"""Terms of the series of sinc' and sinc'' below 1; their remainder is below 1e-20. Half leave 1e-9; twice are no
+better."""
 ASTRIDE = 1e-12
 """By how much, relative, an interval may reach over a point of a table and still count as on one side of it: next to
 that point both powers are the same up to `POWER_ERROR`. Half and twice it: no box is cut nearer than a rounding."""
