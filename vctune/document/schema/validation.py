@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Callable, Iterator
 from difflib import get_close_matches
+from functools import cache, partial
 from math import isnan
 from typing import Any, NamedTuple, TypeVar, get_args
 
@@ -84,7 +85,12 @@ def examined(model: type[Document], raw: dict[str, Any], check: Check) -> tuple[
         return model.model_validate(raw), between
     except ValidationError as error:
         explained = {fault.path for fault in between}
-        alone = [_fault(model, details, raw, check) for details in error.errors(include_url=False)]
+
+        @cache
+        def means(table: KeyPath, name: str) -> bool:
+            return all(at != (*table, name) for at, _ in check(_with(raw, (*table, name))))
+
+        alone = [_fault(model, details, means) for details in error.errors(include_url=False)]
         return None, [fault for fault in alone if fault.code != "unknown-key" or fault.path not in explained] + between
 
 
@@ -127,7 +133,7 @@ def dotted(path: KeyPath) -> str:
     return _short(text)
 
 
-def _fault(model: type[BaseModel], details: Any, raw: dict[str, Any], check: Check) -> Fault:
+def _fault(model: type[BaseModel], details: Any, means: Callable[[KeyPath, str], bool]) -> Fault:
     path = untagged(details["loc"])
     value, context, kind = details["input"], details.get("ctx", {}), details["type"]
     if kind == "extra_forbidden":
@@ -135,10 +141,7 @@ def _fault(model: type[BaseModel], details: Any, raw: dict[str, Any], check: Che
         if moved:
             return Fault(path, moved, "moved-key")
 
-        def has_a_meaning(name: str) -> bool:
-            return all(at != (*path[:-1], name) for at, _ in check(_with(raw, (*path[:-1], name))))
-
-        return Fault(path, _unknown(model, details["loc"], has_a_meaning), "unknown-key")
+        return Fault(path, _unknown(model, details["loc"], partial(means, path[:-1])), "unknown-key")
     if isinstance(value, float) and isnan(value):
         return Fault(path, "nan is not a number; write a number", "wrong-type")
     if kind == "missing":
