@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 from math import inf
 
@@ -16,7 +17,7 @@ from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.hand_loop import AnyLoopInHand, loop_in_hand, offered, required_in_hand, seen_in_hand
 from vctune.model.sampled.loop_in_worlds import disjuncts, offered_at, posed, room_of
-from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.sampled.plant_in_hand import ServoInHand, delays_of, plant_in_hand
 from vctune.model.worlds import WorldsMet
 from vctune.running import check_time
 
@@ -110,15 +111,20 @@ def hardest_near(
     safe = np.where(width > 0, width, 1.0)
     share = np.sqrt((np.array([*starts.hands.numbers.values()]) - low[:, None]) / safe[:, None])
     step_hand, step_angle = np.full(theta.size, 0.2), np.full(theta.size, 2.3 / PER_DECADE)
-    offsets = np.array(list(product((-1, 0, 1), repeat=count))).T
+    # the requirement before a servo is convex in the hand: one that starts at a vertex stays there
+    at_vertices = device.servo is not None and met is None
+    offsets = np.zeros((count, 1)) if at_vertices else np.array(list(product((-1, 0, 1), repeat=count))).T
     turns = np.array([-1, 0, 1])
-    best = np.full(theta.size, -inf)
+    best, plant = np.full(theta.size, -inf), None
     for _ in range(ROUNDS):
         check_time()
         near = np.clip(share[:, :, None] + offsets[:, None, :] * step_hand[:, None], 0.0, 1.0)
         angle = np.minimum(theta[:, None] * np.exp(turns * step_angle[:, None]), np.pi)
         hand = Hand(*((low[:, None, None] + width[:, None, None] * near**2)[..., None]))
-        plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
+        if isinstance(plant, ServoInHand):  # no hand moves it
+            plant = replace(plant, hand=hand)
+        else:
+            plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
         loop = loop_in_hand(plant, angle[:, None, :], FLOATS)
         need = needs_in_hands(loop, device, gains, coupling, angle[:, None, :], met).reshape(theta.size, -1)
         need = np.nan_to_num(need, nan=-inf, posinf=inf)  # 0/0 at rest without an integrator asks for nothing

@@ -46,6 +46,7 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str, time_limit:
     against = "none of error against band, for hands are met at every frequency"
     if fronts.band is not None:
         against = f"{counts[1]} on the front of error against band"
-    said = f"{printable(file.problem.name)}: {counts[0]} designs on the front of the three terms,\n{against}"
+    designs = "1 design" if counts[0] == 1 else f"{counts[0]} designs"
+    said = f"{printable(file.problem.name)}: {designs} on the front of the three terms,\n{against}"
     answer(style, quiet, fronts.record(file.problem.name).to_json, lambda: click.echo(f"{said}; written to {folder}"))
     return ExitCode.OK if all(counts) else ExitCode.FAILED

@@ -36,7 +36,7 @@ from vctune.model.coupling import coupling_impedance, sampled_resistance
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
 from vctune.model.loop.llewellyn import modulus_excess
 from vctune.model.loop.loop import loop_response
-from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.numbers.arithmetic import Arithmetic, Number, by_conjugate
 from vctune.model.numbers.pair import EvenOdd, Pair
 from vctune.model.sampled.hand_loop import LoopInHand, required_in_hand, seen_in_hand
 from vctune.model.sampled.impedance_display import offered_by_spring, spring_damper_admittance
@@ -84,6 +84,7 @@ class _SymbolArithmetic:
     exp = staticmethod(ca.exp)
     sin = staticmethod(ca.sin)
     cos = staticmethod(ca.cos)
+    reciprocal = staticmethod(by_conjugate)
 
     @staticmethod
     def modulus(re: Number, im: Number) -> Number:
@@ -116,6 +117,10 @@ class _SymbolArithmetic:
     @staticmethod
     def within(radius: Number) -> Number:
         return 0.0
+
+    @staticmethod
+    def middle(x: Number) -> Number:
+        return x
 
     @staticmethod
     def magnitude(x: Number) -> float:

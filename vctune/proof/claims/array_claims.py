@@ -33,6 +33,7 @@ from vctune.model.sampled.plant_in_hand import (
     delays_of,
     plant_in_hand,
 )
+from vctune.model.sampled.servo_plant import ServoPlant
 from vctune.model.sampled.velocity_loop import sampled_plant, split_delay
 from vctune.model.worlds import WorldsMet
 from vctune.proof.claims.margins_of_claims import (
@@ -56,6 +57,7 @@ from vctune.proof.claims.margins_of_claims import (
     sensitivity_margin,
     sensitivity_sufficient_margin,
     unmodelled_margin,
+    whenever_margin,
 )
 from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, device_ball, enclosure_of
 from vctune.proof.enclosures.array_intervals import Enclosure, decimal
@@ -70,6 +72,7 @@ AT_REST = (FREQUENCY, STIFFNESS)
 """Rows of boxes of hands, the angle and the stiffness, that both begin at 0 there."""
 
 
+NO_HAND = Hand(0, 0, 0)
 OFFSET, SLOPE = "offset of the bound", "slope of the bound"
 """Names of the rows of a straight line that bounds R in all hands (`vctune.proof.claims.envelope`)."""
 
@@ -228,6 +231,34 @@ def hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, 
     return margins
 
 
+def whenever_margins(
+    demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS
+) -> Margin:
+    """Return the margin that proves as much before a servo, however many whole samples late it is.
+
+    Parameters
+    ----------
+    demands : what is to be met
+    uncertain : numbers of the device that the margin takes from among its values
+    delays : any whole samples
+    ops : arithmetic of theta and the values
+
+    Returns
+    -------
+    Margin
+        As of `hands_margins`; only for theta > 0.
+    """
+    in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
+    device = _uncertain_device(demands.device, uncertain)
+
+    def margin(theta: Number, v: Values) -> Number:
+        plant = in_hand(v)
+        assert isinstance(plant, ServoInHand)
+        return whenever_margin(plant, Design(device(v), gains_of(v), coupling_of(v)), theta, factor, ops)
+
+    return margin
+
+
 def bounded_in_hands(device: Device, ops: ArrayArithmetic = OPS) -> Margin:
     """Return the margin |F|^2 (offset + slope theta - R), positive where R in a hand lies below a straight line.
 
@@ -348,10 +379,19 @@ def _plant_in_hand(
 
     if nominal.servo is not None and not uncertain:  # sampled once, in balls, which leave enclosures of half a digit
         with ctx.workprec(PRECISION):
-            known = plant_in_hand(device_ball(nominal), Hand(0, 0, 0), delays, BALLS)
+            known = plant_in_hand(device_ball(nominal), NO_HAND, delays, BALLS)
         assert isinstance(known, ServoInHand)
         servo = known.plant.converted(enclosure_of)
         return lambda v: ServoInHand(servo, Hand.of(v))
+
+    if nominal.servo is not None:  # no hand moves it
+
+        def servo_of(*numbers: Number) -> ServoPlant:
+            found = plant_in_hand(exact.with_numbers(dict(zip(uncertain, numbers, strict=True))), NO_HAND, delays, ops)
+            assert isinstance(found, ServoInHand)
+            return found.plant
+
+        return lambda v: ServoInHand(shared(servo_of, [v[name] for name in rows[len(HAND) :]]), Hand.of(v))
 
     def plant(*numbers: Number) -> AnyPlantInHand:
         values = dict(zip(rows, numbers, strict=True))

@@ -25,7 +25,14 @@ from vctune.model.sampled.loop_in_worlds import posed, sum_of
 from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
 from vctune.model.sampled.velocity_loop import SNAP
 from vctune.model.worlds import WorldsMet
-from vctune.proof.claims.array_claims import AT_REST, SHARES, any_hand_margins, hands_margins, limp_hands_margins
+from vctune.proof.claims.array_claims import (
+    AT_REST,
+    SHARES,
+    any_hand_margins,
+    hands_margins,
+    limp_hands_margins,
+    whenever_margins,
+)
 from vctune.proof.claims.margins_of_claims import (
     HALF_TURN,
     Design,
@@ -38,9 +45,16 @@ from vctune.proof.claims.margins_of_claims import (
 from vctune.proof.claims.resonant_hands import AROUND, RATIO, Resonance, resonance
 from vctune.proof.claims.sampled_poles import in_rad_per_s
 from vctune.proof.claims.whole_samples import NEXT_TO
-from vctune.proof.device_box import DeviceBox, in_longer_hands, moved_as_one
+from vctune.proof.device_box import (
+    DeviceBox,
+    in_both_delays,
+    in_longer_hands,
+    in_one_delay,
+    late_as_one,
+    moved_as_one,
+)
 from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball, device_ball, gains_ball
-from vctune.proof.enclosures.array_intervals import Floats, decimal_or_inf
+from vctune.proof.enclosures.array_intervals import Flags, Floats, decimal_or_inf
 from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.proof.enclosures.taylor_functions import TAYLOR
 from vctune.proof.engine.box_tests import alone, next_to_zero, positive
@@ -57,6 +71,11 @@ MAX_BOXES = 400_000
 EASY_BOXES = 20_000
 """Boxes after which hands near a sharp resonance get boxes of their own; if the constraint leaves room there, some
 hundred suffice. If they do not, half or twice as many cost half or twice as much: some seconds."""
+MANY_PARTS = 3
+"""Parts of a box of delays from which on what holds however late a servo is is looked at first; of fewer there may be
+none whose delay is a whole sample."""
+EASY_PARTS = 4_000
+"""Boxes after which an interval of angles is left to each part by itself. Half and twice it: as long."""
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
 """How far from an end of the angles, as a share of pi, a witness is looked for. Fewer: growth that takes longer to see;
 more: none that is seen."""
@@ -83,6 +102,8 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     assert demands.hands is not None
     if box is not None and (parts := moved_as_one(box)):
         return _moved_as_one(design, demands, demands.hands, box, parts)
+    if box is not None and late_as_one(box):
+        return _late_as_one(design, demands, box)
     looped = design.device.kind.senses_force and design.device.kind.own_loop
     if looped:
         if not design.gains.closed:
@@ -108,7 +129,14 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
 
     ends = partial(_ends, demands.hands, box, uncertain, corners)
     near = resonance(design, demands.hands) if looped else None
-    every = partial(_proved_over, design, demands, uncertain)
+    whenever = None
+    if corners is not None and servo is not None and servo.stiffness is None:
+
+        def whenever(part: _Part, fixed: Values) -> Test:
+            of = partial(whenever_margins, demands, uncertain, part.delays)
+            return positive_by_polynomials(of(TAYLOR), fixed, part.spans, positive(of(ENCLOSURES), fixed))
+
+    every = partial(_proved_over, design, demands, uncertain, whenever=whenever)
     found = every(ends(limp=limp), tests, EASY_BOXES if near else MAX_BOXES)
     if near and found.verdict is Verdict.UNDECIDED:
         found, tried = every(ends(limp=limp), partial(tests, near=near), MAX_BOXES), found.boxes
@@ -126,13 +154,11 @@ def _of_margins(
     """Return the test of the margins, of which one must be positive, in hands next to resonance or in all."""
     both = [hands_margins(demands, uncertain, part.delays, ops) for ops in (ENCLOSURES, TAYLOR)]
     slopes, polynomials = (near.margins(each) for each in both) if near else both
-    spans, servo = part.spans, demands.device.servo
+    spans = part.spans
     if demands.worlds is not None:
         return any_positive(polynomials, slopes, fixed, spans)
     sloping, curved = (alone(each) for each in (slopes, polynomials))
     by_slopes = positive(sloping, fixed)
-    if servo is not None and servo.radii:  # a modulus has slopes, and no polynomial
-        return by_slopes
     return positive_by_polynomials(curved, fixed, spans, by_slopes)
 
 
@@ -164,13 +190,28 @@ def _moved_as_one(design: Design, demands: Demands, hands: Hands, box: DeviceBox
         key: min(value + (getattr(found.hand, key) - own[key]), box.high.number(key)) for key, value in least.items()
     }
     hand, device = replace(found.hand, **own), (found.device or one.device).with_numbers(beyond)
-    theta = None if found.witness is None else min(found.witness * device.sample_time, pi)
+    return _judged_again(found, replace(design, device=device), demands, hand)
+
+
+def _late_as_one(design: Design, demands: Demands, box: DeviceBox) -> Outcome:
+    """Prove the same of one delay of both."""
+    one = in_one_delay(box)
+    found = prove_hands(replace(design, device=one.nominal), replace(demands, device=one.nominal), one)
+    if found.hand is None or found.device is None or found.verdict is Verdict.PROVED:
+        return found
+    device = in_both_delays(box, found.device)
+    return _judged_again(found, replace(design, device=device), demands, found.hand)
+
+
+def _judged_again(found: Outcome, design: Design, demands: Demands, hand: Hand) -> Outcome:
+    """Return what is not proved with the device and the hand that it is about, refuted if these are."""
+    theta = None if found.witness is None else min(found.witness * design.device.sample_time, pi)
     fails = theta is not None and any(
-        _fails_at(replace(design, device=device), replace(demands, factor=factor), hand, theta)
-        for factor in {demands.factor, 1.0}
+        _fails_at(design, replace(demands, factor=factor), hand, theta) for factor in {demands.factor, 1.0}
     )
     refuted = found.verdict is Verdict.REFUTED and fails
-    return replace(found, verdict=Verdict.REFUTED if refuted else Verdict.UNDECIDED, hand=hand, device=device)
+    verdict = Verdict.REFUTED if refuted else Verdict.UNDECIDED
+    return replace(found, verdict=verdict, hand=hand, device=design.device)
 
 
 def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
@@ -224,6 +265,7 @@ def _proved_over(
     tests: Callable[[_Part, Values], list[Test]],
     max_boxes: int,
     near: Resonance | None = None,
+    whenever: Callable[[_Part, Values], Test] | None = None,
 ) -> Outcome:
     """Prove margins of theta, the hand's numbers and the device's numbers positive over all of them.
 
@@ -234,6 +276,7 @@ def _proved_over(
     tests : of a part of the boxes, and of the values that are no rows
     max_boxes : of each part, before it is left open
     near : where the hands are those next to resonance
+    whenever : a test that proves as much of parts with any whole samples
     """
     names = tuple(ends)
     edges = (np.array([pair[end] for pair in ends.values()]) if ends else np.empty((0, 1)) for end in (0, 1))
@@ -241,9 +284,13 @@ def _proved_over(
     numbers = (*astuple(design.gains), *astuple(design.coupling))
     fixed = dict(zip(keys_of(len(numbers)), map(decimal_or_inf, numbers), strict=True))
     boxes, point = 0, None
-    for part in _parts(design.device, names, *edges):
+    parts = _parts(design.device, names, *edges)
+    left: slice | Flags = slice(None)
+    if whenever is not None and len(parts) >= MANY_PARTS:
+        left, boxes = _left_of_parts(whenever(parts[1], fixed), over_band(names, parts[1].low, parts[1].high, band))
+    for part in parts:
         for test in tests(part, fixed):
-            boxes_of_part = over_band(names, part.low, part.high, band)
+            boxes_of_part = over_band(names, part.low, part.high, band).subset(left)
             found = prove(
                 part.within(test, names),
                 replace(boxes_of_part, owner=np.zeros_like(boxes_of_part.owner)),
@@ -259,6 +306,32 @@ def _proved_over(
                 point = found.open[:, 0] if np.isnan(found.failing[0, 0]) else found.failing[:, 0]
                 return _in_doubt(design, demands, uncertain, names, part, point, boxes, near)
     return Outcome(Verdict.PROVED, boxes)
+
+
+def _left_of_parts(test: Test, boxes: Boxes) -> tuple[Flags, int]:
+    """Return which boxes of each part are left to prove, and how many were looked at: the others hold in all parts.
+
+    Parameters
+    ----------
+    test : of angles > 0 and a part whose delays are those of a whole sample
+    boxes : of that part
+    """
+    own, left = np.arange(len(boxes)), np.ones(len(boxes), bool)
+    beyond = np.flatnonzero(boxes.low[0] > 0)
+    apart = replace(boxes.subset(beyond), owner=own[: len(beyond)])
+    found = prove(
+        test,
+        apart,
+        len(beyond),
+        halved=[True] * len(boxes.names),
+        max_halvings=MAX_HALVINGS,
+        max_boxes=EASY_PARTS,
+        at_ends=True,
+        few=FEW,
+        only_whole=True,
+    )
+    left[beyond] = ~found.proved
+    return left, int(found.boxes.sum())
 
 
 def _in_doubt(
@@ -359,6 +432,8 @@ def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) ->
     if not rows:
         return [_Part(low, high, known, T, 0.0)]
     other = sum(delay for name, delay in others.items() if name not in rows)
+    if device.servo is not None and device.servo.stiffness is None and len(rows) == 1:
+        return _parts_of_sum(rows.popitem()[1], low, high, known, T, other)
     parts, row = [], rows.get(own)
     loops = [known.loop] if row is None else _whole(low[row, 0], high[row, 0], T, last=True)
     for loop in loops:
@@ -369,6 +444,17 @@ def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) ->
         for felt in _whole(shortest, longest, T, last=loop == loops[-1]):
             delays = Delays(loop, row is not None or known.loop_fractional, felt, felt_fractional=True)
             parts.append(_Part(least, most, delays, T, other))
+    return parts
+
+
+def _parts_of_sum(row: int, low: Floats, high: Floats, known: Delays, T: float, other: float) -> list[_Part]:
+    """Return the parts of a box of servos, of which only the sum of both delays counts, one of them in a row."""
+    parts = []
+    for felt in _whole(low[row, 0] + other, high[row, 0] + other, T, last=True):
+        least, most = low.copy(), high.copy()
+        least[row], most[row] = max(low[row, 0], felt * T - other), min(high[row, 0], (felt + 1) * T - other)
+        delays = replace(known, felt=felt, felt_fractional=True)
+        parts.append(_Part(least, np.maximum(least, most), delays, T, other))
     return parts
 
 

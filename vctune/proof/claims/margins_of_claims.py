@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, nextafter, pi
 
 from vctune.model.coupling import coupling_impedance
@@ -16,6 +16,7 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import (
+    CommandInHand,
     NextToRest,
     loop_in_hand,
     required_in_hand,
@@ -24,9 +25,10 @@ from vctune.model.sampled.hand_loop import (
     seen_in_hand,
     seen_in_limp_hand,
 )
+from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.let_go import Plant, return_difference
 from vctune.model.sampled.loop_in_worlds import Disjuncts, disjuncts, limp_disjuncts, offered_at
-from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand
+from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand, ServoInHand
 from vctune.model.sampled.velocity_loop import difference_slope
 from vctune.model.worlds import WorldsMet
 
@@ -260,6 +262,32 @@ def hand_margin(plant: AnyPlantInHand, design: Design, theta: Number, factor: Nu
     """
     required = required_in_hand(loop_in_hand(plant, theta, ops), design.gains)
     return room(design.coupling, design.device, required, factor, theta, ops)
+
+
+def whenever_margin(plant: ServoInHand, design: Design, theta: Number, factor: Number, ops: Arithmetic) -> Number:
+    """Return 2 s (Re Z_c - factor |Z_seen|), with a disc around it, before a servo: however late it is, whole samples.
+
+    Where it is positive `hand_margin` is too.
+
+    Parameters
+    ----------
+    plant : the servo in the hand, over a sample, with any whole samples of delay
+    design : device, gains and coupling in numbers of the arithmetic
+    theta : omega T, rad, in (0, pi]
+    factor : least Re Z_c / R
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    Number
+        N s/m, of the shape of theta.
+    """
+    turned = replace(plant, plant=replace(plant.plant, turns=0.0))
+    loop, twice = loop_in_hand(turned, theta, ops), 2 * ops.sin(theta / 2)
+    assert isinstance(loop, CommandInHand)
+    around = ops.modulus(loop.seen.even, 0.5 * (twice * loop.seen.odd))
+    rest = room(design.coupling, design.device, Required(loop.blur, 1), factor, theta, ops)
+    return twice * rest - factor * around
 
 
 def limp_hand_margin(

@@ -12,7 +12,16 @@ from vctune.proof.enclosures.array_intervals import UNIT, Enclosure, Flags, Floa
 from vctune.proof.enclosures.box_minimum import least_over_boxes
 from vctune.proof.enclosures.jets import Jet, variables
 from vctune.proof.enclosures.taylor import variables as polynomials
-from vctune.proof.engine.box_tests import FROM_ZERO, Margin, Margins, Rows, lowest, nearest, room_left
+from vctune.proof.engine.box_tests import (
+    FROM_ZERO,
+    Margin,
+    Margins,
+    Rows,
+    halves_and_middles,
+    lowest,
+    nearest,
+    room_left,
+)
 from vctune.proof.engine.boxes import Boxes, Values
 from vctune.proof.engine.branching import Decided, Test
 from vctune.running import check_time
@@ -161,7 +170,7 @@ def _any_by_slopes(margins: Callable[[Rows], tuple[Number, ...]], boxes: Boxes) 
     rows, varied, n = boxes.rows(), boxes.varied(), len(boxes)
     numbers = margins(variables(rows, varied))
     side = _common_sides(numbers, boxes)
-    rad, middle = np.stack([np.broadcast_to(row.rad, n) for row in rows]), np.stack([row.mid for row in rows])
+    rad, middle = halves_and_middles(rows, n)
     point = middle + side * rad
     at_point = [
         Enclosure(p, 2 * UNIT * (np.abs(p) + r)) if varies else row
