@@ -20,6 +20,7 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 from vctune.model.sampled.any_hand import AnyHand, any_hand
 from vctune.model.sampled.hand_loop import AnyLoopInHand, loop_in_hand, offered, required_in_hand, seen_in_hand
+from vctune.model.sampled.loop_in_walls import disjuncts_in_walls, strip_in_walls
 from vctune.model.sampled.loop_in_worlds import Seen, disjuncts, offered_at, posed, room_of
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.worlds import WorldsMet
@@ -378,12 +379,41 @@ def _needs(
     loop: AnyLoopInHand, device: Device, gains: Gains, coupling: AnyCoupling, theta: Floats, met: WorldsMet | None
 ) -> Floats:
     """Return 1/ratio in hands."""
+    if met is not None and met.worlds.corner is not None:
+        return _need_in_walls(loop, device, gains, series_coupling(coupling), theta, met)
     if met is not None:
         needs = needs_in_worlds(loop, device, gains, series_coupling(coupling), theta, met)
         return np.minimum.reduce(np.broadcast_arrays(*needs.values()))
     found = required_in_hand(loop, gains)
     with np.errstate(all="ignore"):
         return _need(np.asarray(found.lost / found.size), offered(coupling, device, theta, FLOATS))
+
+
+@np.errstate(all="ignore")
+def _need_in_walls(
+    loop: AnyLoopInHand, device: Device, gains: Gains, coupling: Coupling, theta: Floats, met: WorldsMet
+) -> Floats:
+    """Return 1/ratio with walls: the ratio is g times the exponential of the least room of some shares of the coupling.
+
+    The room of a share is the greatest of those of its margins.
+    """
+    worlds, T, rooms = met.worlds, device.sample_time, []
+    seen, at = seen_in_hand(loop, gains), offered_at(coupling, T, theta, FLOATS)
+    for share in shares_of_coupling(met.factor):
+        strip = strip_in_walls(at, worlds, T, seen, share, theta, FLOATS)
+        found = disjuncts_in_walls(strip, worlds, T, theta, FLOATS)
+        rooms.append(np.maximum.reduce([np.asarray(room_of(terms, np.abs)) for terms in found if terms is not None]))
+    return np.exp(-np.minimum.reduce(rooms)) / met.factor
+
+
+def shares_of_coupling(factor: float) -> tuple[float, ...]:
+    """Return the shares of a coupling at which walls are looked at in double precision: 1, 1/g and one between.
+
+    Parameters
+    ----------
+    factor : g, >= 1
+    """
+    return (1.0,) if factor == 1 else (1 / factor, factor**-0.5, 1.0)
 
 
 @np.errstate(all="ignore")

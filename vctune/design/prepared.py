@@ -124,6 +124,25 @@ def pose(problem: Problem) -> Posed:
     )
 
 
+def with_corner(posed: Posed, corner: float) -> Posed:
+    """Return a posed problem whose walls are proved with a multiplier of this corner.
+
+    Parameters
+    ----------
+    posed : with walls
+    corner : w_c, rad per unit of time of the problem
+    """
+
+    def walled(problem: Problem) -> Problem:
+        assert problem.worlds is not None
+        return replace(problem, worlds=replace(problem.worlds, corner=corner))
+
+    problem, *parts = walled(posed.problem), posed.cases, posed.hand_cases, posed.objective
+    cases, hand_cases, objective = (tuple(map(walled, part)) for part in parts)
+    demands = replace(posed.demands, worlds=problem.worlds)
+    return replace(posed, problem=problem, cases=cases, hand_cases=hand_cases, objective=objective, demands=demands)
+
+
 def problems_beside(problem: Problem) -> list[Problem]:
     """Return the problems of the device on both sides of a whole number of samples of delay that it is near.
 

@@ -28,6 +28,9 @@ from vctune.proof.claims.sampled_poles import prove_sampled_poles, prove_sensiti
 from vctune.proof.device_box import DeviceBox
 from vctune.proof.engine.interval import Outcome, Verdict
 
+HIGHEST_CORNER = 2 * (1 - 1e-9)
+"""Greatest corner times T, above which a < 0; half and twice as much below 2 are as good."""
+
 
 @dataclass(frozen=True, slots=True)
 class Question:
@@ -112,6 +115,19 @@ def _any_hand(question: Question, _known: Outcomes) -> Outcome:
 
 
 def _hands(question: Question, _known: Outcomes) -> Outcome:
+    demands = question.demands
+    return prove_hands(question.design, replace(demands, worlds=demands.worlds and demands.worlds.linear), question.box)
+
+
+def _walls(question: Question, known: Outcomes) -> Outcome:
+    """Prove the condition of walls, which says something of loops alone that are stable with the linear environments.
+
+    Without a corner below 2/T there is no multiplier.
+    """
+    worlds, device = question.demands.worlds, question.design.device
+    usable = worlds is not None and worlds.corner is not None and worlds.corner * device.sample_time < HIGHEST_CORNER
+    if not usable or known["worlds"].verdict is not Verdict.PROVED:
+        return Outcome(Verdict.UNDECIDED, 0)
     return prove_hands(question.design, question.demands, question.box)
 
 
@@ -124,6 +140,7 @@ PROVERS: dict[ClaimId, Prover] = {
     "any_hand": _any_hand,
     "hands": _hands,
     "worlds": _hands,
+    "walls": _walls,
 }
 """What proves each claim."""
 

@@ -219,7 +219,8 @@ class HandsRecord(DisplayPart):
         if self.worlds is None:
             return ENVIRONMENTS
         ends = {name: [inf if end is None else end for end in pair] for name, pair in self.worlds.items()}
-        box = Worlds(*(World(**{name: pair[k] for name, pair in ends.items()}) for k in (0, 1)))
+        low, high = (World(**{name: pair[k] for name, pair in ends.items()}) for k in (0, 1))
+        box = Worlds(low, high)
         return f"with every environment of {box.in_words(units)}"
 
     @property

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from math import inf
 
 import numpy as np
 from flint import ctx
@@ -48,6 +49,7 @@ from vctune.proof.claims.margins_of_claims import (
     high_margin,
     limp_hand_margin,
     limp_margins_in_worlds,
+    limp_strip_of_walls,
     loop_gain_margin,
     low_margin,
     margins_in_worlds,
@@ -55,8 +57,10 @@ from vctune.proof.claims.margins_of_claims import (
     resistance_margin,
     sensitivity_margin,
     sensitivity_sufficient_margin,
+    strip_of_walls,
     unmodelled_margin,
 )
+from vctune.proof.claims.walls import COUPLING_SHARE, limp_walls_margin, walls_margins
 from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, device_ball, enclosure_of
 from vctune.proof.enclosures.array_intervals import Enclosure, decimal
 from vctune.proof.enclosures.jets import ENCLOSURES as OPS
@@ -219,8 +223,15 @@ def hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, 
 
     if demands.worlds is None:
         return lambda theta, v: (hand_margin(in_hand(v), design(v), theta, factor, ops),)
-    met = WorldsMet(demands.worlds.converted(decimal), factor)
-    names = posed(demands.worlds, demands.factor)
+    plain, met = demands.worlds, WorldsMet(demands.worlds.converted(decimal), factor)
+    if plain.corner is not None:
+
+        def with_walls(theta: Number, v: Values) -> tuple[Number, ...]:
+            strip = strip_of_walls(in_hand(v), design(v), theta, v.get(COUPLING_SHARE, 1), met, ops)
+            return walls_margins(strip, met, plain, design(v).device.sample_time, theta, ops)
+
+        return with_walls
+    names = posed(plain, demands.factor)
 
     def margins(theta: Number, v: Values) -> tuple[Number, ...]:
         found = margins_in_worlds(in_hand(v), design(v), theta, met, ops)
@@ -302,6 +313,14 @@ def limp_hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Del
     if demands.worlds is None:
         return (lambda theta, v: limp_hand_margin(*at(v), theta, v[SHARE], factor, OPS),)
     met = WorldsMet(demands.worlds.converted(decimal), factor)
+    if demands.worlds.corner is not None:
+
+        def with_walls(theta: Number, v: Values) -> Number:
+            plant, one = at(v)
+            strip = limp_strip_of_walls(plant, one, theta, v[SHARE], v.get(COUPLING_SHARE, 1), met, OPS)
+            return limp_walls_margin(strip, met, one.device.sample_time, theta, OPS)
+
+        return (with_walls,) if demands.worlds.high.mass < inf else ()
 
     def margin(name: str, theta: Number, v: Values) -> Number:
         return sum_of(getattr(limp_margins_in_worlds(*at(v), theta, v[SHARE], met, OPS), name))

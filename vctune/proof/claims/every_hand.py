@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import partial
-from math import ceil, floor, pi
+from math import ceil, floor, nextafter, pi
 
 import numpy as np
 from flint import arb
@@ -36,6 +36,7 @@ from vctune.proof.claims.margins_of_claims import (
 )
 from vctune.proof.claims.resonant_hands import AROUND, RATIO, ROWS, Resonance, resonance
 from vctune.proof.claims.sampled_poles import in_rad_per_s
+from vctune.proof.claims.walls import COUPLING_SHARE, fails_with_a_wall
 from vctune.proof.claims.whole_samples import NEXT_TO
 from vctune.proof.device_box import DELAYS, DeviceBox, in_longer_hands, moved_as_one
 from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball, device_ball, gains_ball
@@ -86,13 +87,15 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
             return Outcome(Verdict.PROVED, 0)  # nothing is driven
         if design.gains.position == 0 and demands.hands.high.stiffness == 0:
             return Outcome(Verdict.UNDECIDED, 0)  # no spring anywhere: the position is free
-    middle = demands.hands.middle
+    middle, worlds = demands.hands.middle, demands.worlds
     stable = prove_poles_in(design.device, middle, design.gains)
     if stable.verdict is not Verdict.PROVED:
         return replace(stable, hand=middle)
     uncertain = box.modelled.uncertain if box is not None else ()
     limp = looped and design.gains.position == 0 and demands.hands.low.stiffness == 0
-    rows = (*HAND, SHARE) if limp else HAND
+    walls = worlds is not None and worlds.corner is not None
+    reserve = (COUPLING_SHARE,) if walls and demands.factor > 1 else ()
+    rows = (*HAND, *((SHARE,) if limp else ()), *reserve)
 
     servo = design.device.servo
     # what a servo asks is convex in the hand; which environments it meets is not
@@ -100,12 +103,13 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
 
     def tests(part: _Part, fixed: Values, near: Resonance | None = None) -> list[Test]:
         test = _of_margins(demands, uncertain, part, fixed)
-        if limp:
-            test = next_to_zero(AT_REST, limp_hands_margins(demands, uncertain, part.delays), fixed, test)
+        at_rest = limp_hands_margins(demands, uncertain, part.delays) if limp else ()
+        if at_rest:
+            test = next_to_zero(AT_REST, at_rest, fixed, test)
         return [near.left_to_it(test, (*rows, *map(row_of, uncertain))) if near else test]
 
-    ends = partial(_ends, demands.hands, box, uncertain, corners)
-    near = resonance(design, demands.hands) if looped else None
+    ends = partial(_ends, demands.hands, box, uncertain, corners, reserve=demands.factor if reserve else None)
+    near = resonance(design, demands.hands) if looped and not walls else None
     every = partial(_proved_over, design, demands, uncertain, rows)
     found = every(ends(limp=limp), tests, EASY_BOXES if near else MAX_BOXES)
     if near and found.verdict is Verdict.UNDECIDED:
@@ -126,7 +130,7 @@ def _of_margins(
     slopes, polynomials = (near.margins(each) for each in both) if near else both
     spans, servo = part.spans, demands.device.servo
     if demands.worlds is not None:
-        return any_positive(polynomials, slopes, fixed, spans)
+        return any_positive(polynomials, slopes if demands.worlds.corner is None else None, fixed, spans)
     sloping, curved = (alone(each) for each in (slopes, polynomials))
     by_slopes = positive(sloping, fixed)
     if servo is not None and servo.radii:  # a modulus has slopes, and no polynomial
@@ -282,9 +286,10 @@ def _in_doubt(
     theta = min(float(point[0]), pi)
     if near:
         hand = near.hand(theta, dict(zip(names, within, strict=True)))
+    share = dict(zip(names, within, strict=True)).get(COUPLING_SHARE, 1.0)
 
     def fails(theta: float) -> bool:
-        return _fails_at(replace(design, device=device), demands, hand, theta)
+        return _fails_at(replace(design, device=device), demands, hand, theta, share)
 
     refuted = fails(theta)
     if refuted and theta in (0.0, pi):  # no spring and no mass makes a loop grow at an end, but next to it
@@ -407,8 +412,10 @@ def prove_poles_in(device: Device, hand: Hand, gains: Gains) -> Outcome:
     return Outcome(Verdict.PROVED if abs(angle) < pi / 2 else Verdict.REFUTED, outcome.boxes)
 
 
-def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float) -> bool:
+def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float, share: float = 1.0) -> bool:
     """Return whether every margin in a hand, or in any, is negative at one angle, in balls."""
+    if hand is not None and demands.walls_met is not None:
+        return 0 < theta < pi and fails_with_a_wall(design, demands, hand, theta, share)
     exact, delays, at, factor = design_ball(design), delays_of(design.device), arb(theta), ball(demands.factor)
     if hand is None:
         delay = LoopDelay(delays.loop, delays.loop_fractional)
@@ -427,8 +434,11 @@ def _ends(
     corners: Sequence[Hand] | None = None,
     *,
     limp: bool = False,
+    reserve: float | None = None,
 ) -> tuple[Floats, Floats]:
     """Return the least and the greatest numbers of hand, if one is to be met, of `SHARE` if asked for, and device.
+
+    With a reserve g there is the share of the coupling too, from 1/g to 1.
 
     Where the corners of the hands are enough there is a column for each.
     """
@@ -437,6 +447,8 @@ def _ends(
     held = [astuple(hands.low), astuple(hands.high)] if hands is not None else [(), ()]
     if limp:
         held = [(*held[0], 0.0), (*held[1], 1.0)]
+    if reserve is not None:
+        held = [(*held[0], nextafter(1 / reserve, 0.0)), (*held[1], 1.0)]
     if corners is not None:
         each = np.array([astuple(hand) for hand in corners], float).T
         low, high = (np.vstack((each, *(np.full(each.shape[1], x) for x in end))) for end in numbers)

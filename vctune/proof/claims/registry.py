@@ -15,8 +15,10 @@ if TYPE_CHECKING:
     from vctune.model.problem import Demands
     from vctune.proof.device_box import DeviceBox
 
-ClaimId = Literal["passive", "sensitivity", "stable_model", "stable", "unmodelled", "any_hand", "hands", "worlds"]
-Quantity = Literal["ratio", "in_hand", "sensitivity", "unmodelled", "poles"]
+ClaimId = Literal[
+    "passive", "sensitivity", "stable_model", "stable", "unmodelled", "any_hand", "hands", "worlds", "walls"
+]
+Quantity = Literal["ratio", "in_hand", "in_walls", "sensitivity", "unmodelled", "poles"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,6 +167,25 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "environments."
             ),
             asked=lambda demands, _: demands.hands is not None and demands.worlds is not None,
+        ),
+        Claim(
+            id="walls",
+            sentence=(
+                "Re M (1/P + 1/(k_2 - k_1)) > 0 up to Nyquist with every hand, mass and damping: stable with every "
+                "wall of the box"
+            ),
+            quantity="in_walls",
+            margin="proof.claims.walls.walls_margins",
+            witness="a frequency up to Nyquist and a hand of `[operator]`",
+            label="every hand with every wall of the box",
+            explain=(
+                "The multiplier of Zames and Falb. The device is stable in each hand of `[operator]` with each wall: a "
+                "force that depends on the position alone and rises with slopes of the range `environment.stiffness`, "
+                "one-sided or piecewise linear, anywhere, beside a mass and a damper of `[environment]`. The walls do "
+                "not move, and no damper is one-sided. Where the condition fails nothing is known: it does not say "
+                "that a wall makes the device unstable."
+            ),
+            asked=lambda demands, _: demands.hands is not None and demands.worlds is not None and demands.worlds.walls,
         ),
     )
 }
