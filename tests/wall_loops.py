@@ -63,7 +63,9 @@ def linear_part(loop: Whole) -> Linear:
     return Linear(free, -(tied - free)[:, at] / by / at_once, free[-1], at_once, at)
 
 
-def speeds(loops: list[Whole], walls: list[Wall], samples: int, rng: np.random.Generator, pushed: int = 200) -> np.ndarray:
+def speeds(
+    loops: list[Whole], walls: list[Wall], samples: int, rng: np.random.Generator, pushed: int = 200
+) -> np.ndarray:
     """Return v_e of loops at walls after random beginnings and pushes, shape (samples, loops)."""
     parts, T = [linear_part(loop) for loop in loops], np.array([loop.plant.sample_time for loop in loops])
     size, n = max(len(part.A) for part in parts), len(loops)

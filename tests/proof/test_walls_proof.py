@@ -66,7 +66,7 @@ def draw_walled(rng: np.random.Generator) -> Walled | None:
         return None
     low, high = case.worlds.low, case.worlds.high
     high = World(min(high.mass, 1e3 * (low.mass + 1)), inf, min(high.stiffness, 100 / case.whole.plant.sample_time))
-    if high.stiffness <= low.stiffness or case.whole.gains[1] == 0 and not case.whole.plant.servo:
+    if high.stiffness <= low.stiffness or (case.whole.gains[1] == 0 and not case.whole.plant.servo):
         return None
     corner = 2 / case.whole.plant.sample_time * rng.choice([0.03, 0.3, 0.7, 0.999, 0.999])
     found = Walled(case, Worlds(low, high, True, corner))
@@ -141,7 +141,9 @@ def grown(seed: int, count: int, samples: int, runs: int, share: float = 1.0) ->
         )))  # fmt: skip
         mass = low.mass + rng.choice([0.0, rng.random() ** 3, 1.0]) * (high.mass - low.mass)
         g = share / rng.choice([1.0, walled.case.factor])
-        loops.append(in_world(of_hand(walled.case, hand), (mass, low.damping + rng.choice([0.0, rng.random()]), 0.0), g))
+        loops.append(
+            in_world(of_hand(walled.case, hand), (mass, low.damping + rng.choice([0.0, rng.random()]), 0.0), g)
+        )
         walls.append(random_wall(low.stiffness, high.stiffness, 1e-3, rng))
     found = grow(speeds(loops, walls, samples, rng))
     return int(found.reshape(runs, count).any(axis=0).sum()), count

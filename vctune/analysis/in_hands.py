@@ -246,7 +246,11 @@ many, lead to the same designs."""
 
 
 def windows(
-    problem: Problem, gains: Gains, coupling: AnyCoupling, worst: Sequence[RatioInHand | RatioInAnyHand]
+    problem: Problem,
+    gains: Gains,
+    coupling: AnyCoupling,
+    worst: Sequence[RatioInHand | RatioInAnyHand],
+    met: WorldsMet,
 ) -> list[RatioInHand]:
     """Return the ends of the windows of angles in which a box of environments is not met, about the worst places.
 
@@ -257,10 +261,9 @@ def windows(
     problem : of one device, with hands to be met
     gains, coupling : plain floats, in the problem's units
     worst : places of `least_ratios`
+    met : the environments, linear or with walls
     """
-    device, met, found = problem.device, problem.worlds_met, list[RatioInHand]()
-    if met is None:
-        return found
+    device, found = problem.device, list[RatioInHand]()
     for at in worst:
         if not isinstance(at, RatioInHand) or at.omega == 0 or at.ratio >= met.factor:
             continue
@@ -397,13 +400,37 @@ def _need_in_walls(
 
     The room of a share is the greatest of those of its margins.
     """
+    rooms = _rooms_of_shares(loop, device, gains, coupling, theta, met)
+    return np.exp(-np.minimum.reduce(rooms)) / met.factor
+
+
+def _rooms_of_shares(
+    loop: AnyLoopInHand, device: Device, gains: Gains, coupling: Coupling, theta: Floats, met: WorldsMet
+) -> list[Floats]:
     worlds, T, rooms = met.worlds, device.sample_time, []
     seen, at = seen_in_hand(loop, gains), offered_at(coupling, T, theta, FLOATS)
     for share in shares_of_coupling(met.factor):
         strip = strip_in_walls(at, worlds, T, seen, share, theta, FLOATS)
         found = disjuncts_in_walls(strip, worlds, T, theta, FLOATS)
         rooms.append(np.maximum.reduce([np.asarray(room_of(terms, np.abs)) for terms in found if terms is not None]))
-    return np.exp(-np.minimum.reduce(rooms)) / met.factor
+    return rooms
+
+
+def tightest_share(
+    device: Device, gains: Gains, coupling: AnyCoupling, omega: float, hand: Hand, met: WorldsMet
+) -> float:
+    """Return the share of a coupling with which walls have least room in one hand at one frequency.
+
+    Parameters
+    ----------
+    device, gains, coupling, omega, hand : as of `ratio_at`
+    met : the environments with walls
+    """
+    theta = np.array([min(omega * device.sample_time, pi)])
+    loop = loop_in_hand(plant_in_hand(device, hand, delays_of(device), FLOATS), theta, FLOATS)
+    with np.errstate(all="ignore"):
+        rooms = _rooms_of_shares(loop, device, gains, series_coupling(coupling), theta, met)
+    return shares_of_coupling(met.factor)[int(np.argmin([np.nan_to_num(room[0], nan=inf) for room in rooms]))]
 
 
 def shares_of_coupling(factor: float) -> tuple[float, ...]:

@@ -34,8 +34,8 @@ class Units:
         (K_v, K_p, b_c, *others), Z, T = values, self.impedance, self.time
         if len(others) == 1:  # an impedance display: k_c is all that follows b_c
             return (K_v * Z, K_p * Z / T, b_c * Z, others[0] * Z / T)
-        m_c, b_0 = others
-        return (K_v * Z, K_p * Z / T, b_c * Z, m_c * Z * T, b_0 * Z)
+        m_c, b_0, *corner = others
+        return (K_v * Z, K_p * Z / T, b_c * Z, m_c * Z * T, b_0 * Z, *(w_c / T for w_c in corner))
 
     def gains(self, gains: Gains) -> Gains:
         """Return gains in the optimiser's units."""
@@ -46,8 +46,8 @@ class Units:
         (K_v, K_p, b_c, *others), Z, T = values, self.impedance, self.time
         if len(others) == 1:  # an impedance display: k_c is all that follows b_c
             return (K_v / Z, K_p * T / Z, b_c / Z, others[0] * T / Z)
-        m_c, b_0 = others
-        return (K_v / Z, K_p * T / Z, b_c / Z, m_c / (Z * T), b_0 / Z)
+        m_c, b_0, *corner = others
+        return (K_v / Z, K_p * T / Z, b_c / Z, m_c / (Z * T), b_0 / Z, *(w_c * T for w_c in corner))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -33,7 +33,7 @@ from vctune.running import OutOfTimeError, aloud, check_time, tell
 
 STABILITY = claims_about("poles", "unmodelled")
 """Claims without which no ratio means anything."""
-RATIOS = claims_about("ratio", "in_hand", "in_walls")
+RATIOS = claims_about("ratio", "in_hand")
 """Claims about Re Z_c / R."""
 
 

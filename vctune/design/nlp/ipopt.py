@@ -197,6 +197,8 @@ def _parameters(
         numbers["in_hand"] = _in_hands(points) | {"factor": np.full(len(points), factor)}
         if (met := posed.problem.worlds_met) is not None:
             numbers["in_hand"] |= _in_worlds(len(points), met, spare)
+        if structure.walls:
+            numbers["in_hand"] |= _in_walls(points)
     if working_set.tracked_peaks:
         plants = [plant_numbers(plant_of(point.device)) for point in working_set.tracked_peaks]
         numbers["tracked_peaks"] = {name: np.array([plant[name] for plant in plants]).T for name in plants[0]}
@@ -292,6 +294,15 @@ def _in_worlds(count: int, met: WorldsMet, spare: float) -> dict[str, Any]:
     numbers = {name: x if x < inf else 0.0 for name, x in numbers.items()} | {"reserve": met.factor, "spare": spare}
     numbers |= {f"by_{name}": 1.0 * (name in names) for name in Disjuncts._fields}
     return {name: np.full(count, x) for name, x in numbers.items()}
+
+
+def _in_walls(points: Sequence[ConstraintPoint]) -> dict[str, Any]:
+    """Return which points are those of walls, by the names of `WALLS_IN_HAND`."""
+    shares = [at.share for at in points]
+    return {
+        "walled": np.array([1.0 * (share is not None) for share in shares]),
+        "share": np.array([1.0 if share is None else share for share in shares]),
+    }
 
 
 def _loop_at(at: ConstraintPoint, theta: Any) -> AnyLoopInHand:

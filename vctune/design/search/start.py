@@ -33,6 +33,7 @@ class Start:
     missed : the gravest demand that it misses there
     violation : by how much, comparable among designs that miss the same demand; of `Missed.COUPLING` and
         `Missed.SENSITIVITY` the logarithm of a ratio; 0 where nothing is missed
+    corner : of the multiplier for walls; None where it is not known
     """
 
     gains: Gains
@@ -40,6 +41,7 @@ class Start:
     error: float
     missed: Missed = Missed.NOTHING
     violation: float = 0.0
+    corner: float | None = None
 
     @property
     def admissible(self) -> bool:

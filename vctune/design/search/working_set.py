@@ -17,11 +17,15 @@ from vctune.proof.claims.registry import Quantity
 
 @dataclass(frozen=True, slots=True)
 class ConstraintPoint:
-    """Where a demand is posed: a frequency, rad/s, a device, and of some demands a hand."""
+    """Where a demand is posed: a frequency, rad/s, a device, and of some demands a hand.
+
+    Of walls it is posed with a share of the coupling; of linear environments that is None.
+    """
 
     omega: float
     device: Device
     hand: Hand | None = None
+    share: float | None = None
 
 
 def constraint_points(device: Device, omega: Iterable[float]) -> list[ConstraintPoint]:
@@ -107,6 +111,7 @@ class WorkingSet:
                     point.omega * stretch,
                     changed(point.device).in_units(1.0, time),
                     point.hand and held(point.hand).in_units(1.0, time),
+                    point.share,
                 )
                 for point in points
             ]

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 ClaimId = Literal[
     "passive", "sensitivity", "stable_model", "stable", "unmodelled", "any_hand", "hands", "worlds", "walls"
 ]
-Quantity = Literal["ratio", "in_hand", "in_walls", "sensitivity", "unmodelled", "poles"]
+Quantity = Literal["ratio", "in_hand", "sensitivity", "unmodelled", "poles"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +174,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "Re M (1/P + 1/(k_2 - k_1)) > 0 up to Nyquist with every hand, mass and damping: stable with every "
                 "wall of the box"
             ),
-            quantity="in_walls",
+            quantity="in_hand",
             margin="proof.claims.walls.walls_margins",
             witness="a frequency up to Nyquist and a hand of `[operator]`",
             label="every hand with every wall of the box",
@@ -192,8 +192,8 @@ CLAIMS: dict[ClaimId, Claim] = {
 """In the order in which a certificate makes them."""
 
 
-IN_HANDS: tuple[ClaimId, ...] = ("hands", "worlds")
-"""Claims about the hands of a box, of which a certificate makes one."""
+IN_HANDS: tuple[ClaimId, ...] = ("hands", "worlds", "walls")
+"""Claims about the hands of a box; a certificate makes one of the first two, and the last beside the second."""
 
 
 def claims_about(*quantities: Quantity) -> tuple[ClaimId, ...]:
