@@ -232,6 +232,8 @@ def _examine_start(posed: Posed, search: _Search, error: float) -> None:
     at_raised = (*point(gains, raised), *corner)
     bounded = all(each.min <= x <= each.max for each, x in zip(ranges(posed.problem), at_raised, strict=False))
     sound = all(stable(case, gains) for case in of_own_loops(search.cases))
+    if posed.problem.worlds is not None:  # more of a coupling is not always better then
+        sound &= violations(posed, search.cases, at_raised, search.tightening, search.witnesses).greatest == 0
     if sound and demands.positive and not demands.sensitivity and bounded:
         _remember(search, at_raised, posed.error(gains, raised))
 
