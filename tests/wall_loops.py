@@ -16,7 +16,7 @@ from vctune.model.worlds import Worlds
 
 @dataclass(frozen=True)
 class Wall:
-    """A piecewise linear force: at breakpoints (increasing, m) the slope changes; one more slope than breakpoints, N/m."""
+    """A piecewise linear force: its slope, N/m, changes at breakpoints, m, one after the other; one slope more."""
 
     breaks: np.ndarray
     slopes: np.ndarray
@@ -96,7 +96,7 @@ def speeds(
 def grow(v: np.ndarray) -> np.ndarray:
     """Return which of some motions end faster than they ever were, or go on turning around without dying out.
 
-    A heavy mass may still be under way after a push when few samples are looked at: it turns around a few times at most.
+    A heavy mass may still be under way when few samples are looked at: it turns around a few times at most.
     """
     quarter = len(v) // 4
     before, late = np.abs(v[:-quarter]).max(axis=0), np.abs(v[-quarter:]).max(axis=0)

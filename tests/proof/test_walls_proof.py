@@ -1,4 +1,4 @@
-"""Walls that come and go: verdicts against the condition by brute force, and against loops in time (README, section 19)."""
+"""Walls that come and go: verdicts against the condition by brute force, and against loops in time (section 19)."""
 
 from __future__ import annotations
 

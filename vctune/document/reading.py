@@ -169,6 +169,7 @@ class GainsFile:
     text : the file's text
     source : the path of the file; "design" where there is none
     solved : the numbers of the design that it was made of, by key; none if the file does not say so
+    corner : of the multiplier that proves its walls, rad/s; None if the file does not say so
     """
 
     kind: Display
@@ -179,6 +180,7 @@ class GainsFile:
     text: str
     source: str = "design"
     solved: Mapping[str, float] = field(default_factory=dict)
+    corner: float | None = None
 
 
 def read_gains(path: str | Path) -> GainsFile:
@@ -206,7 +208,8 @@ def gains_file(text: str, path: Path) -> GainsFile:
     gains = Gains(getattr(stated, "velocity", 0.0), getattr(stated, "position", 0.0))
     coupling, origin = kind.coupling(**document.coupling.model_dump()), document.design
     solved = numbers_in(origin.numbers or "", kind)
-    return GainsFile(kind, gains, coupling, origin.sha256, origin.units, text, str(path), solved)
+    corner = None if origin.corner_hz is None else 2 * pi * origin.corner_hz
+    return GainsFile(kind, gains, coupling, origin.sha256, origin.units, text, str(path), solved, corner)
 
 
 GAINS_DOCUMENTS: dict[DisplayName, type[GainsDocument | SpringGainsDocument | ServoGainsDocument]] = {

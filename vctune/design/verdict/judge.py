@@ -107,6 +107,12 @@ class Judgement:
         return STATUS_OF[self.certificate.verdict]
 
     @property
+    def corner(self) -> float | None:
+        """w_c of the multiplier that proves walls, rad/s; None without walls."""
+        worlds = self.certificate.demands.worlds
+        return None if worlds is None else worlds.corner
+
+    @property
     def kind(self) -> Display:
         """The kind of display that it is a design of."""
         return self.tightest.kind
@@ -217,13 +223,16 @@ def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
 
 
 @np.errstate(all="ignore")
-def judge_all(problem: Problem, designs: Sequence[tuple[Gains, AnyCoupling]]) -> list[Judgement]:
+def judge_all(
+    problem: Problem, designs: Sequence[tuple[Gains, AnyCoupling]], corners: Sequence[float | None] | None = None
+) -> list[Judgement]:
     """Judge several designs against a problem's demands, as `judge` does, their proofs made together.
 
     Parameters
     ----------
     problem : with every default filled in, SI units
     designs : gains and couplings, plain floats, SI units
+    corners : of the multiplier for the walls of each, rad/s; None for the best one, as is None for all of them
 
     Returns
     -------
@@ -232,7 +241,8 @@ def judge_all(problem: Problem, designs: Sequence[tuple[Gains, AnyCoupling]]) ->
     """
     posed = pose(problem)
     if posed.demands.worlds is not None and posed.demands.worlds.walls:  # each has a multiplier of its own
-        return [judge_posed(posed, *design) for design in designs]
+        each = zip(designs, corners or [None] * len(designs), strict=True)
+        return [judge_posed(posed if known is None else with_corner(posed, known), *law) for law, known in each]
     with time_limit(PROVING * seconds_left()):
         certificates = certify_all([Design(problem.device, *design) for design in designs], posed.demands, posed.box)
     return [_judgement(posed, *design, certificate) for design, certificate in zip(designs, certificates, strict=True)]

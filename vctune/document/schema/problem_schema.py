@@ -419,7 +419,7 @@ class OriginTable(Table):
         description="Digest of what the problem means: resolved, without comments, name, description and experiments.",
     )
     numbers: Text | None = Field(None, description="The design's numbers as they were solved, in their order.")
-    corner_hz: Text | None = Field(None, description="Corner of the multiplier that proves its walls, Hz.")
+    corner_hz: Positive | None = Field(None, description="Corner of the multiplier that proved its walls, Hz.")
 
 
 class GainsDocument(Table):

@@ -171,8 +171,8 @@ CLAIMS: dict[ClaimId, Claim] = {
         Claim(
             id="walls",
             sentence=(
-                "Re M (1/P + 1/(k_2 - k_1)) > 0 up to Nyquist with every hand, mass and damping: stable with every "
-                "wall of the box"
+                "stable in every hand with every fixed wall, one-sided or piecewise linear, of slopes k_1 to k_2, since "
+                "Re M (1/P + 1/(k_2 - k_1)) > 0 up to Nyquist; not with walls that move or one-sided dampers"
             ),
             quantity="in_hand",
             margin="proof.claims.walls.walls_margins",

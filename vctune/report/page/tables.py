@@ -208,6 +208,16 @@ def _least_in_hands(known: Found) -> tuple[str, str]:
     return f"least {text(hands.min_ratio)}, {_hz(hands.worst_hz)}, in the hand of {hand}{world}", known.factor
 
 
+def _least_at_walls(known: Found) -> tuple[str, str]:
+    hands, units = known.proof.hands, known.problem.units
+    if hands is None or hands.walls is None:
+        return "", ""
+    walls = hands.walls
+    place = f"{_hz(walls.worst_hz)}, in the hand of {walls.worst_hand.in_words(units)}"
+    multiplier = f"multiplier with its corner at {text(walls.corner_hz)} Hz"
+    return f"least {text(walls.min_ratio)}, {place}; {multiplier}", known.factor
+
+
 def _world(world: WorldRecord, units: Units) -> str:
     """Return which environment binds."""
     row = world.row(None, units)
@@ -257,6 +267,7 @@ FOUND: dict[ClaimId, Callable[[Found], tuple[str, str]]] = {
     "any_hand": _least_in_any_hand,
     "hands": _least_in_hands,
     "worlds": _least_in_hands,
+    "walls": _least_at_walls,
 }
 """Returns what was found of a claim and what was asked, where there is a number to show."""
 
@@ -307,10 +318,18 @@ def assumptions(problem: Problem) -> list[str]:
             "loop, at every frequency, aliasing included. Of a hand outside the box nothing is proved."
         )
     if problem.worlds is not None:
+        linear = problem.worlds.linear.in_words(problem.units)
         lines.append(
-            f"The environment is one of {problem.worlds.in_words(problem.units)}: a mass, a damper and a spring, "
-            "stepped by the trapezoidal rule, linear and unchanging. A wall that comes and goes is not, and of an "
-            "environment outside the box nothing is proved."
+            f"The environment is one of {linear}: a mass, a damper and a spring, stepped by the trapezoidal rule, "
+            + (
+                "that do not change. The spring may be a wall: a force that depends on the position alone and rises "
+                "with slopes within the range of stiffness, one-sided or piecewise linear, anywhere. A wall that "
+                "moves is not covered, a damper that acts on one side is not, and of an environment outside the box "
+                "nothing is proved."
+                if problem.worlds.walls
+                else "linear and unchanging. A wall that comes and goes is not, and of an environment outside the box "
+                "nothing is proved."
+            )
         )
         return [problem.units.translated(line) for line in lines]
     lines.append(
