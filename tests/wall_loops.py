@@ -6,6 +6,7 @@ a force that depends on the position alone, solved for sample by sample.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -118,12 +119,22 @@ def least_of_condition(loop: Whole, theta: np.ndarray, worlds: Worlds, corner: f
     a = (2 / T - corner) / (2 / T + corner)
     M = (1 - 1 / z) / (1 - a / z)
     scale = np.abs(1 - a / z) ** 2 / (2 * np.sin(theta / 2) ** 2 * (1 + a))
-    Y, u = seen(loop, theta) + offered(loop, theta), s.imag
-    balanced = np.clip((low.stiffness + kappa / 2 - u * Y.imag) / u**2, low.mass, high.mass)
-    vertex = np.maximum(low.damping, -corner * kappa / (2 * u**2) - Y.real)
-    least = np.full(theta.shape, np.inf)
-    for mass in (*np.linspace(low.mass, high.mass, 5), balanced):
-        for damping in (low.damping, low.damping + 1.0, 100.0 * (1 + low.damping), vertex):
-            P = s * (Y + damping + mass * s) + low.stiffness
-            least = np.minimum(least, (M * (1 / P + 1 / kappa)).real * np.abs(P) ** 2 * scale)
+    Y, least = seen(loop, theta) + offered(loop, theta), np.full(theta.shape, np.inf)
+    for rate in (s, (1 - 1 / z) / T):  # v_e over the position by the trapezoidal rule, and by backward Euler
+
+        def condition(mass: np.ndarray | float, damping: np.ndarray | float, rate: np.ndarray = rate) -> np.ndarray:
+            P = rate * (Y + damping + mass * s) + low.stiffness
+            return (M * (1 / P + 1 / kappa)).real * np.abs(P) ** 2 * scale
+
+        for damping in (low.damping, low.damping + 1.0, 100.0 * (1 + low.damping)):
+            mass = np.clip(_vertex(lambda x, d=damping: condition(x, d), high.mass or 1.0), low.mass, high.mass)
+            for tried in (low.mass, high.mass, mass):
+                best = np.maximum(_vertex(lambda d, x=tried: condition(x, d), 1.0 + np.abs(Y)), low.damping)
+                least = np.minimum(least, np.minimum(condition(tried, damping), condition(tried, best)))
     return least
+
+
+def _vertex(parabola: Callable[[np.ndarray], np.ndarray], step: np.ndarray | float) -> np.ndarray:
+    """Return where parabolas that open upwards are least, from three values of each."""
+    below, middle, above = (parabola(sign * step * np.ones(1)) for sign in (-1.0, 0.0, 1.0))
+    return step * (below - above) / (2 * (below - 2 * middle + above))

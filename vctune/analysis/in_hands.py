@@ -7,7 +7,7 @@ from dataclasses import astuple, dataclass
 from functools import lru_cache, partial
 from itertools import product
 from math import inf, pi, sqrt
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -20,8 +20,8 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 from vctune.model.sampled.any_hand import AnyHand, any_hand
 from vctune.model.sampled.hand_loop import AnyLoopInHand, loop_in_hand, offered, required_in_hand, seen_in_hand
-from vctune.model.sampled.loop_in_walls import disjuncts_in_walls, strip_in_walls
-from vctune.model.sampled.loop_in_worlds import Seen, disjuncts, offered_at, posed, room_of
+from vctune.model.sampled.loop_in_walls import LEADS, disjuncts_in_walls, strip_in_walls
+from vctune.model.sampled.loop_in_worlds import Offered, Seen, disjuncts, offered_at, posed, room_of
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.worlds import WorldsMet
 from vctune.running import check_time
@@ -396,30 +396,47 @@ def _needs(
 def _need_in_walls(
     loop: AnyLoopInHand, device: Device, gains: Gains, coupling: Coupling, theta: Floats, met: WorldsMet
 ) -> Floats:
-    """Return 1/ratio with walls: the ratio is g times the exponential of the least room of some shares of the coupling.
+    """Return 1/ratio with walls: the ratio is g times the exponential of the least room of `rooms_at_walls`."""
+    seen, at = seen_in_hand(loop, gains), offered_at(coupling, device.sample_time, theta, FLOATS)
+    rooms = rooms_at_walls(seen, at, device.sample_time, theta, met)
+    return np.exp(-np.minimum.reduce(list(rooms.values()))) / met.factor
 
-    The room of a share is the greatest of those of its margins.
+
+class AtWall(NamedTuple):
+    """What the condition of walls is posed with at an angle in a hand: a share of the coupling, and l of the rule."""
+
+    share: float
+    lead: float
+
+
+@np.errstate(all="ignore")
+def rooms_at_walls(seen: Seen, at: Offered, sample_time: float, theta: Floats, met: WorldsMet) -> dict[AtWall, Floats]:
+    """Return the room of the condition of walls with some shares of the coupling, by either rule.
+
+    The room is the greatest of those of the margins of which one must be positive.
+
+    Parameters
+    ----------
+    seen : of the loop in hands
+    at : what the coupling offers
+    sample_time : T, s
+    theta : omega T, rad
+    met : the environments with walls
     """
-    rooms = _rooms_of_shares(loop, device, gains, coupling, theta, met)
-    return np.exp(-np.minimum.reduce(rooms)) / met.factor
-
-
-def _rooms_of_shares(
-    loop: AnyLoopInHand, device: Device, gains: Gains, coupling: Coupling, theta: Floats, met: WorldsMet
-) -> list[Floats]:
-    worlds, T, rooms = met.worlds, device.sample_time, []
-    seen, at = seen_in_hand(loop, gains), offered_at(coupling, T, theta, FLOATS)
+    worlds, rooms = met.worlds, dict[AtWall, Floats]()
     for share in shares_of_coupling(met.factor):
-        strip = strip_in_walls(at, worlds, T, seen, share, theta, FLOATS)
-        found = disjuncts_in_walls(strip, worlds, T, theta, FLOATS)
-        rooms.append(np.maximum.reduce([np.asarray(room_of(terms, np.abs)) for terms in found if terms is not None]))
+        strip = strip_in_walls(at, worlds, sample_time, seen, share, theta, FLOATS)
+        for lead in LEADS:
+            found = disjuncts_in_walls(strip, worlds, lead, sample_time, theta, FLOATS)
+            each = [np.asarray(room_of(terms, np.abs)) for terms in found if terms is not None]
+            rooms[AtWall(share, lead)] = np.maximum.reduce(each)
     return rooms
 
 
-def tightest_share(
+def tightest_at_wall(
     device: Device, gains: Gains, coupling: AnyCoupling, omega: float, hand: Hand, met: WorldsMet
-) -> float:
-    """Return the share of a coupling with which walls have least room in one hand at one frequency.
+) -> AtWall:
+    """Return the share of a coupling, and the rule, with which walls have least room in one hand at one frequency.
 
     Parameters
     ----------
@@ -428,9 +445,9 @@ def tightest_share(
     """
     theta = np.array([min(omega * device.sample_time, pi)])
     loop = loop_in_hand(plant_in_hand(device, hand, delays_of(device), FLOATS), theta, FLOATS)
-    with np.errstate(all="ignore"):
-        rooms = _rooms_of_shares(loop, device, gains, series_coupling(coupling), theta, met)
-    return shares_of_coupling(met.factor)[int(np.argmin([np.nan_to_num(room[0], nan=inf) for room in rooms]))]
+    seen, at = seen_in_hand(loop, gains), offered_at(series_coupling(coupling), device.sample_time, theta, FLOATS)
+    rooms = rooms_at_walls(seen, at, device.sample_time, theta, met)
+    return min(rooms, key=lambda wall: float(np.nan_to_num(rooms[wall][0], nan=inf)))
 
 
 def shares_of_coupling(factor: float) -> tuple[float, ...]:

@@ -7,15 +7,12 @@ from math import log
 
 import numpy as np
 
-from vctune.analysis.in_hands import loops_in_hands, shares_of_coupling
-from vctune.model.device import Device
+from vctune.analysis.in_hands import loops_in_hands, rooms_at_walls
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
-from vctune.model.hands import Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
-from vctune.model.sampled.loop_in_walls import Strip, disjuncts_in_walls, strip_in_walls
-from vctune.model.sampled.loop_in_worlds import offered_at, room_of
-from vctune.model.worlds import Worlds
+from vctune.model.sampled.loop_in_worlds import offered_at
+from vctune.model.worlds import WorldsMet
 
 HIGHEST = 1 - 1e-5
 """Greatest corner in 2/T, where the multiplier is a difference: so far below 1 that six digits do not
@@ -43,11 +40,14 @@ def corner_of(problem: Problem, gains: Gains, coupling: AnyCoupling) -> float:
     assert worlds is not None
     assert hands is not None
     most = 2 * HIGHEST / device.sample_time
-    theta, strips = _strips(device, hands, worlds, gains, coupling, problem.stability.safety_factor)
+    where = loops_in_hands(device, hands, SHARES, PER_DECADE)
+    seen = where.seen(gains)
+    at = offered_at(series_coupling(coupling), device.sample_time, where.theta, FLOATS)
 
     def lacks(log_corner: float) -> float:
-        posed = replace(worlds, corner=float(np.exp(log_corner)))
-        return -min(_least_room(strip, posed, device.sample_time, theta) for strip in strips)
+        met = WorldsMet(replace(worlds, corner=float(np.exp(log_corner))), problem.stability.safety_factor)
+        rooms = rooms_at_walls(seen, at, device.sample_time, where.theta, met)
+        return -min(float(np.nanmin(room)) for room in rooms.values())
 
     tried = np.log(most) + np.linspace(log(LOWEST), 0.0, CORNERS)
     for again in range(FINER + 1):
@@ -60,20 +60,3 @@ def corner_of(problem: Problem, gains: Gains, coupling: AnyCoupling) -> float:
 def in_decimals(corner: float) -> float:
     """Return about a corner, rad/s, whose frequency in hertz has six digits."""
     return 2 * np.pi * float(f"{corner / (2 * np.pi):.6g}")
-
-
-def _strips(
-    device: Device, hands: Hands, worlds: Worlds, gains: Gains, coupling: AnyCoupling, factor: float
-) -> tuple[np.ndarray, list[Strip]]:
-    where = loops_in_hands(device, hands, SHARES, PER_DECADE)
-    seen, at = where.seen(gains), offered_at(series_coupling(coupling), device.sample_time, where.theta, FLOATS)
-    of = [strip_in_walls(at, worlds, device.sample_time, seen, share, where.theta, FLOATS)
-          for share in shares_of_coupling(factor)]  # fmt: skip
-    return where.theta, of
-
-
-@np.errstate(all="ignore")
-def _least_room(strip: Strip, worlds: Worlds, sample_time: float, theta: np.ndarray) -> float:
-    found = disjuncts_in_walls(strip, worlds, sample_time, theta, FLOATS)
-    rooms = [np.asarray(room_of(terms, np.abs)) for terms in found if terms is not None]
-    return float(np.nanmin(np.maximum.reduce(rooms)))

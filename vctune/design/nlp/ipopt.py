@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from vctune.analysis.extrema import Floats
+from vctune.analysis.in_hands import AtWall
 from vctune.analysis.sampled_loop import plant_of, pulse_transfer
 from vctune.design.nlp.nlp import compiled
 from vctune.design.nlp.nlp_parameters import (
@@ -298,11 +299,9 @@ def _in_worlds(count: int, met: WorldsMet, spare: float) -> dict[str, Any]:
 
 def _in_walls(points: Sequence[ConstraintPoint]) -> dict[str, Any]:
     """Return which points are those of walls, by the names of `WALLS_IN_HAND`."""
-    shares = [at.share for at in points]
-    return {
-        "walled": np.array([1.0 * (share is not None) for share in shares]),
-        "share": np.array([1.0 if share is None else share for share in shares]),
-    }
+    walls = [at.wall or AtWall(1.0, 0.0) for at in points]
+    walled = np.array([1.0 * (at.wall is not None) for at in points])
+    return {"walled": walled, **{name: np.array([getattr(each, name) for each in walls]) for name in AtWall._fields}}
 
 
 def _loop_at(at: ConstraintPoint, theta: Any) -> AnyLoopInHand:

@@ -280,7 +280,7 @@ def _margin_with_walls(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupli
     high = replace(high, mass=high.mass + ENDLESS * (1 - held["by_above"]))
     worlds = Worlds(low, high, True, corner)
     strip = strip_in_walls(at, worlds, T, _seen(held, gains), held["share"], theta, SYMBOLS)
-    found = disjuncts_in_walls(strip, worlds, T, theta, SYMBOLS)
+    found = disjuncts_in_walls(strip, worlds, held["lead"], T, theta, SYMBOLS)
     rooms = [room_of(terms, ca.fabs) - held["spare"] for terms in found if terms is not None]
     linear = _margin_in_worlds(held, gains, coupling)
     return held["walled"] * _greatest(rooms) + (1 - held["walled"]) * linear

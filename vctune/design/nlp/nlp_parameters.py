@@ -54,8 +54,8 @@ WORLDS_IN_HAND: Layout = {
     "spare": 1,
 }
 """Beside the loop in a hand, the environments, the margins that may be positive, g and the tightening of a room."""
-WALLS_IN_HAND: Layout = {"walled": 1, "share": 1}
-"""Whether the condition of walls is posed, 1, or that of linear environments, 0; the share of the coupling."""
+WALLS_IN_HAND: Layout = {"walled": 1, "share": 1, "lead": 1}
+"""Whether the condition of walls is posed, 1, or that of linear environments, 0; the fields of `AtWall`."""
 STABILITY_CUT: Layout = {"open": 1, "velocity": 1, "position": 1}
 """The fields of `Cut`."""
 

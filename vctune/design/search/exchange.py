@@ -326,4 +326,4 @@ def _add(known: list[ConstraintPoint], candidates: list[ConstraintPoint]) -> boo
 
 def _same(point: ConstraintPoint, other: ConstraintPoint) -> bool:
     near = abs(point.omega - other.omega) <= 1e-7 * other.omega
-    return near and (point.device, point.hand, point.share) == (other.device, other.hand, other.share)
+    return near and (point.device, point.hand, point.wall) == (other.device, other.hand, other.wall)

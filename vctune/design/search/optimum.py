@@ -11,7 +11,7 @@ from time import perf_counter
 
 import numpy as np
 
-from vctune.analysis.in_hands import least_ratio_near, tightest_share
+from vctune.analysis.in_hands import least_ratio_near, tightest_at_wall
 from vctune.design.prepared import Prepared, prepare, with_corner
 from vctune.design.result import Polished
 from vctune.design.search.exchange import TIGHTENING, polish
@@ -326,12 +326,12 @@ def _collect(
 ) -> None:
     """Add where a design is refuted; `of_walls` is what is known of it if the condition of walls is what fails."""
     if outcome.verdict is Verdict.REFUTED and outcome.witness:
-        share, device = None, outcome.device or prepared.problem.device
+        wall, device = None, outcome.device or prepared.problem.device
         if of_walls is not None and (met := of_walls.certificate.demands.walls_met) and outcome.hand:
             law = of_walls.gains, of_walls.coupling
-            share = tightest_share(device, *law, outcome.witness, outcome.hand, met)
+            wall = tightest_at_wall(device, *law, outcome.witness, outcome.hand, met)
         hand = outcome.hand and outcome.hand.in_units(prepared.units.impedance, prepared.units.time)
-        known.append(ConstraintPoint(outcome.witness * prepared.units.time, prepared.on_device(device), hand, share))
+        known.append(ConstraintPoint(outcome.witness * prepared.units.time, prepared.on_device(device), hand, wall))
 
 
 def _with_least_coupling(prepared: Prepared, judgement: Judgement) -> Judgement:

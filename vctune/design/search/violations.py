@@ -26,7 +26,7 @@ from vctune.analysis.in_hands import (
     least_ratios,
     least_ratios_in_hands,
     ratio_at,
-    tightest_share,
+    tightest_at_wall,
     windows,
 )
 from vctune.design.prepared import Posed
@@ -180,8 +180,8 @@ def walls_met(problem: Problem, values: Point) -> WorldsMet | None:
 
 
 def _point_at_walls(problem: Problem, values: Point, at: RatioInHand, met: WorldsMet) -> ConstraintPoint:
-    share = tightest_share(problem.device, *design_of(values), at.omega, at.hand, met)
-    return ConstraintPoint(at.omega, problem.device, at.hand, share)
+    wall = tightest_at_wall(problem.device, *design_of(values), at.omega, at.hand, met)
+    return ConstraintPoint(at.omega, problem.device, at.hand, wall)
 
 
 def _at_points(points: Sequence[ConstraintPoint], problem: Problem, values: Point, tightening: float) -> Violations:
@@ -189,7 +189,7 @@ def _at_points(points: Sequence[ConstraintPoint], problem: Problem, values: Poin
     held, law = [point for point in points if point.hand is not None], design_of(values)
     linear, walls = problem.worlds_met, walls_met(problem, values)
     ratios = [
-        ratio_at(point.device, *law, point.omega, point.hand, linear if point.share is None else walls)
+        ratio_at(point.device, *law, point.omega, point.hand, linear if point.wall is None else walls)
         for point in held
         if point.hand
     ]

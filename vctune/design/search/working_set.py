@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from vctune.analysis.extrema import Floats
+from vctune.analysis.in_hands import AtWall
 from vctune.analysis.stability import Cut
 from vctune.model.device import Device
 from vctune.model.device import stacked as stacked_devices
@@ -19,13 +20,13 @@ from vctune.proof.claims.registry import Quantity
 class ConstraintPoint:
     """Where a demand is posed: a frequency, rad/s, a device, and of some demands a hand.
 
-    Of walls it is posed with a share of the coupling; of linear environments that is None.
+    Of walls it is posed with a share of the coupling and a rule; of linear environments that is None.
     """
 
     omega: float
     device: Device
     hand: Hand | None = None
-    share: float | None = None
+    wall: AtWall | None = None
 
 
 def constraint_points(device: Device, omega: Iterable[float]) -> list[ConstraintPoint]:
@@ -111,7 +112,7 @@ class WorkingSet:
                     point.omega * stretch,
                     changed(point.device).in_units(1.0, time),
                     point.hand and held(point.hand).in_units(1.0, time),
-                    point.share,
+                    point.wall,
                 )
                 for point in points
             ]

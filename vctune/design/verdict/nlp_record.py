@@ -44,7 +44,7 @@ def active(solved: Solved) -> list[ActiveRecord]:
     where += [("|1 - S| r < 1 of what is not modelled", at) for at in posed.unmodelled]
     where += [
         (f"{coupled} >= safety_factor R in {'any passive' if at.hand is None else 'a'} hand", at)
-        if at.share is None
+        if at.wall is None
         else ("walls in a hand", at)
         for at in posed.in_hand
     ]

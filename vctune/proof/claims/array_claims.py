@@ -200,7 +200,9 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
     )
 
 
-def hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS) -> Margins:
+def hands_margins(
+    demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS, lead: float = 0.0
+) -> Margins:
     """Return the margins of which one must be positive in every hand, of theta and of values with those of `HAND`.
 
     Parameters
@@ -209,6 +211,7 @@ def hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, 
     uncertain : numbers of the device that the margins take from among their values
     delays : whole samples, the same for all of them
     ops : arithmetic of theta and the values
+    lead : of walls, 0 by the trapezoidal rule, 1 by backward Euler
 
     Returns
     -------
@@ -228,7 +231,7 @@ def hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, 
 
         def with_walls(theta: Number, v: Values) -> tuple[Number, ...]:
             strip = strip_of_walls(in_hand(v), design(v), theta, v.get(COUPLING_SHARE, 1), met, ops)
-            return walls_margins(strip, met, plain, design(v).device.sample_time, theta, ops)
+            return walls_margins(strip, met, plain, lead, design(v).device.sample_time, theta, ops)
 
         return with_walls
     names = posed(plain, demands.factor)
@@ -290,7 +293,9 @@ def _above_bound(demands: Demands) -> Margin:
     return margin
 
 
-def limp_hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> tuple[Margin, ...]:
+def limp_hands_margins(
+    demands: Demands, uncertain: tuple[str, ...], delays: Delays, lead: float = 0.0
+) -> tuple[Margin, ...]:
     """Return what the margins of `hands_margins` are for K_p = 0 next to theta = 0 and a hand without stiffness.
 
     They are of theta and of values with those of `HAND` and with `SHARE`, each between 0 and 1. What decides nothing
@@ -301,6 +306,7 @@ def limp_hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Del
     demands : what is to be met
     uncertain : numbers of the device that the margins take from among their values
     delays : whole samples, the same for all of them
+    lead : as of `hands_margins`
     """
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
@@ -318,7 +324,7 @@ def limp_hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Del
         def with_walls(theta: Number, v: Values) -> Number:
             plant, one = at(v)
             strip = limp_strip_of_walls(plant, one, theta, v[SHARE], v.get(COUPLING_SHARE, 1), met, OPS)
-            return limp_walls_margin(strip, met, one.device.sample_time, theta, OPS)
+            return limp_walls_margin(strip, met, lead, one.device.sample_time, theta, OPS)
 
         return (with_walls,) if demands.worlds.high.mass < inf else ()
 

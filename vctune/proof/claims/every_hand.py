@@ -19,6 +19,7 @@ from vctune.model.gains import Gains
 from vctune.model.hands import HAND, Hand, Hands
 from vctune.model.numbers.keys import keys_of
 from vctune.model.problem import Demands
+from vctune.model.sampled.loop_in_walls import LEADS
 from vctune.model.sampled.loop_in_worlds import posed, sum_of
 from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
 from vctune.model.sampled.servo_in_hand import vertices
@@ -102,11 +103,14 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     corners = vertices(demands.hands) if servo is not None and demands.worlds is None else None
 
     def tests(part: _Part, fixed: Values, near: Resonance | None = None) -> list[Test]:
-        test = _of_margins(demands, uncertain, part, fixed)
-        at_rest = limp_hands_margins(demands, uncertain, part.delays) if limp else ()
+        return [test(part, fixed, near, lead) for lead in (LEADS if walls else LEADS[:1])]
+
+    def test(part: _Part, fixed: Values, near: Resonance | None, lead: float) -> Test:
+        test = _of_margins(demands, uncertain, part, fixed, lead=lead)
+        at_rest = limp_hands_margins(demands, uncertain, part.delays, lead) if limp else ()
         if at_rest:
             test = next_to_zero(AT_REST, at_rest, fixed, test)
-        return [near.left_to_it(test, (*rows, *map(row_of, uncertain))) if near else test]
+        return near.left_to_it(test, (*rows, *map(row_of, uncertain))) if near else test
 
     ends = partial(_ends, demands.hands, box, uncertain, corners, reserve=demands.factor if reserve else None)
     near = resonance(design, demands.hands) if looped and not walls else None
@@ -123,10 +127,15 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
 
 
 def _of_margins(
-    demands: Demands, uncertain: tuple[str, ...], part: _Part, fixed: Values, near: Resonance | None = None
+    demands: Demands,
+    uncertain: tuple[str, ...],
+    part: _Part,
+    fixed: Values,
+    near: Resonance | None = None,
+    lead: float = 0.0,
 ) -> Test:
     """Return the test of the margins of which one must be positive, in hands next to resonance or in all."""
-    both = [hands_margins(demands, uncertain, part.delays, ops) for ops in (ENCLOSURES, TAYLOR)]
+    both = [hands_margins(demands, uncertain, part.delays, ops, lead) for ops in (ENCLOSURES, TAYLOR)]
     slopes, polynomials = (near.margins(each) for each in both) if near else both
     spans, servo = part.spans, demands.device.servo
     if demands.worlds is not None:

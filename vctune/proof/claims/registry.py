@@ -171,7 +171,7 @@ CLAIMS: dict[ClaimId, Claim] = {
         Claim(
             id="walls",
             sentence=(
-                "stable in every hand with every fixed wall, one-sided or piecewise linear, of slopes k_1 to k_2, since "
+                "stable in every hand with every fixed wall, one-sided or piecewise linear, of slopes k_1 to k_2: "
                 "Re M (1/P + 1/(k_2 - k_1)) > 0 up to Nyquist; not with walls that move or one-sided dampers"
             ),
             quantity="in_hand",
