@@ -64,10 +64,11 @@ def linear_part(loop: Whole) -> Linear:
     return Linear(free, -(tied - free)[:, at] / by / at_once, free[-1], at_once, at)
 
 
+@np.errstate(all="ignore")
 def speeds(
     loops: list[Whole], walls: list[Wall], samples: int, rng: np.random.Generator, pushed: int = 200
 ) -> np.ndarray:
-    """Return v_e of loops at walls after random beginnings and pushes, shape (samples, loops)."""
+    """Return v_e of loops at walls, stepped by either rule, after random beginnings and pushes, (samples, loops)."""
     parts, T = [linear_part(loop) for loop in loops], np.array([loop.plant.sample_time for loop in loops])
     size, n = max(len(part.A) for part in parts), len(loops)
     A, push, c, z = np.zeros((n, size, size)), np.zeros((n, size)), np.zeros((n, size)), np.zeros((n, size))
@@ -75,15 +76,16 @@ def speeds(
         own = len(part.A)
         A[i, :own, :own], push[i, :own], c[i, :own] = part.A, part.push, part.c
         z[i, : own - 4] = rng.normal(size=own - 4) * 1e-2
+    reach = T * rng.choice([0.5, 1.0], n)  # by the trapezoidal rule, or by backward Euler
     at, at_once = np.array([part.at for part in parts]), np.array([part.at_once for part in parts])
     breaks, slopes, forces = (np.array(x) for x in zip(*((w.breaks, w.slopes, w.forces()) for w in walls), strict=True))
-    share, rows = T / (2 * at_once), np.arange(n)
+    share, rows = reach / at_once, np.arange(n)
     corners = breaks + share[:, None] * forces
     found = np.empty((samples, n))
     for k in range(samples):
         external = at_once * rng.normal(size=n) * (k < pushed) * 1e-2
         free = np.einsum("ij,ij->i", c, z) + external / at_once
-        aim = z[rows, at] + T / 2 * free
+        aim = z[rows, at] + reach * free
         part = (corners < aim[:, None]).sum(axis=1)
         left = np.maximum(part - 1, 0)
         slope = slopes[rows, part]
@@ -94,6 +96,7 @@ def speeds(
     return found
 
 
+@np.errstate(all="ignore")
 def grow(v: np.ndarray) -> np.ndarray:
     """Return which of some motions end faster than they ever were, or go on turning around without dying out.
 
@@ -120,6 +123,7 @@ def least_of_condition(loop: Whole, theta: np.ndarray, worlds: Worlds, corner: f
     M = (1 - 1 / z) / (1 - a / z)
     scale = np.abs(1 - a / z) ** 2 / (2 * np.sin(theta / 2) ** 2 * (1 + a))
     Y, least = seen(loop, theta) + offered(loop, theta), np.full(theta.shape, np.inf)
+    weight = (kappa + np.abs(s * Y)) / np.abs(s) ** 2
     for rate in (s, (1 - 1 / z) / T):  # v_e over the position by the trapezoidal rule, and by backward Euler
 
         def condition(mass: np.ndarray | float, damping: np.ndarray | float, rate: np.ndarray = rate) -> np.ndarray:
@@ -127,7 +131,7 @@ def least_of_condition(loop: Whole, theta: np.ndarray, worlds: Worlds, corner: f
             return (M * (1 / P + 1 / kappa)).real * np.abs(P) ** 2 * scale
 
         for damping in (low.damping, low.damping + 1.0, 100.0 * (1 + low.damping)):
-            mass = np.clip(_vertex(lambda x, d=damping: condition(x, d), high.mass or 1.0), low.mass, high.mass)
+            mass = np.clip(_vertex(lambda x, d=damping: condition(x, d), weight), low.mass, high.mass)
             for tried in (low.mass, high.mass, mass):
                 best = np.maximum(_vertex(lambda d, x=tried: condition(x, d), 1.0 + np.abs(Y)), low.damping)
                 least = np.minimum(least, np.minimum(condition(tried, damping), condition(tried, best)))

@@ -323,9 +323,9 @@ def assumptions(problem: Problem) -> list[str]:
             f"The environment is one of {linear}: a mass, a damper and a spring, stepped by the trapezoidal rule, "
             + (
                 "that do not change. The spring may be a wall: a force that depends on the position alone and rises "
-                "with slopes within the range of stiffness, one-sided or piecewise linear, anywhere. A wall that "
-                "moves is not covered, a damper that acts on one side is not, and of an environment outside the box "
-                "nothing is proved."
+                "with slopes within the range of stiffness, one-sided or piecewise linear, anywhere, stepped by the "
+                "trapezoidal rule or by backward Euler. A wall that moves is not covered, a damper that acts on one "
+                "side is not, and of an environment outside the box nothing is proved."
                 if problem.worlds.walls
                 else "linear and unchanging. A wall that comes and goes is not, and of an environment outside the box "
                 "nothing is proved."
