@@ -182,8 +182,8 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "The multiplier of Zames and Falb. The device is stable in each hand of `[operator]` with each wall: a "
                 "force that depends on the position alone and rises with slopes of the range `environment.stiffness`, "
                 "one-sided or piecewise linear, anywhere, stepped by the trapezoidal rule or by backward Euler, beside "
-                "a mass and a damper of `[environment]`. The walls do not move, and no damper is one-sided. Where the condition fails nothing is known: it does not say "
-                "that a wall makes the device unstable."
+                "a mass and a damper of `[environment]`. The walls do not move, and no damper is one-sided. Where the "
+                "condition fails nothing is known: it does not say that a wall makes the device unstable."
             ),
             asked=lambda demands, _: demands.hands is not None and demands.worlds is not None and demands.worlds.walls,
         ),
