@@ -1,4 +1,4 @@
-"""What proves each claim of a certificate: a function by the claim's identifier."""
+"""The prover of each claim of a certificate: a function by the claim's identifier."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ HIGHEST_CORNER = 2 * (1 - 1e-9)
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """What is to be proved.
+    """The data of a claim's proof.
 
     Attributes
     ----------
