@@ -84,7 +84,7 @@ def drawn(seed: int) -> Iterator[Walled]:
 
 def least_anywhere(walled: Walled, rng: np.random.Generator) -> float:
     """Return the least of the condition over many angles, some hands and shares of the coupling, by brute force."""
-    case, theta, least = walled.case, np.concatenate((np.geomspace(1e-3, 3.14, 400), rng.uniform(0, 3.14, 200))), inf
+    case, theta, least = walled.case, np.concatenate((np.geomspace(1e-3, 3.14, 200), rng.uniform(0, 3.14, 100))), inf
     ends = (case.hands.low, case.hands.high)
     corners = [Hand(*(getattr(ends[k], name) for k, name in zip(bits, ("mass", "damping", "stiffness"), strict=True)))
                for bits in product((0, 1), repeat=3)]  # fmt: skip
@@ -102,7 +102,7 @@ def holds_at(walled: Walled, outcome: Outcome) -> bool:
     assert outcome.hand is not None
     assert outcome.witness is not None
     theta = np.array([min(outcome.witness * walled.case.whole.plant.sample_time, pi * (1 - 1e-7))])
-    shares = np.unique(np.append(np.linspace(1 / walled.case.factor, 1.0, 201), 1.0))
+    shares = np.unique(np.append(np.linspace(1 / walled.case.factor, 1.0, 51), 1.0))
     loops = [in_world(of_hand(walled.case, outcome.hand), (0.0, 0.0, 0.0), share) for share in shares]
     return all(least_of_condition(loop, theta, walled.worlds, walled.worlds.corner)[0] > 0 for loop in loops)
 
