@@ -141,4 +141,5 @@ def least_of_condition(loop: Whole, theta: np.ndarray, worlds: Worlds, corner: f
 def _vertex(parabola: Callable[[np.ndarray], np.ndarray], step: np.ndarray | float) -> np.ndarray:
     """Return where parabolas that open upwards are least, from three values of each."""
     below, middle, above = (parabola(sign * step * np.ones(1)) for sign in (-1.0, 0.0, 1.0))
-    return step * (below - above) / (2 * (below - 2 * middle + above))
+    curve = 2 * (below - 2 * middle + above)
+    return np.where(curve > 0, step * (below - above) / np.where(curve > 0, curve, 1.0), 0.0)
