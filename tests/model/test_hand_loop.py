@@ -21,10 +21,11 @@ from sampled_device_oracle import Hand as OracleHand
 from sampled_device_oracle import coupling_at, pulses, seen_at
 
 from vctune.model.coupling import sampled_resistance
-from vctune.model.device import Actuator, Device, ForceSensor, Structure
+from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import HAND, Hand
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
+from vctune.model.parts import Actuator, ForceSensor, Structure
 from vctune.model.sampled.hand_loop import LoopInHand, loop_in_hand, required_in_hand, seen_in_hand, seen_in_limp_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.claims.margins_of_claims import Design, hand_margin

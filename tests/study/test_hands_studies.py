@@ -15,7 +15,7 @@ from flint import arb, ctx
 from random_devices import ordinary_gains, with_parts
 
 import vctune
-from vctune.analysis.in_hands import loops_in_hands
+from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.design.bound.design_boxes import DesignBoxes
 from vctune.design.bound.hands_bound import conditions_in_hands
 from vctune.design.bound.lower_bounds import lower_bounds
@@ -29,6 +29,7 @@ from vctune.design.verdict import repair as repairing
 from vctune.document.reading import parse_problem, read_problem
 from vctune.exit_codes import ExitCode
 from vctune.model.gains import Coupling, Gains
+from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import Hand, Hands
 from vctune.model.loop.limits import lags
 from vctune.model.numbers.arithmetic import FLOATS
@@ -213,7 +214,7 @@ def test_what_a_cell_asks_for_in_a_hand_is_no_more_than_its_designs_ask_for():
     )
     at = np.vstack((at, rng.uniform(0, 3000, count)))
     claims = claims_of(Demands(device, (1.0, 2.0), 1.05, 2.0, hands=posed(WHEEL).hands))
-    bound = lower_bound_at(claims.required_in_hands, Cells(low, high), at)
+    bound = lower_bound_at(claims.required_in_hands, Cells(low, high), PlacesInHands(at[0], Hand(*at[1:])))
     plant = plant_in_hand(device, Hand(*at[1:]), delays_of(device), FLOATS)
     for share in rng.random((20, 5, 1)):
         K_v, K_p, *_ = low + share * (high - low)
@@ -255,7 +256,7 @@ def test_what_a_box_asks_for_in_hands_is_no_more_than_its_designs_ask_for(number
     places[1:] *= np.array([[device.mass], [30 * device.mass], [3000 * device.mass]])
     places[0, 0], places[0, 1] = 0.0, np.pi / device.sample_time
     with np.errstate(all="ignore"):
-        least, never = conditions_in_hands([device], places).least_required(boxes)
+        least, never = conditions_in_hands([device], PlacesInHands(places[0], Hand(*places[1:]))).least_required(boxes)
         assert not never.any()
     hand = Hand(*(x[None, :] for x in places[1:]))
     loop = loop_in_hand(plant_in_hand(device, hand, delays_of(device), FLOATS), places[:1] * device.sample_time, FLOATS)
@@ -280,7 +281,8 @@ def test_a_box_around_a_certified_design_costs_no_more_than_it():
     at = np.array([[K_v], [K_p], [m_c / b_c], [b_0]])
     some = loops_in_hands(problem.device, problem.hands, (0.0, 1.0), 6)
     h, t = (x.ravel() for x in np.meshgrid(*map(np.arange, some.loop.open.even.shape), indexing="ij"))
-    places = np.stack((some.theta[t] / problem.device.sample_time, *(number[h] for number in astuple(some.hands))))
+    omega = some.theta[t] / problem.device.sample_time
+    places = PlacesInHands(omega, some.hands.mapped(lambda number: number[h]))
     relaxed = relaxation(
         problem, [problem.device], [problem.device], Places(np.zeros(0), np.array([500.0]), places), 24
     )

@@ -7,7 +7,8 @@ from math import log
 
 import numpy as np
 
-from vctune.analysis.in_hands import loops_in_hands, rooms_at_walls
+from vctune.analysis.hardest_hands import rooms_at_walls
+from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem

@@ -12,11 +12,10 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.problem import Problem, Range
 
 Point = tuple[float, ...]
-"""K_v, K_p, b_c, m_c, b_0, and with walls the corner w_c of the multiplier that proves them.
-
-Of an impedance display K_v, K_p, which is 0, b_c, k_c."""
+"""K_v, K_p, b_c, m_c, b_0, and with walls the corner w_c of the multiplier that proves them; for an impedance display
+K_v, K_p, which is 0, b_c, k_c."""
 CORNER = 5
-"""Where the corner stands."""
+"""The index of the corner."""
 
 
 def keys_for(problem: Problem) -> tuple[str, ...]:
@@ -55,8 +54,8 @@ class Coordinate:
 
     Attributes
     ----------
-    index : of the variable among a design's numbers
-    name : of the variable
+    index : index of the variable among a design's numbers
+    name : name of the variable
     scale : 0, or the size below which x hardly matters, so that x = 0 is an ordinary point
     low, high : bounds of z
     """

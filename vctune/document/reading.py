@@ -35,7 +35,7 @@ class ProblemFile:
     ----------
     problem : every default filled in
     text : TOML
-    source : the path of its file; "problem" where there is none
+    source : the path of its file; "problem" if there is none
     """
 
     problem: Problem
@@ -58,7 +58,7 @@ def read_problem(path: str | Path) -> ProblemFile:
 
     Parameters
     ----------
-    path : of a TOML file
+    path : path of a TOML file
 
     Returns
     -------
@@ -79,7 +79,7 @@ def problem_file(text: str, path: Path) -> ProblemFile:
     Parameters
     ----------
     text : TOML
-    path : of the file, whose stem is the problem's name unless the text has one
+    path : path of the file, whose stem is the problem's name unless the text has one
 
     Raises
     ------
@@ -97,8 +97,8 @@ def parse_problem(text: str, source: str, default_name: str) -> Problem:
     Parameters
     ----------
     text : TOML
-    source : what messages call it
-    default_name : of the problem, unless the text has one
+    source : its name in messages
+    default_name : default name of the problem, unless the text has one
 
     Raises
     ------
@@ -119,9 +119,9 @@ def pose(
     Parameters
     ----------
     raw : tables
-    default_name : of the problem, unless they have one
-    yardstick : by whose band and Z_0 its designs are compared with others, unless the tables state them; None for its
-        own
+    default_name : default name of the problem, unless they have one
+    yardstick : source of the band and Z_0 by which its designs are compared with others, unless the tables state them;
+        None for its own
 
     Returns
     -------
@@ -162,14 +162,14 @@ class GainsFile:
 
     Attributes
     ----------
-    kind : of display that the design is for
+    kind : kind of display of the design
     gains, coupling : the design
     sha256 : digest of the problem that it was made for, if the file says so
-    units : that the numbers are in, if the file says so
+    units : units that the numbers are in, if the file says so
     text : the file's text
-    source : the path of the file; "design" where there is none
-    solved : the numbers of the design that it was made of, by key; none if the file does not say so
-    corner : of the multiplier that proves its walls, rad/s; None if the file does not say so
+    source : the path of the file; "design" if there is none
+    solved : the numbers of the design that it was made from, by key; empty if the file does not state them
+    corner : corner of the multiplier that proves its walls, rad/s; None if the file does not state it
     """
 
     kind: Display
@@ -194,7 +194,7 @@ def gains_file(text: str, path: Path) -> GainsFile:
     Parameters
     ----------
     text : TOML
-    path : of the file, for messages
+    path : path of the file, for messages
 
     Raises
     ------
@@ -220,7 +220,7 @@ GAINS_DOCUMENTS: dict[DisplayName, type[GainsDocument | SpringGainsDocument | Se
 
 
 def _kind_of(raw: dict[str, Any]) -> Display:
-    """Return the kind of display that a gains file is for: its coupling tells, and whether it has gains."""
+    """Return the kind of display of a gains file, from its coupling and from whether it has gains."""
     coupling, origin = raw.get("coupling"), raw.get("design")
     if isinstance(coupling, dict) and "stiffness" in coupling:
         return IMPEDANCE

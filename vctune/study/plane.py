@@ -18,7 +18,7 @@ from vctune.proof.engine.boxes import Cells
 Squares = NDArray[np.intp]
 """Cells by the numbers of their edges, x_low, x_high, y_low, y_high: shape (4, number of cells).
 
-A cell with y_low = y_high (or x_low = x_high) is a piece of the line on which K_p = 0 and nothing integrates.
+A cell with y_low = y_high (or x_low = x_high) is a piece of the line K_p = 0 without an integrator.
 """
 
 COARSEST = 8
@@ -32,7 +32,7 @@ class Plane:
     Attributes
     ----------
     axes : indices of the variables x and y among `keys`
-    edges : of x and of y, SI units, 2^levels + 1 each, equally far apart in the optimiser's coordinates
+    edges : edges of x and of y, SI units, 2^levels + 1 each, equally far apart in the optimiser's coordinates
     ranges : ranges of all variables
     """
 
@@ -51,7 +51,7 @@ class Plane:
         return index is not None and index not in self.axes and not self.ranges[index].fixed
 
     def coarsest_squares(self) -> Squares:
-        """Return the plane in `COARSEST` by `COARSEST` squares, and the line K_p = 0 likewise if it is there."""
+        """Return the plane in `COARSEST` by `COARSEST` squares, and the line K_p = 0 in the same way if it is there."""
         side, count = len(self.edges[0]) - 1, COARSEST
         marks = np.arange(0, side, side // count)
         i, j = (m.ravel() for m in np.meshgrid(marks, marks, indexing="ij"))
@@ -86,7 +86,7 @@ def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
 
     Parameters
     ----------
-    problem : with or without a region
+    problem : problem with or without a region
     x, y : dotted keys, of the problem's variables
 
     Returns

@@ -6,19 +6,22 @@ from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
 from enum import IntEnum
 from math import inf
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vctune.analysis.demands import response, sampled_span, slowest_resonance
 from vctune.analysis.extrema import Floats, frequency_grid
-from vctune.analysis.in_hands import LoopsInHands, hardest_near, loops_in_any_hand, loops_in_hands
+from vctune.analysis.hardest_hands import hardest_near
+from vctune.analysis.loops_in_hands import LoopsInHands, loops_in_any_hand, loops_in_hands
 from vctune.analysis.sampled_loop import sensitivity_of
 from vctune.design.prepared import of_one_device, pose, problems_beside
 from vctune.design.variables import coupling_from
 from vctune.model.coupling import coupling_impedance
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
+from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.keys import KEYS
@@ -34,13 +37,13 @@ from vctune.study.plane import Plane, Squares, halved
 
 POINTS_PER_DECADE = 24
 TOGETHER = 512
-"""Cells judged together: what is known of them fits into memory."""
+"""Cells judged together; their data fit into memory."""
 LOOPS_AT_ONCE = 16
 """Loops whose arrays, a hundred hands at a hundred angles each, stay in the processor's cache; of no consequence but
 speed."""
 DAMPING = KEYS.index("coupling.damping")
 EASING = "coupling.mass", "coupling.drag"
-"""Variables of which more eases the demands."""
+"""Variables that ease the constraints as they grow."""
 
 Progress = Callable[[str], None]
 
@@ -64,9 +67,10 @@ class Region:
     ----------
     plane : the variables and their edges
     squares : the cells, shape (4, n)
-    kinds : of each cell, `Kind`
-    damping : for each feasible cell a b_c that serves all of it, N s/m, when the problem leaves b_c free; else nan
-    interrupted : whether cells were left undecided that had not been looked at, or could have been divided
+    kinds : kind of each cell, `Kind`
+    damping : for each feasible cell a b_c that serves all of it, N s/m, when the problem leaves b_c free;
+        else nan
+    interrupted : whether undecided cells remain that had not been evaluated, or could have been divided
     """
 
     plane: Plane
@@ -89,16 +93,16 @@ def region(
 ) -> Region:
     """Divide cells of a plane of gains until each is decided or as small as the plane's edges allow.
 
-    Where b_c, m_c or b_0 are free and not on an axis, feasible means that some values within their bounds will do. The
-    demands ease as m_c and b_0 grow, so that their upper bounds decide. Coarse cells come before fine ones, so that a
-    search that is stopped has decided most of the plane that it could in its time.
+    If b_c, m_c or b_0 are free and not on an axis, feasible means that some values within their bounds suffice. The
+    constraints ease as m_c and b_0 grow, so that their upper bounds decide. Coarse cells come before fine ones, so that
+    a search that is stopped has decided most of the plane that it could in its time.
 
     Parameters
     ----------
     problem : one without `plane_errors` in the plane
     plane : the variables and the edges of the finest cells
     squares : cells to begin with, shape (4, n)
-    progress : told what share of the plane is decided
+    progress : function that receives the decided share of the plane
     stopped : whether to give up now; asked before each `TOGETHER` cells. The time limit ends it earlier
 
     Returns
@@ -134,12 +138,12 @@ def free_damping(plane: Plane) -> bool:
 
 
 def easiest(cells: Cells, plane: Plane) -> Cells:
-    """Return the cells with m_c and b_0 at their upper bounds where they are free.
+    """Return the cells with m_c and b_0 at their upper bounds if they are free.
 
     Parameters
     ----------
     cells : boxes of the variables, SI units, n of them
-    plane : says which variables are axes
+    plane : the plane, which defines the axes
     """
     low = cells.low.copy()
     for index in (KEYS.index(key) for key in EASING if plane.at_full_width(key)):
@@ -153,7 +157,7 @@ def with_damping(cells: Cells, damping: Floats) -> Cells:
     Parameters
     ----------
     cells : boxes of the variables, n of them
-    damping : b_c, N s/m, shape (n,); nan where the cell keeps its range
+    damping : b_c, N s/m, shape (n,); nan if the cell keeps its range
     """
     low, high = cells.low.copy(), cells.high.copy()
     given = np.isfinite(damping)
@@ -167,13 +171,13 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
 
     Parameters
     ----------
-    problems : all of which a feasible cell meets: those of the stated delay and of others beside it
+    problems : problems that a feasible cell meets: that of the stated delay, and those of others beside it
     plane, squares : the cells
 
     Returns
     -------
-    kinds : of each cell, `Kind`, shape (n,)
-    damping : N s/m, shape (n,); nan where the cell is not feasible, or b_c is fixed or an axis
+    kinds : kind of each cell, `Kind`, shape (n,)
+    damping : N s/m, shape (n,); nan if the cell is not feasible, or b_c is fixed or an axis
     """
     cells, free = easiest(plane.cells(squares), plane), free_damping(plane)
     damping, places = _estimate(problems, cells, free=free)
@@ -190,7 +194,7 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
 
 
 def _lost(problem: Problem, cells: Cells, places: Places, *, free: bool) -> Flags:
-    """Return which cells are proved to hold no design that meets a problem's demands."""
+    """Return the cells that are proved to hold no design that meets a problem's constraints."""
     demands = pose(problem).demands
     lost = refuted(demands, cells, places)
     if free:
@@ -203,13 +207,12 @@ def _lost(problem: Problem, cells: Cells, places: Places, *, free: bool) -> Flag
 
 
 def _closer(problem: Problem, cells: Cells, places: Places) -> Places:
-    """Return the places with the hands and the angles next to those that ask most of the centres."""
+    """Return the places with the hands and the angles next to those with the greatest requirement of the centres."""
     assert problem.hands_met is not None and places.in_hands is not None
     K_v, K_p, *of_coupling = cells.centres().low[:, :, None, None]
-    at, *hand = places.in_hands[:, 0]
-    coupling = coupling_from(of_coupling)
-    _, theta, hands = hardest_near(problem.device, problem.hands_met, Gains(K_v, K_p), coupling, at, np.array(hand))
-    return replace(places, in_hands=np.vstack((theta, hands))[:, None])
+    coupling, first = coupling_from(of_coupling), places.in_hands[0]
+    _, closer = hardest_near(problem.device, problem.hands_met, Gains(K_v, K_p), coupling, first)
+    return replace(places, in_hands=closer[None])
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,14 +221,14 @@ class _Asked:
 
     Attributes
     ----------
-    omega : rad/s, at which the coupling is met, of an impedance display theta, rad, shape (places,)
+    omega : rad/s, at which the coupling is evaluated, for an impedance display theta, rad, shape (places,)
     needed : the least Re Z_c there, N s/m, or Re(1/Z_c)/s^2, shape (n, places)
     place : the place of each cell as `Places` has it, from one of these numbers each
     """
 
     omega: Floats
     needed: Floats
-    place: Callable[[Integers], Floats]
+    place: Callable[[Integers], Floats | PlacesInHands]
 
 
 def _estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> tuple[Floats, list[Places]]:
@@ -233,8 +236,8 @@ def _estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> tuple
 
     Returns
     -------
-    damping : a b_c with which the centre meets the demands of all problems; nan if there seems to be none
-    places : of each problem, where they are hardest to meet
+    damping : a b_c with which the centre meets the constraints of all problems; nan if no such value is found
+    places : places of each problem, where they are hardest to meet
     """
     least, most = cells.low[DAMPING].copy(), cells.high[DAMPING].copy()
     meets, places = np.ones(len(cells), bool), []
@@ -248,12 +251,12 @@ def _estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> tuple
 
 @dataclass(frozen=True, slots=True)
 class _Hardest:
-    """Where the demands on n cells are hardest to meet.
+    """Places at which the constraints on n cells are hardest to meet.
 
     Attributes
     ----------
-    least, most : b_c between which the coupling's demands are met where it is free, N s/m, shape (n,)
-    meets : whether the others are, shape (n,)
+    least, most : range of b_c that meets the coupling's constraints if it is free, N s/m, shape (n,)
+    meets : whether the other constraints hold, shape (n,)
     places : where
     """
 
@@ -267,7 +270,7 @@ def _hardest(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
     K_v, K_p, *of_coupling = cells.centres().low[:, :, None]
     coupling = coupling_from(of_coupling)
     least, most = np.zeros(len(cells)), np.full(len(cells), inf)
-    meets, found = np.ones(len(cells), bool), dict[str, Floats]()
+    meets, found = np.ones(len(cells), bool), dict[str, Any]()
     for name, asked in _asked(problem, K_v, K_p).items():
         if free and isinstance(coupling, Coupling):
             needed = asked.needed - coupling.drag
@@ -278,7 +281,7 @@ def _hardest(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
             scarcity = asked.needed / _offered(coupling, problem.device, asked.omega)
             meets &= scarcity.max(axis=1) <= 1
             hardest = [scarcity]
-        found[name] = np.stack([asked.place(np.argmax(hard, axis=1)) for hard in hardest], axis=-2)
+        found[name] = _stacked([asked.place(np.argmax(hard, axis=1)) for hard in hardest])
     below = frequency_grid(
         *inwards((slowest_resonance(problem, problem.bounds.velocity.min), problem.nyquist)), POINTS_PER_DECADE
     )
@@ -286,6 +289,13 @@ def _hardest(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
     meets &= S.max(axis=1) <= problem.stability.max_sensitivity
     theta_S = below[np.argmax(S, axis=1)] * problem.device.sample_time
     return _Hardest(least, most, meets, Places(theta_S, **found))
+
+
+def _stacked(places: Sequence[Any]) -> Any:
+    """Return several places of each cell, the hardest first."""
+    if isinstance(places[0], PlacesInHands):
+        return places[0].mapped(lambda *each: np.stack(each), *places[1:])
+    return np.stack(places)
 
 
 def _offered(coupling: AnyCoupling, device: Device, place: Floats) -> Floats:
@@ -321,9 +331,9 @@ def _asked_in_hands(at: LoopsInHands, device: Device, factor: float, gains: Gain
         needed[i : i + LOOPS_AT_ONCE], worst[i : i + LOOPS_AT_ONCE] = factor * R.max(axis=1), R.argmax(axis=1)
     needed, worst = needed[same], worst[same]
 
-    def place(which: Integers) -> Floats:
+    def place(which: Integers) -> PlacesInHands:
         hand = worst[np.arange(len(which)), which].astype(np.intp)
-        return np.stack((at.theta[which], *(number[hand] for number in astuple(at.hands))))
+        return PlacesInHands(at.theta[which], at.hands.mapped(lambda number: number[hand]))
 
     met = at.theta if device.kind.inverse else np.tan(at.theta / 2) * (2 / device.sample_time)
     return _Asked(met, needed, place)

@@ -15,12 +15,12 @@ from vctune.study.study_table import Table
 def summary(study: Study, table: Table) -> SweepRecord:
     """Return the summary of a sweep: counts by status, yardstick, best and worst design, corner without designs.
 
-    The corner is the smallest box, over the axes, that holds every point without a certified design; `share` is how
-    much of it they fill.
+    The corner is the smallest box, over the axes, that contains every point without a certified design; `share` is the
+    share of it that they fill.
 
     Parameters
     ----------
-    study : what was solved
+    study : the solved study
     table : a row a point
     """
     certified, error = table.certified, table.numbers["error"]
@@ -51,7 +51,7 @@ def _yardstick(study: Study) -> ObjectiveRecord:
 
 
 def _edges(study: Study, table: Table) -> list[float | None] | None:
-    """Return the least and the greatest upper edge of the points' own stability bands; None where all have one."""
+    """Return the least and the greatest upper edge of the points' own stability bands; None if all have one."""
     varied = any(axis.path[:2] == ("stability", "band_hz") for axis in study.axes)
     stated = varied or "band_hz" in study.document.get("stability", {})
     edges = table.numbers["stability_high_hz"][table.certified]

@@ -16,20 +16,20 @@ from vctune.model.problem import Criterion, Problem
 from vctune.running import OutOfTimeError
 
 COMPARISON = "the comparison of criteria"
-"""What a time limit may cut short."""
+"""A stage that a time limit may cut short."""
 
 
 def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:
     """Return a solved problem with the error that either criterion alone would allow; unchanged if it has one
     criterion.
 
-    That is what its file would give with the other criterion, defaults that depend on it included, measured on the same
+    That is the result of its file with the other criterion, including defaults that depend on it, measured on the same
     band and Z_0.
 
     Parameters
     ----------
     file : the problem
-    solved : certified, or there is nothing to compare with
+    solved : certified; otherwise there is nothing to compare with
     """
     problem = file.problem
     if problem.stability.criterion != "both" or problem.bounds.fixed or solved.status is not Status.CERTIFIED:

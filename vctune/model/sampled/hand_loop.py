@@ -1,13 +1,13 @@
 """The sampled loop with a hand at the handle, and the impedance that the environment sees (model/README.md, section
 14).
 
-The position x_1, the velocity estimate and the sensed force f of device and hand (`plant_in_hand`) make the return
-difference and the impedance that the environment meets,
+The position x_1, the velocity estimate and the sensed force f of device and hand (`plant_in_hand`) give the return
+difference and the impedance that the environment sees,
 
     Delta = 1 + K_v G_v + K_p G_x,   Z_seen = -G_f (K_v + (T/2) K_p (1 + z^-1)/d)/Delta,
 
-f being sampled just before the next command acts. Cleared of denominators they are F and P/(2 j s), numbers
-even + j s odd that stay regular at theta = 0, and affine in the gains with constants that only device and hand know:
+f being sampled just before the next command acts. Cleared of denominators they are F and P/(2 j s), numbers even + j s
+odd that stay regular at theta = 0, and affine in the gains with constants that depend on device and hand alone:
 
     R = -Re Z_seen = -o/(2 |F|^2),   P conj F = e + j s o.
 """
@@ -61,7 +61,7 @@ class CommandInHand(NamedTuple):
     ----------
     size : > 0
     seen : regular at theta = 0
-    blur : by what -odd/2 may be more in a disc of responses, `Servo.radii`; 0 without one
+    blur : amount by which -odd/2 may be greater in a disc of responses, `Servo.radii`; 0 without one
     """
 
     size: Number
@@ -78,7 +78,7 @@ class CommandInHand(NamedTuple):
 
 
 AnyLoopInHand = LoopInHand | ForceInHand | CommandInHand
-"""The loop of an admittance display in a hand, of an impedance display, or the way of a servo's command."""
+"""The loop of an admittance display in a hand, for an impedance display, or the way of a servo's command."""
 
 
 def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLoopInHand:
@@ -126,11 +126,11 @@ def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLo
 def seen_in_limp_hand(plant: PlantInHand, velocity: Number, theta: Number, share: Number, ops: Arithmetic) -> Seen:
     """Return `seen_in_hand` over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
 
-    Its swing is over s besides.
+    Its swing is also divided by s.
 
-    Next to theta = 0 and K = 0, F and the sensed force both vanish with rho, defined by 2 s = (1 - share) rho and
-    K T^2/m = share rho. The function puts rho x_1 in the place of the position x_1. This divides the position's column
-    of the equations by rho, in which 2 s and K are factors.
+    Next to theta = 0 and K = 0, F and the sensed force both vanish with rho, defined by 2 s = (1 - share) rho and K
+    T^2/m = share rho. The function puts rho x_1 instead of the position x_1. This divides the position's column of the
+    equations by rho, in which 2 s and K are factors.
 
     Parameters
     ----------
@@ -176,10 +176,10 @@ def _answers(
 
     Parameters
     ----------
-    number : makes complex numbers even + j s odd
-    states : what the states are times the determinant, and it, of b_1
+    number : function that makes complex numbers even + j s odd
+    states : the states times the determinant, and those of b_1
     moved : d times the position's unit
-    grip : what is felt of a position of that unit
+    grip : sensed force of a unit of position
     """
 
     def of_states(shares: Vector, first: Any) -> Any:
@@ -236,13 +236,13 @@ def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
 
     Parameters
     ----------
-    loop : of a device in a hand, at one or several angles
+    loop : loop of a device in a hand, at one or several angles
     gains : K_v and K_p, N s/m and N/m; a servo has none, and its loop does not look at them
 
     Returns
     -------
     Required
-        R = lost/size, N s/m; of an impedance display R/s^2, m/(N s).
+        R = lost/size, N s/m; for an impedance display R/s^2, m/(N s).
     """
     if isinstance(loop, CommandInHand):
         return Required(loop.blur - 0.5 * loop.seen.odd, loop.size)
@@ -255,8 +255,8 @@ def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> Seen:
 
     Parameters
     ----------
-    loop : of an admittance display or a servo, at one or several angles
-    gains : in its numbers
+    loop : loop of an admittance display or a servo, at one or several angles
+    gains : gains in its numbers
     """
     required = required_in_hand(loop, gains)
     if isinstance(loop, CommandInHand):
@@ -266,12 +266,12 @@ def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> Seen:
 
 
 def offered(coupling: AnyCoupling, device: Device, theta: Number, ops: Arithmetic) -> Number:
-    """Return Re Z_c of the coupling as the firmware runs it; of an impedance display Re(1/Z_c)/sin^2(theta/2).
+    """Return Re Z_c of the coupling as the firmware runs it; for an impedance display Re(1/Z_c)/sin^2(theta/2).
 
     Parameters
     ----------
     coupling : its type decides the display
-    device : runs the coupling; its sample time and, of an impedance display, its velocity filter are used
+    device : runs the coupling; its sample time and, for an impedance display, its velocity filter are used
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
 
@@ -298,7 +298,7 @@ def room(
     coupling : its type decides the display
     device : runs the coupling
     required : R at theta, as a quotient
-    factor : the least admissible offered/R, > 0
+    factor : the least feasible offered/R, > 0
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
 

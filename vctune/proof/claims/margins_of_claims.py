@@ -30,7 +30,7 @@ HALF_TURN = nextafter(pi, inf)
 
 @dataclass(frozen=True, slots=True)
 class LoopDelay:
-    """A delay's whole samples, and whether a part of one remains."""
+    """The whole samples of a delay, and whether a part of one remains."""
 
     whole_samples: Number
     fractional: bool
@@ -99,9 +99,9 @@ def clamped_margin(design: Design, omega: Number, radius: Number, ops: Arithmeti
 def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
     """Return a margin that is regular at omega = 0 and, where positive, proves as much as `conditions_margin`.
 
-    Both sides of 2 Re D Re Z_c >= factor N are divided by omega^2 where they vanish together. Of a coupling with drag,
-    or where an operator eases the demand, only Re Z_c >= b_0 is used. Without either R does not vanish if K_p > 0 and b
-    > 0: then no margin is positive.
+    Both sides of 2 Re D Re Z_c >= factor N are divided by omega^2 where they vanish together. For a coupling with drag,
+    or if an operator eases the constraint, only Re Z_c >= b_0 is used. Without either R does not vanish if K_p > 0 and
+    b > 0: then no margin is positive.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def sensitivity_margin(plant: Plant, gains: Gains, theta: Number, limit: Number,
 
     Parameters
     ----------
-    plant : a device that nobody holds, over a sample
+    plant : a device without a hand, over a sample
     gains : K_v and K_p, N s/m and N/m
     theta : omega T, rad, in [0, pi]
     limit : greatest |S|
@@ -194,7 +194,7 @@ def unmodelled_margin(plant: Plant, gains: Gains, theta: Number, radius: Number,
 
     Parameters
     ----------
-    plant : a device that nobody holds, over a sample
+    plant : a device without a hand, over a sample
     gains : K_v and K_p, N s/m and N/m
     theta : omega T, rad, in [0, pi]
     radius : greatest |delta| at theta
@@ -211,13 +211,13 @@ def unmodelled_margin(plant: Plant, gains: Gains, theta: Number, radius: Number,
 
 
 def loop_gain_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
-    """Return limit^2 |F_0|^2 - |F - F_0|^2: where positive, |L| < limit and |S| < 1/(1 - limit), whatever the phase.
+    """Return limit^2 |F_0|^2 - |F - F_0|^2: where positive, |L| < limit and |S| < 1/(1 - limit), for any phase.
 
     Whole samples of delay turn F - F_0 and do not change its size.
 
     Parameters
     ----------
-    plant : a device that nobody holds, over a sample
+    plant : a device without a hand, over a sample
     gains : K_v and K_p, N s/m and N/m
     theta : omega T, rad, in [0, pi]
     limit : greatest |L|, at most 1
@@ -236,8 +236,8 @@ def loop_gain_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, o
 def hand_margin(plant: AnyPlantInHand, design: Design, theta: Number, factor: Number, ops: Arithmetic) -> Number:
     """Return |F|^2 (Re Z_c - factor R) in a hand (model/README.md, section 14).
 
-    Where it is positive F is not 0 either, so that no pole of the loop in the hand is there. An impedance display has
-    |F|^2 (Re 1/Z_c - factor R)/s^2 times a positive number (section 15).
+    Where it is positive F is not 0 either, so that no pole of the loop in the hand is at that frequency. An impedance
+    display has |F|^2 (Re 1/Z_c - factor R)/s^2 times a positive number (section 15).
 
     Parameters
     ----------
@@ -264,9 +264,9 @@ def limp_hand_margin(
     Parameters
     ----------
     plant : the device in the hand, over a sample
-    design : with K_p = 0, in numbers of the arithmetic
+    design : design with K_p = 0, in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
-    share : of the hand's stiffness in rho, in [0, 1] (`seen_in_limp_hand`); `hand_margin` is positive if this
+    share : share of the hand's stiffness in rho, in [0, 1] (`seen_in_limp_hand`); `hand_margin` is positive if this
         margin is positive for every share
     factor : least Re Z_c / R
     ops : arithmetic of the other arguments
@@ -283,12 +283,12 @@ def limp_hand_margin(
 def margins_in_worlds(
     plant: AnyPlantInHand, design: Design, theta: Number, met: WorldsMet, ops: Arithmetic
 ) -> Disjuncts:
-    """Return margins in a hand of which one must be positive with every environment of a box, each as its terms.
+    """Return margins in a hand, of which one must be positive with every environment of a box, each as its terms.
 
     Parameters
     ----------
     plant : the device in the hand
-    design : in numbers of the arithmetic
+    design : design in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
     met : the environments and the factor, in numbers of the arithmetic
     ops : arithmetic of all of these
@@ -304,7 +304,7 @@ def limp_margins_in_worlds(
 
     Parameters
     ----------
-    plant, design, theta, share, ops : as of `limp_hand_margin`
+    plant, design, theta, share, ops : see `limp_hand_margin`
     met : the environments and the factor, in numbers of the arithmetic
     """
     seen, T = seen_in_limp_hand(plant, design.gains.velocity, theta, share, ops), design.device.sample_time
@@ -354,7 +354,7 @@ def any_hand_margin(
 
     Parameters
     ----------
-    design : of an impedance display, in numbers of the arithmetic
+    design : design of an impedance display, in numbers of the arithmetic
     delay : whole samples of its device's delay
     theta : omega T, rad, in [0, pi]
     factor : least Re(1/Z_c)/R
@@ -362,7 +362,7 @@ def any_hand_margin(
 
     Returns
     -------
-    margin, size : of the shape of theta
+    margin, size : arrays of the shape of theta
     """
     hand = any_hand(design.device, delay.whole_samples, theta, ops, fractional=delay.fractional)
     required = hand.required(design.gains)
@@ -399,7 +399,7 @@ def resistance_margin(design: Design, omega: Number, ops: Arithmetic) -> Number:
 
     Parameters
     ----------
-    design : only its device and its gains count
+    design : only its device and its gains matter
     omega : angular frequency, rad/s, >= 0
     ops : arithmetic of both
 
@@ -443,7 +443,7 @@ def along_drive(at: DeviceResponse, gains: Gains) -> Number:
     Parameters
     ----------
     at : the device at omega >= 0
-    gains : only K_v counts, N s/m
+    gains : only K_v matters, N s/m
 
     Returns
     -------
@@ -464,15 +464,15 @@ def along_drive(at: DeviceResponse, gains: Gains) -> Number:
 
 
 def across_position(plant: Plant, gains: Gains, theta: Number, ops: Arithmetic) -> tuple[Number, Number]:
-    """Return Im(F conj P)/theta and |F_0|^2 |P|^2/theta^2, P = dF/dK_p, neither of which depends on K_p.
+    """Return Im(F conj P)/theta and |F_0|^2 |P|^2/theta^2, P = dF/dK_p; neither depends on K_p.
 
     Both are regular at theta = 0, where F and F_0 are those of the velocity loop alone times 1 - e^{-j theta}. Where
     the first is not 0, F is not 0 for any K_p.
 
     Parameters
     ----------
-    plant : a device that nobody holds, over a sample
-    gains : only K_v counts, N s/m
+    plant : a device without a hand, over a sample
+    gains : only K_v matters, N s/m
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
 
@@ -487,12 +487,12 @@ def across_position(plant: Plant, gains: Gains, theta: Number, ops: Arithmetic) 
 
 
 def sensitivity_sufficient_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
-    """Return (limit Im(F conj P) - |F_0||P|)/theta: positive only where |S| < limit whatever K_p is.
+    """Return (limit Im(F conj P) - |F_0||P|)/theta: positive only where |S| < limit for all K_p.
 
     Parameters
     ----------
-    plant : a device that nobody holds, over a sample
-    gains : only K_v counts, N s/m
+    plant : a device without a hand, over a sample
+    gains : only K_v matters, N s/m
     theta : omega T, rad, in [0, pi]
     limit : greatest |S|
     ops : arithmetic of the other arguments
@@ -515,7 +515,7 @@ def outwards(band: tuple[float, float]) -> tuple[float, float]:
 
 
 def inwards(band: tuple[float, float]) -> tuple[float, float]:
-    """Return a band in rad/s that lies within the one that was meant, whatever the rounding of 2 pi f."""
+    """Return a band in rad/s that lies within the intended one, for any rounding of 2 pi f."""
     low, high = band
     for _ in range(4):
         low, high = nextafter(low, inf), nextafter(high, 0.0)

@@ -35,7 +35,7 @@ class Claim:
     witness : description of the place where it fails
     label : heading of its row in a report
     explain : its meaning for the reader
-    asked : whether the demands require it, on a box of devices or on one device alone
+    asked : whether the constraints require it, on a box of devices or on one device alone
     """
 
     id: ClaimId
@@ -190,7 +190,7 @@ CLAIMS: dict[ClaimId, Claim] = {
         ),
     )
 }
-"""In the order in which a certificate makes them."""
+"""The claims in the order of a certificate."""
 
 
 IN_HANDS: tuple[ClaimId, ...] = ("hands", "worlds", "walls")
@@ -207,7 +207,7 @@ def claims_asked(demands: Demands, box: DeviceBox | None = None) -> list[ClaimId
 
     Parameters
     ----------
-    demands : on a design; they decide which claims apply
+    demands : constraints on a design; they decide which claims apply
     box : uncertain devices that add claims of their own; None for one known device
 
     Returns

@@ -6,7 +6,7 @@ proves by its tangents says nothing of a face of it, where others are best; such
 
 from __future__ import annotations
 
-from dataclasses import astuple, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -100,7 +100,7 @@ def fails_with_a_wall(design: Design, demands: Demands, hand: Hand, theta: float
     """
     plain, exact, at = demands.worlds, design_ball(design), arb(theta)
     assert plain is not None
-    plant = plant_in_hand(exact.device, Hand(*map(ball, astuple(hand))), delays_of(design.device), BALLS)
+    plant = plant_in_hand(exact.device, hand.mapped(ball), delays_of(design.device), BALLS)
 
     def of(worlds: Worlds) -> tuple[Worlds, Strip]:
         met = WorldsMet(worlds.converted(ball), ball(demands.factor))

@@ -34,7 +34,7 @@ GOOD, BAD, OPEN = ("#b5d9f2", ""), ("#e58b2a", "///"), ("#6e6e78", "...")
 FILLS = {Kind.FEASIBLE: GOOD, Kind.INFEASIBLE: BAD, Kind.UNDECIDED: OPEN}
 LABELS = {kind: f"proved {kind.name.lower()}" for kind in FILLS} | {Kind.UNDECIDED: "undecided"}
 STRIP, GAP = 0.03, 0.008
-"""Height of the strip that stands for the line K_p = 0, and its distance from the plane."""
+"""Height of the strip for the line K_p = 0, and its distance from the plane."""
 APART = (0.07, 0.035)
 """Least distance of the marks on x and y."""
 MESH = 48
@@ -45,8 +45,9 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design]) -
 
     Parameters
     ----------
-    problem : for contours of the error and, with any passive hand, the limit of K_p, where the axes are K_v and K_p
-    region : the cells and what is proved of each; of one that was interrupted the title says so
+    problem : problem for contours of the error and, with any passive hand, the limit of K_p, where the axes are K_v
+        and K_p
+    region : the cells and their verdicts; the title says if it was interrupted
     designs : gain sets to mark
     """
     plane = region.plane
@@ -172,7 +173,7 @@ def _marked(axes: Axes, plane: Plane, designs: Sequence[Design], mark: str, colo
 
 
 def _contours(axes: Axes, problem: Problem, region: Region) -> None:
-    """Draw the least error that any admissible coupling gives, where gains are proved feasible."""
+    """Draw the least error that any feasible coupling gives, where gains are proved feasible."""
     check_time()
     plane = region.plane
     prepared = prepare(problem)

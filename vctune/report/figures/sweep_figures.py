@@ -26,7 +26,7 @@ def sweep_figure(table: Table, *, grid: bool) -> Figure | None:
 
     Parameters
     ----------
-    table : of the sweep
+    table : table of the sweep
     grid : whether the points are every combination of the axes' values
     """
     finite = np.logical_and.reduce([np.isfinite(column) for column in table.axes.values()])
@@ -103,7 +103,7 @@ def band_figure(front: Table, transparency_edge_hz: float) -> Figure:
     Parameters
     ----------
     front : designs that none other beats, by the edge, Hz
-    transparency_edge_hz : upper edge of the transparency band, which is marked
+    transparency_edge_hz : upper edge of the transparency band, to be marked
     """
     with rc_context(STYLE):
         figure, axes = _frame()
