@@ -65,7 +65,7 @@ def _designed(source: Any, base: Problem | None, progress: Progress) -> tuple[De
         return known, parse_problem(known.problem.text, known.problem.name, known.problem.name)
     file = problem_of(source)
     if base is not None and _alike(base, file.problem):
-        file = on_yardstick(file, base.transparency)
+        file = on_yardstick(file, base)
     return record_of(file, solve(file, progress=progress)), file.problem
 
 

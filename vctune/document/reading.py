@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from math import pi
+from math import inf, pi
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from vctune.document.text.digest import problem_digest
 from vctune.model.display import ADMITTANCE, DISPLAYS, IMPEDANCE, SERVO, Display, DisplayName
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.units import Units, UnitSystem
-from vctune.model.problem import Problem, Transparency
+from vctune.model.problem import Problem
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,16 +112,16 @@ def parse_problem(text: str, source: str, default_name: str) -> Problem:
 
 
 def pose(
-    raw: dict[str, Any], default_name: str, yardstick: Transparency | None = None
+    raw: dict[str, Any], default_name: str, yardstick: Problem | None = None
 ) -> tuple[Problem | None, list[Fault]]:
     """Return the problem that parsed TOML states, or None and everything that is wrong with it.
 
     Parameters
     ----------
     raw : tables
-    default_name : default name of the problem, unless they have one
-    yardstick : source of the band and Z_0 by which its designs are compared with others, unless the tables state them;
-        None for its own
+    default_name : of the problem, unless they have one
+    yardstick : by whose bands and Z_0 its designs are compared with others, unless the tables state them; None for its
+        own
 
     Returns
     -------
@@ -134,18 +134,17 @@ def pose(
     problem = resolve(document, default_name, yardstick)
     if problem.stability.band.min >= problem.stability.band.max:
         return None, [_empty_default_band(problem)]
-    if yardstick is not None and problem.transparency.band.max > problem.nyquist * (1 + 1e-12):
-        return None, [_beyond_nyquist(problem)]
-    return problem, []
+    beyond = [] if yardstick is None else _beyond_nyquist(problem)
+    return (None, beyond) if beyond else (problem, [])
 
 
-def on_yardstick(file: ProblemFile, yardstick: Transparency) -> ProblemFile:
-    """Return a problem whose designs are compared by another's band and Z_0, unless it states its own.
+def on_yardstick(file: ProblemFile, yardstick: Problem) -> ProblemFile:
+    """Return a problem whose designs are compared by another's bands and Z_0, unless it states its own.
 
     Parameters
     ----------
     file : the problem
-    yardstick : the other's objective; one whose band the sample time does not reach is of no account
+    yardstick : the other; one with a band that the device does not reach is of no account
     """
     problem, _ = pose(file.document, file.problem.name, yardstick)
     return file if problem is None else replace(file, problem=problem)
@@ -250,10 +249,20 @@ def _empty_default_band(problem: Problem) -> Fault:
     return Fault(("transparency", "band_hz"), message, "contradiction")
 
 
-def _beyond_nyquist(problem: Problem) -> Fault:
-    high, nyquist = problem.transparency.band.max / (2 * pi), problem.nyquist / (2 * pi)
-    message = (
-        f"the errors are compared up to {high:g} Hz, which is above the Nyquist frequency {nyquist:g} Hz; state a band "
-        "that every sample time reaches"
-    )
-    return Fault(("transparency", "band_hz"), message, "contradiction")
+def _beyond_nyquist(problem: Problem) -> list[Fault]:
+    """Return which bands of a yardstick a problem does not reach."""
+    compared = {"transparency": ("the errors are compared", problem.transparency.band.max)}
+    endless = problem.device.ideal and problem.device.hold == "lag" and problem.device.delay == 0
+    if problem.passive and not (problem.stability.band.max == inf and endless):
+        compared["stability"] = ("the designs are held to the same stability band", problem.stability.band.max)
+    nyquist = problem.nyquist / (2 * pi)
+    return [
+        Fault(
+            (table, "band_hz"),
+            f"{what} up to {edge / (2 * pi):g} Hz, which is above the Nyquist frequency {nyquist:g} Hz; state a band "
+            "that every sample time reaches",
+            "contradiction",
+        )
+        for table, (what, edge) in compared.items()
+        if edge > problem.nyquist * (1 + 1e-12)
+    ]

@@ -21,7 +21,7 @@ from vctune.document.schema.validation import Contradiction, Fault, KeyPath, dot
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError
 from vctune.document.text.raw import placed
-from vctune.model.problem import Problem, Transparency
+from vctune.model.problem import Problem
 
 FORM_OF = dict.fromkeys((0, 1), "[lower, upper]") | dict.fromkeys(("min", "max"), "{ min = ..., max = ... }")
 """The form of a key in the problem that gives an element of a list or an end of a range a place."""
@@ -50,15 +50,15 @@ class Study:
     ----------
     name : name of the study
     document : the problem file, parsed
-    axes : the numbers that vary
-    yardstick : the objective of the problem as it is, whose band and Z_0 every point has unless an axis states others
+    axes : what varies
+    yardstick : the problem as it is, whose bands and Z_0 every point has unless an axis states others
     sample : how the axes vary
     """
 
     name: str
     document: dict[str, Any]
     axes: tuple[Axis, ...]
-    yardstick: Transparency
+    yardstick: Problem
     sample: Sample = Sample()
 
     @property
@@ -154,7 +154,7 @@ def build_study(
     homeless = [fault for axis in axes_ for fault in _homeless(tables, axis)]
     if homeless:
         raise refusal(homeless, None, name)
-    return Study(name, tables, axes_, problem.problem.transparency, sample_)
+    return Study(name, tables, axes_, problem.problem, sample_)
 
 
 def _planned(document: StudyDocument) -> tuple[tuple[Axis, ...], Sample]:
@@ -166,7 +166,7 @@ def _planned(document: StudyDocument) -> tuple[tuple[Axis, ...], Sample]:
 
 
 def _posed(
-    document: dict[str, Any], axes: Sequence[Axis], values: Iterable[float], yardstick: Transparency | None = None
+    document: dict[str, Any], axes: Sequence[Axis], values: Iterable[float], yardstick: Problem | None = None
 ) -> dict[str, Any]:
     """Return the document with the values of axes in it, and the other ends of bands and ranges at their defaults."""
     varied = dict(zip((axis.path for axis in axes), values, strict=True))
@@ -253,12 +253,12 @@ def _first(problem: dict[str, Any], axes: Sequence[Axis]) -> dict[str, Any]:
     return _posed(problem, axes, (axis.values[0] for axis in axes))
 
 
-def _yardstick(problem: dict[str, Any], axes: Sequence[Axis]) -> tuple[Transparency | None, list[Fault]]:
-    """Return the objective of the problem; if axes give numbers that it lacks, with their first values."""
+def _yardstick(problem: dict[str, Any], axes: Sequence[Axis]) -> tuple[Problem | None, list[Fault]]:
+    """Return the problem; if axes give numbers that it lacks, with their first values."""
     for document in (problem, _first(problem, axes)):
         found, faults = pose(document, "study")
         if found is not None:
-            return found.transparency, []
+            return found, []
     message = (
         "neither the problem alone nor that at the first value of each axis is one, which all errors could be compared "
         f"on: {dotted(faults[0].path)}: {faults[0].message}; begin with values that are possible"

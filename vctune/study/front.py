@@ -37,16 +37,16 @@ def terms_study(document: dict[str, Any], problem: Problem) -> Study:
     """
     if problem.device.kind.inverse:  # K_v costs free motion and stiffens the coupling, which no weight moves else
         velocity = _list("gains.velocity", _values(problem.bounds.velocity))
-        return Study("terms", document, (velocity,), problem.transparency)
+        return Study("terms", document, (velocity,), problem)
     weight = problem.transparency.weights.coupling or 1.0
     if not problem.device.kind.own_loop:  # one term alone differs between its designs
-        return Study("terms", document, (_list("transparency.weights.coupling", [weight]),), problem.transparency)
+        return Study("terms", document, (_list("transparency.weights.coupling", [weight]),), problem)
     weights = [float(f"{weight * 10**k:.6g}") for k in EXPONENTS]
     axes = (
         _list("gains.position", _values(problem.bounds.position)),
         _list("transparency.weights.coupling", weights),
     )
-    return Study("terms", document, axes, problem.transparency)
+    return Study("terms", document, axes, problem)
 
 
 def _values(bounds: Range) -> list[float]:
@@ -76,7 +76,7 @@ def band_study(document: dict[str, Any], problem: Problem) -> Study:
         _list("stability.band_hz[0]", [float(f"{low:.12g}")]),
         _list("stability.band_hz[1]", [*(edge for edge in edges if edge > low), nyquist]),
     )
-    return Study("band", document, axes, problem.transparency)
+    return Study("band", document, axes, problem)
 
 
 def _list(key: str, values: list[float]) -> Axis:

@@ -13,6 +13,7 @@ from vctune.design.variables import Coordinate, coordinates, keys_for, ranges
 from vctune.document.text.errors import Mistake
 from vctune.model.numbers.keys import KEYS, keys_of
 from vctune.model.problem import Problem, Range
+from vctune.proof.enclosures.array_intervals import Flags
 from vctune.proof.engine.boxes import Cells
 
 Squares = NDArray[np.intp]
@@ -141,17 +142,17 @@ def _edges(coordinate: Coordinate, unit: float, bounds: Range, count: int) -> Fl
     return np.array([bounds.min, *(float(f"{x:.{DIGITS}g}") for x in inner), bounds.max])
 
 
-def halved(squares: Squares) -> Squares:
-    """Return the quarters of each square, the halves of each piece of a line; the finest width stays whole."""
-    parts = [squares]
-    for low, high in ((0, 1), (2, 3)):
-        halves = []
-        for part in parts:
-            longer = part[high] - part[low] > 1
-            middle = (part[low] + part[high]) // 2
-            first, second = part.copy(), part[:, longer].copy()
-            first[high] = np.where(longer, middle, part[high])
-            second[low] = middle[longer]
-            halves += [first, second]
-        parts = halves
-    return np.concatenate(parts, axis=1)
+def halved(squares: Squares, across: Flags) -> Squares:
+    """Return both halves of each cell.
+
+    Parameters
+    ----------
+    squares : each longer than 1 in x or in y
+    across : where x is halved, if it is longer than 1; y elsewhere, likewise, shape (n,)
+    """
+    wide, high = squares[1] - squares[0] > 1, squares[3] - squares[2] > 1
+    low = np.where(wide & (across | ~high), 0, 2)
+    at = np.arange(squares.shape[1])
+    first, second = squares.copy(), squares.copy()
+    first[low + 1, at] = second[low, at] = (squares[low, at] + squares[low + 1, at]) // 2
+    return np.concatenate((first, second), axis=1)

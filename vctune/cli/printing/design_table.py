@@ -193,8 +193,6 @@ def print_sweep(found: SweepRecord, folder: Path) -> None:
             if row:
                 console.print(f"{label:<5}  {_design_line(row)}", soft_wrap=True)
         console.print(f"over   {_yardstick_line(found)}", soft_wrap=True)
-        if found.stability_high_hz is not None:
-            console.print(f"held   {_demand_line(found.stability_high_hz)}", soft_wrap=True)
         if found.corner:
             console.print(_corner_line(found.corner), soft_wrap=True)
 
@@ -211,14 +209,6 @@ def _yardstick_line(found: SweepRecord) -> str:
     if not on.varied:
         return escape(f"{shared}, at every point")
     return escape(f"{shared}, but for {', '.join(on.varied)}: errors at different values of it do not compare")
-
-
-def _demand_line(edges: list[float | None]) -> str:
-    low, high = (text(edge) for edge in edges)
-    return (
-        f"to a stability band that ends between {low} and {high} Hz, by the device of each point; state "
-        "stability.band_hz to ask the same of all"
-    )
 
 
 def _corner_line(corner: CornerRecord) -> str:

@@ -51,7 +51,7 @@ def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:
 def _under(criterion: Criterion, tables: dict[str, Any], problem: Problem) -> Problem | None:
     """Return the problem of a file with one criterion; None if it contradicts the rest of the file."""
     stability = {**tables.get("stability", {}), "criterion": criterion}
-    return reading.pose({**tables, "stability": stability}, problem.name, problem.transparency)[0]
+    return reading.pose({**tables, "stability": stability}, problem.name, problem)[0]
 
 
 def _alternative(criterion: Criterion, problem: Problem) -> Alternative | None:

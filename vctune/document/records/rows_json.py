@@ -118,9 +118,7 @@ class ObjectiveRecord(Part):
 class SweepRecord(Document):
     """The summary of a sweep.
 
-    `units` are those of axes and numbers, `idle` is the number of such certified designs, and `stability_high_hz` is
-    the least and the greatest upper edge of the stability band if neither problem nor axes state it and the points'
-    devices differ in it.
+    `units` are those of axes and numbers, `idle` counts certified designs.
     """
 
     SCHEMA = "vctune/sweep/2"
@@ -130,7 +128,6 @@ class SweepRecord(Document):
     status: dict[str, int]
     idle: int
     yardstick: ObjectiveRecord
-    stability_high_hz: Pair | None
     units: dict[str, str]
     best: Cells | None
     worst: Cells | None

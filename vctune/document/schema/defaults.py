@@ -49,16 +49,15 @@ from vctune.model.transparency import Terms
 from vctune.model.worlds import EVERY_WORLD, World, Worlds
 
 
-def resolve(document: ProblemDocument, default_name: str, yardstick: Transparency | None = None) -> Problem:
+def resolve(document: ProblemDocument, default_name: str, yardstick: Problem | None = None) -> Problem:
     """Return the problem that a valid document states, every default filled in.
 
     Parameters
     ----------
     document : the tables of a problem file, in its units
-    default_name : default name of the problem, if the document states none
-    yardstick : yardstick whose band and Z_0 replace the defaults of the objective; None for those of the device. The
-        bounds have
-        the scales of the device in either case
+    default_name : of the problem, where the document states none
+    yardstick : whose bands and Z_0 replace the defaults of the objective and of the stability band; None for those of
+        the device. The bounds have the scales of the device in either case
     """
     hands = _hands(document.operator or OperatorTable(), document.device.units)
     operator = LeastOperator(hands.low.mass, hands.low.damping) if hands.low.mass or hands.low.damping else None
@@ -78,18 +77,22 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Transparenc
     Z_0 = objective.reference_impedance or (_asked(hands, lag) if device.servo else device.mass * middle)
     own = Transparency(Band(2 * pi * f1, 2 * pi * f2), Z_0, objective.norm, Terms(**objective.weights.model_dump()))
     transparency = _on(yardstick, own, objective)
-    return Problem(
+    stability = _stability(document.stability, criterion, device, lag, transparency.band.min)
+    found = Problem(
         name=document.name if document.name is not None else default_name,
         description=document.description,
         device=device,
         bounds=_bounds(document, device, lag, Z_0, middle),
         transparency=transparency,
-        stability=_stability(document.stability, criterion, device, lag, transparency.band.min),
+        stability=stability,
         uncertainty=_uncertainty(document.uncertainty, device),
         experiments=tuple(_experiment(table, device) for table in document.experiment),
         hands=hands,
         worlds=_worlds(document.environment),
     )
+    if yardstick is None or document.stability.band_hz is not None or not (found.passive and yardstick.passive):
+        return found
+    return replace(found, stability=replace(stability, band=yardstick.stability.band))
 
 
 def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, middle: float) -> Bounds:
@@ -133,14 +136,14 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
     )
 
 
-def _on(yardstick: Transparency | None, own: Transparency, table: TransparencyTable) -> Transparency:
+def _on(yardstick: Problem | None, own: Transparency, table: TransparencyTable) -> Transparency:
     """Return the objective whose band and Z_0 are a yardstick's where a table leaves them at their defaults."""
     if yardstick is None:
         return own
     return replace(
         own,
-        band=own.band if table.band_hz else yardstick.band,
-        reference_impedance=table.reference_impedance or yardstick.reference_impedance,
+        band=own.band if table.band_hz else yardstick.transparency.band,
+        reference_impedance=table.reference_impedance or yardstick.transparency.reference_impedance,
     )
 
 

@@ -22,7 +22,7 @@ from vctune.model.numbers.arithmetic import ArrayArithmetic, Number
 from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Demands
 from vctune.model.sampled.any_hand import any_hand
-from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand, room
+from vctune.model.sampled.hand_loop import NextToRest, loop_in_hand, required_in_hand, room
 from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.let_go import Plant, has_sharp_form, plant_let_go, return_difference
 from vctune.model.sampled.loop_in_worlds import posed, sum_of
@@ -68,8 +68,8 @@ from vctune.proof.engine.box_tests import Curve, Margin, Margins
 from vctune.proof.engine.boxes import FREQUENCY, WHOLE_SAMPLES, Values, coupling_of, gains_of
 from vctune.proof.engine.sharing import shared
 
-SHARE = "share of the hand's stiffness"
-"""Share of the stiffness in rho, with which F vanishes for K_p = 0, theta = 0 and a hand without stiffness."""
+SHARES = "share of the integrator", "share of the hand's stiffness in the rest"
+"""Shares of rho, with which F vanishes for theta = 0, a hand without stiffness and K_p = 0: rows of boxes."""
 AT_REST = (FREQUENCY, STIFFNESS)
 """Rows of boxes of hands, the angle and the stiffness, that both begin at 0 there."""
 
@@ -295,10 +295,10 @@ def _above_bound(demands: Demands) -> Margin:
 def limp_hands_margins(
     demands: Demands, uncertain: tuple[str, ...], delays: Delays, lead: float = 0.0
 ) -> tuple[Margin, ...]:
-    """Return the margins of `hands_margins` for K_p = 0 next to theta = 0 and a hand without stiffness.
+    """Return the margins of `hands_margins` next to theta = 0, a hand without stiffness and K_p = 0.
 
-    They are of theta and of values with those of `HAND` and with `SHARE`, each between 0 and 1. Margins that decide
-    nothing there are left out.
+    They are of theta and of values with those of `HAND` and with `SHARES`, each between 0 and 1. Margins that decide
+    nothing there are left out. With environments of a box K_p is 0.
 
     Parameters
     ----------
@@ -310,25 +310,27 @@ def limp_hands_margins(
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
 
-    def at(v: Values) -> tuple[PlantInHand, Design]:
+    def at(theta: Number, v: Values) -> tuple[PlantInHand, Design, Number, NextToRest]:
         plant, design = in_hand(v), Design(device(v), gains_of(v), coupling_of(v))
         assert isinstance(plant, PlantInHand)  # only a velocity loop has K_p
-        return plant, design
+        integrator, others = v[SHARES[0]], 1 - v[SHARES[0]]
+        stiffness = (v[HAND[2]] + design.gains.position) * (plant.sample_time * plant.sample_time / plant.mass)
+        turned, spring = others * (1 - v[SHARES[1]]), others * v[SHARES[1]]
+        return plant, design, theta, NextToRest(2 * OPS.sin(theta / 2) + stiffness, turned, spring, integrator)
 
     if demands.worlds is None:
-        return (lambda theta, v: limp_hand_margin(*at(v), theta, v[SHARE], factor, OPS),)
+        return (lambda theta, v: limp_hand_margin(*at(theta, v), factor, OPS),)
     met = WorldsMet(demands.worlds.converted(decimal), factor)
     if demands.worlds.corner is not None:
 
         def with_walls(theta: Number, v: Values) -> Number:
-            plant, one = at(v)
-            strip = limp_strip_of_walls(plant, one, theta, v[SHARE], v.get(COUPLING_SHARE, 1), met, OPS)
-            return limp_walls_margin(strip, met, lead, one.device.sample_time, theta, OPS)
+            strip = limp_strip_of_walls(*at(theta, v), v.get(COUPLING_SHARE, 1), met, OPS)
+            return limp_walls_margin(strip, met, lead, device(v).sample_time, theta, OPS)
 
         return (with_walls,) if demands.worlds.high.mass < inf else ()
 
     def margin(name: str, theta: Number, v: Values) -> Number:
-        return sum_of(getattr(limp_margins_in_worlds(*at(v), theta, v[SHARE], met, OPS), name))
+        return sum_of(getattr(limp_margins_in_worlds(*at(theta, v), met, OPS), name))
 
     names = posed(demands.worlds, demands.factor)
     return tuple(partial(margin, name) for name in names if name in ("resistive", "above"))

@@ -26,7 +26,7 @@ from vctune.model.sampled.loop_in_worlds import posed, sum_of
 from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
 from vctune.model.sampled.velocity_loop import SNAP
 from vctune.model.worlds import WorldsMet
-from vctune.proof.claims.array_claims import AT_REST, SHARE, any_hand_margins, hands_margins, limp_hands_margins
+from vctune.proof.claims.array_claims import AT_REST, SHARES, any_hand_margins, hands_margins, limp_hands_margins
 from vctune.proof.claims.margins_of_claims import (
     HALF_TURN,
     Design,
@@ -442,7 +442,7 @@ def _ends(
     limp: bool = False,
     reserve: float | None = None,
 ) -> Ends:
-    """Return the ends of the numbers of hand, if the claim is about hands, of `SHARE` if needed, and of the device.
+    """Return the ends of the numbers of hand, if the claim is about hands, of `SHARES` if needed, and of the device.
 
     With a reserve g, the share of the coupling is a row too, from 1/g to 1. If the vertices of the hands suffice, each
     has a column.
@@ -453,7 +453,7 @@ def _ends(
     least, most = (stacked(each).by_key if each else {} for each in (low, high))
     ends = {key: (least[key], most[key]) for key in least}
     if limp:
-        ends[SHARE] = np.zeros(1), np.ones(1)
+        ends |= {SHARES[0]: (np.zeros(1), np.zeros(1)), SHARES[1]: (np.zeros(1), np.ones(1))}  # no integrator
     if reserve is not None:
         ends[COUPLING_SHARE] = np.array([nextafter(1 / reserve, 0.0)]), np.ones(1)
     if box is not None:

@@ -12,27 +12,24 @@ import numpy as np
 
 from vctune.model.gains import Gains
 from vctune.model.hand_arrays import PlacesInHands
-from vctune.model.hands import HAND, Hands
+from vctune.model.hands import Hands
 from vctune.model.problem import Demands
 from vctune.proof.claims.array_claims import Claims, claims_of
+from vctune.proof.claims.cells_in_hands import hold_in_hands
 from vctune.proof.claims.encirclements import by_integrator, encirclements, encirclements_in_hand, turns_in_hand
 from vctune.proof.claims.envelope import envelope
 from vctune.proof.claims.margins_of_claims import HALF_TURN, outwards, resistance_apart
 from vctune.proof.claims.registry import ClaimId, claims_asked
 from vctune.proof.enclosures.array_intervals import Flags, Floats
-from vctune.proof.engine.bands import CELL_HALVINGS, MAX_BOXES, STEP, cells_over_band
+from vctune.proof.engine.bands import CELL_HALVINGS, MAX_BOXES, cells_over_band
 from vctune.proof.engine.box_tests import Margin, alone, lower_bound_over, positive
-from vctune.proof.engine.boxes import Cells, Integers, band_of, over_each, over_hands
+from vctune.proof.engine.boxes import Cells, Integers, over_each
 from vctune.proof.engine.branching import prove as prove_boxes
 
 ON_ARRAYS: tuple[ClaimId, ...] = "passive", "sensitivity", "stable_model", "stable"
 """The claims whose boxes are counted, in the order of `Certified.boxes`."""
 OF_CELLS: tuple[ClaimId, ...] = *ON_ARRAYS, "any_hand", "hands"
 """The claims that can be proved for cells. If a problem requires another claim, no cell is proved."""
-HALVINGS_IN_HANDS, BOXES_IN_HANDS, TOGETHER_IN_HANDS = 4 * CELL_HALVINGS, 30_000, 128
-"""`CELL_HALVINGS` and `MAX_BOXES` for boxes of angle and hand, and the number of cells that are proved together, whose
-data fit into memory. Cells with room take up to 29,000 boxes, most some thousand. Half as many leave some of those next
-to K_p = 0 to smaller cells."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +90,7 @@ def _proofs(demands: Demands, cells: Cells) -> Certified:
 
     def sensitivity_holds(cells: Cells) -> tuple[Flags, Integers]:
         found = cells_over_band(
-            positive(claims.sensitivity, {}, claims.sensitivity_any_position), cells, 0.0, HALF_TURN
+            positive(claims.sensitivity, {}, claims.sensitivity_any_position), cells, 0.0, HALF_TURN, in_parts=True
         )
         return found.proved, found.boxes
 
@@ -138,28 +135,15 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
     """
     hands, proved = demands.hands, np.zeros(len(cells), bool)
     assert hands is not None
-    # next to K_p = 0 F and P of an admittance display both vanish at theta = 0 in a hand without stiffness
     kind = demands.device.kind
-    regular = not kind.senses_force or not kind.own_loop or hands.low.stiffness > 0
-    hopeful = np.flatnonzero((cells.low[1] > 0) | regular)  # row 1 is K_p
-    points = cells.subset(hopeful).centres()
-    left = hopeful[turns_in_hand(demands, points) == 0]
+    looped = kind.senses_force and kind.own_loop
+    if looped and hands.high.stiffness == 0 and not cells.high[1].any():
+        return proved  # no spring anywhere: the position is free
+    left = np.flatnonzero(turns_in_hand(demands, cells.centres()) == 0)
     if _have_the_same_gains(cells):
         proved[left] = _above_envelope(demands, hands, claims, cells.subset(left))
         return proved
-    for some in np.split(left, range(TOGETHER_IN_HANDS, len(left), TOGETHER_IN_HANDS)):
-        part = cells.subset(some)
-        found = prove_boxes(
-            positive(alone(claims.in_hand), {}),
-            over_hands(part, hands, band_of(0.0, HALF_TURN, STEP)),
-            len(part),
-            halved=[True] * (1 + len(HAND) + len(cells.keys)),
-            max_halvings=HALVINGS_IN_HANDS,
-            max_boxes=BOXES_IN_HANDS,
-            at_ends=True,
-            only_whole=True,
-        )
-        proved[some] = found.proved
+    proved[left] = hold_in_hands(demands, cells.subset(left))
     return proved
 
 

@@ -15,8 +15,15 @@ from vctune.model.loop.loop import loop_response
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
 from vctune.model.sampled.any_hand import any_hand
-from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand, room, seen_in_hand, seen_in_limp_hand
-from vctune.model.sampled.impedance_display import Required
+from vctune.model.sampled.hand_loop import (
+    NextToRest,
+    loop_in_hand,
+    required_in_hand,
+    required_in_limp_hand,
+    room,
+    seen_in_hand,
+    seen_in_limp_hand,
+)
 from vctune.model.sampled.let_go import Plant, return_difference
 from vctune.model.sampled.loop_in_walls import Strip, strip_in_walls
 from vctune.model.sampled.loop_in_worlds import Disjuncts, Seen, disjuncts, limp_disjuncts, offered_at
@@ -257,17 +264,16 @@ def hand_margin(plant: AnyPlantInHand, design: Design, theta: Number, factor: Nu
 
 
 def limp_hand_margin(
-    plant: PlantInHand, design: Design, theta: Number, share: Number, factor: Number, ops: Arithmetic
+    plant: PlantInHand, design: Design, theta: Number, rest: NextToRest, factor: Number, ops: Arithmetic
 ) -> Number:
-    """Return `hand_margin` over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
+    """Return `hand_margin` over rho^2, next to theta = 0, a hand without stiffness and K_p = 0.
 
     Parameters
     ----------
     plant : the device in the hand, over a sample
-    design : design with K_p = 0, in numbers of the arithmetic
+    design : in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
-    share : share of the hand's stiffness in rho, in [0, 1] (`seen_in_limp_hand`); `hand_margin` is positive if this
-        margin is positive for every share
+    rest : shares of rho (`NextToRest`); `hand_margin` is positive if this margin is positive for all of them
     factor : least Re Z_c / R
     ops : arithmetic of the other arguments
 
@@ -276,8 +282,8 @@ def limp_hand_margin(
     Number
         N s/m, of the shape of theta.
     """
-    seen = seen_in_limp_hand(plant, design.gains.velocity, theta, share, ops)
-    return room(design.coupling, design.device, Required(seen.lost, seen.size), factor, theta, ops)
+    required = required_in_limp_hand(plant, design.gains.velocity, theta, rest, ops)
+    return room(design.coupling, design.device, required, factor, theta, ops)
 
 
 def margins_in_worlds(
@@ -298,16 +304,16 @@ def margins_in_worlds(
 
 
 def limp_margins_in_worlds(
-    plant: PlantInHand, design: Design, theta: Number, share: Number, met: WorldsMet, ops: Arithmetic
+    plant: PlantInHand, design: Design, theta: Number, rest: NextToRest, met: WorldsMet, ops: Arithmetic
 ) -> Disjuncts:
     """Return `margins_in_worlds` over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
 
     Parameters
     ----------
-    plant, design, theta, share, ops : see `limp_hand_margin`
+    plant, design, theta, rest, ops : see `limp_hand_margin`
     met : the environments and the factor, in numbers of the arithmetic
     """
-    seen, T = seen_in_limp_hand(plant, design.gains.velocity, theta, share, ops), design.device.sample_time
+    seen, T = seen_in_limp_hand(plant, design.gains.velocity, theta, rest, ops), design.device.sample_time
     return limp_disjuncts(offered_at(design.series, T, theta, ops), met.worlds, T, seen, met.factor, theta, ops)
 
 
@@ -330,16 +336,16 @@ def strip_of_walls(
 
 
 def limp_strip_of_walls(
-    plant: PlantInHand, design: Design, theta: Number, spring: Number, share: Number, met: WorldsMet, ops: Arithmetic
+    plant: PlantInHand, design: Design, theta: Number, rest: NextToRest, share: Number, met: WorldsMet, ops: Arithmetic
 ) -> Strip:
     """Return `strip_of_walls` over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
 
     Parameters
     ----------
-    plant, design, theta, spring, ops : as of `limp_hand_margin`, which has `spring` as its share
-    share, met : as of `strip_of_walls`
+    plant, design, theta, rest, ops : see `limp_hand_margin`
+    share, met : see `strip_of_walls`
     """
-    seen, T = seen_in_limp_hand(plant, design.gains.velocity, theta, spring, ops), design.device.sample_time
+    seen, T = seen_in_limp_hand(plant, design.gains.velocity, theta, rest, ops), design.device.sample_time
     whole = Seen(seen.lost, ops.sin(theta / 2) * seen.swing, seen.size)
     return strip_in_walls(offered_at(design.series, T, theta, ops), met.worlds, T, whole, share, theta, ops)
 

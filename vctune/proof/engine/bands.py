@@ -23,11 +23,15 @@ many prove the same cells."""
 
 
 def cells_over_band(
-    test: Test, cells: Cells, low: float, high: float, measure: Callable[[Boxes], Floats] | None = None
+    test: Test,
+    cells: Cells,
+    low: float,
+    high: float,
+    measure: Callable[[Boxes], Floats] | None = None,
+    *,
+    in_parts: bool = False,
 ) -> Proofs:
     """Prove a test for cells over a band, from intervals of the ratio `STEP` on.
-
-    Only the frequency is halved. A caller that needs smaller cells divides them itself.
 
     Parameters
     ----------
@@ -35,6 +39,7 @@ def cells_over_band(
     cells : n cells of designs
     low, high : edges of the band, in the test's unit of frequency
     measure : number that is summed over the proved boxes of a cell, such as the angle of a turn; None for none
+    in_parts : whether to halve the cells too, beside the frequency, each interval's in its own way
 
     Returns
     -------
@@ -45,7 +50,7 @@ def cells_over_band(
         test,
         over_cells(cells, band_of(low, high, STEP)),
         len(cells),
-        halved=halved_rows(cells, 1),
+        halved=[True] * (1 + len(cells.keys)) if in_parts else halved_rows(cells, 1),
         max_halvings=CELL_HALVINGS if cells.extended else HALVINGS,
         max_boxes=MAX_BOXES,
         measure=measure,

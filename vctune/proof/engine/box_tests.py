@@ -68,7 +68,7 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, be
         near, rows = of(sufficient or margin), boxes.rows()
         if _from_zero(boxes):
             decided = _by_slopes(near, boxes, rows).decided
-            return decided if sufficient is None else _without_failures(decided)
+            return decided if sufficient is None else _by_sufficient(decided)
         if _wide(boxes):
             proved = of(margin)(rows).positive()
             return _to_halve_in_frequency(boxes, proved if sufficient is None else proved | near(rows).positive())
@@ -122,7 +122,7 @@ def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -
             value = image_of(rows)
             return value.re * re + value.im * im
 
-        decided = _without_failures(_by_slopes(component, boxes, rows).decided)
+        decided = _by_sufficient(_by_slopes(component, boxes, rows).decided)
         return replace(decided, proved=decided.proved | missed)
 
     return partial(_kind_by_kind, test)
@@ -192,9 +192,9 @@ def next_to_zero(rows: Sequence[str], sufficient: Sequence[Margin], fixed: Value
     def there(margin: Margin, boxes: Boxes) -> Decided:
         both = [boxes.names.index(name) for name in rows]
         found = _by_slopes(lambda x: margin(x[0], boxes.named(x, fixed)), boxes, boxes.rows())
-        decided = _without_failures(found.decided)
+        decided = _by_sufficient(found.decided)
         decided.cost[both] = np.where(decided.known, found.reach[both], decided.cost[both])
-        return replace(decided, side=np.zeros_like(decided.side))
+        return decided
 
     tests = [partial(there, margin) for margin in sufficient]
 
@@ -285,9 +285,9 @@ def _to_halve_in_frequency(boxes: Boxes, proved: Flags) -> Decided:
     return Decided(proved, none, point, cost, none, np.zeros_like(cost), room)
 
 
-def _without_failures(decided: Decided) -> Decided:
-    """Return the result of a sufficient margin: where it is negative the claim stays open."""
-    return replace(decided, fails=np.zeros_like(decided.fails))
+def _by_sufficient(decided: Decided) -> Decided:
+    """Return the result of a sufficient margin: the claim's own margin need not fail, or be least, where it does."""
+    return replace(decided, fails=np.zeros_like(decided.fails), side=np.zeros_like(decided.side))
 
 
 @dataclass(frozen=True, slots=True)
