@@ -10,7 +10,6 @@ from functools import partial
 from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.problem import Demands
-from vctune.proof.claims.conditions import conditions_at, prove_conditions
 from vctune.proof.claims.every_device import (
     NominalProof,
     RobustDesign,
@@ -21,6 +20,7 @@ from vctune.proof.claims.every_device import (
     prove_unmodelled,
 )
 from vctune.proof.claims.every_hand import prove_any_hand, prove_hands
+from vctune.proof.claims.llewellyn.conditions import conditions_at, prove_conditions
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.model_poles import prove_model_poles
 from vctune.proof.claims.registry import ClaimId
