@@ -145,13 +145,15 @@ def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> dict[
     files = {folder / DESIGN_FILE: json_text(record)}
     gains, kind = folder / GAINS_FILE, file.problem.device.kind
     if record.design is not None and record.certificate is not None:
-        origin = {
+        origin: dict[str, str | float] = {
             "problem": file.problem.name,
             "sha256": file.sha256,
             "vctune": str(record.versions["vctune"]),
             "verdict": record.certificate.verdict,
             "numbers": numbers_text(kind, *record.design),
         }
+        if (hands := record.certificate.hands) is not None and hands.walls is not None:
+            origin["corner_hz"] = hands.walls.corner_hz
         files[gains] = gains_text(kind, *record.design, origin, record.problem.units)
     earlier = [gains] if record.design is None and gains.exists() else []
     earlier += outdated(folder, record)

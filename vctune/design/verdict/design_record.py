@@ -34,6 +34,7 @@ from vctune.document.records.certificate_json import (
     HandsRecord,
     InnerLoopRecord,
     NyquistRecord,
+    WallsRecord,
     WholeSampleRecord,
     WithoutOperatorRecord,
     WorldRecord,
@@ -59,7 +60,7 @@ from vctune.document.schema.plausibility import doubts
 from vctune.document.text.codes import Note
 from vctune.model.display import ADMITTANCE
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.numbers.frequency import finite_hertz
+from vctune.model.numbers.frequency import finite_hertz, hertz
 from vctune.model.problem import Problem
 from vctune.proof.claims.registry import IN_HANDS, claims_about
 from vctune.proof.claims.sampled_poles import spectral_radius
@@ -305,6 +306,17 @@ def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
     world = binding_world(device, *law, held.hand, held.omega, factor, problem.worlds)
     if world is not None:
         also["worst_world"] = WorldRecord(mass=world.mass, stiffness=world.stiffness)
+    if (walls := judgement.in_walls) is not None and (corner := judgement.corner) is not None:
+        proved = outcomes["walls"]
+        also["walls"] = WallsRecord(
+            verdict=proved.verdict.value,
+            corner_hz=hertz(corner),
+            min_ratio=walls.ratio,
+            worst_hz=finite_hertz(walls.omega),
+            worst_hand=HandRecord(**asdict(walls.hand)),
+            boxes=proved.boxes,
+            **_display(problem),
+        )
     return {
         "hands": HandsRecord(
             verdict=outcome.verdict.value,

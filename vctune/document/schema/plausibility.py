@@ -52,8 +52,10 @@ def _outside(environment: Environment, problem: Problem) -> str:
     worlds, units = problem.worlds, problem.units
     if worlds is None:
         return ""
-    if environment.wall:
+    if environment.wall and not worlds.walls:
         return "a wall that comes and goes"
+    if environment.wall and environment.damping > 0:
+        return "a wall with a damper, which acts on one side,"
     if environment.mass > 0 and environment.rule == "backward":
         return "a mass by backward Euler"
     for name, unit in (("mass", units.mass), ("damping", units.damping), ("stiffness", units.stiffness)):

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from math import inf
 
 import numpy as np
 from flint import ctx
@@ -49,6 +50,7 @@ from vctune.proof.claims.margins_of_claims import (
     high_margin,
     limp_hand_margin,
     limp_margins_in_worlds,
+    limp_strip_of_walls,
     loop_gain_margin,
     low_margin,
     margins_in_worlds,
@@ -56,9 +58,11 @@ from vctune.proof.claims.margins_of_claims import (
     resistance_margin,
     sensitivity_margin,
     sensitivity_sufficient_margin,
+    strip_of_walls,
     unmodelled_margin,
     whenever_margin,
 )
+from vctune.proof.claims.walls import COUPLING_SHARE, limp_walls_margin, walls_margins
 from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, device_ball, enclosure_of
 from vctune.proof.enclosures.array_intervals import Enclosure, decimal
 from vctune.proof.enclosures.jets import ENCLOSURES as OPS
@@ -198,7 +202,9 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
     )
 
 
-def hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS) -> Margins:
+def hands_margins(
+    demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS, lead: float = 0.0
+) -> Margins:
     """Return the margins, of which one must be positive in every hand, of theta and of values with those of `HAND`.
 
     Parameters
@@ -207,6 +213,7 @@ def hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, 
     uncertain : numbers of the device that the margins take from among their values
     delays : whole samples, the same for all of them
     ops : arithmetic of theta and the values
+    lead : of walls, 0 by the trapezoidal rule, 1 by backward Euler
 
     Returns
     -------
@@ -221,8 +228,15 @@ def hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, 
 
     if demands.worlds is None:
         return lambda theta, v: (hand_margin(in_hand(v), design(v), theta, factor, ops),)
-    met = WorldsMet(demands.worlds.converted(decimal), factor)
-    names = posed(demands.worlds, demands.factor)
+    plain, met = demands.worlds, WorldsMet(demands.worlds.converted(decimal), factor)
+    if plain.corner is not None:
+
+        def with_walls(theta: Number, v: Values) -> tuple[Number, ...]:
+            strip = strip_of_walls(in_hand(v), design(v), theta, v.get(COUPLING_SHARE, 1), met, ops)
+            return walls_margins(strip, met, plain, lead, design(v).device.sample_time, theta, ops)
+
+        return with_walls
+    names = posed(plain, demands.factor)
 
     def margins(theta: Number, v: Values) -> tuple[Number, ...]:
         found = margins_in_worlds(in_hand(v), design(v), theta, met, ops)
@@ -309,7 +323,9 @@ def _above_bound(demands: Demands) -> Margin:
     return margin
 
 
-def limp_hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> tuple[Margin, ...]:
+def limp_hands_margins(
+    demands: Demands, uncertain: tuple[str, ...], delays: Delays, lead: float = 0.0
+) -> tuple[Margin, ...]:
     """Return the margins of `hands_margins` next to theta = 0, a hand without stiffness and K_p = 0.
 
     They are of theta and of values with those of `HAND` and with `SHARES`, each between 0 and 1. Margins that decide
@@ -320,6 +336,7 @@ def limp_hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Del
     demands : the constraints
     uncertain : numbers of the device that the margins take from among their values
     delays : whole samples, the same for all of them
+    lead : as of `hands_margins`
     """
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
@@ -335,6 +352,13 @@ def limp_hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Del
     if demands.worlds is None:
         return (lambda theta, v: limp_hand_margin(*at(theta, v), factor, OPS),)
     met = WorldsMet(demands.worlds.converted(decimal), factor)
+    if demands.worlds.corner is not None:
+
+        def with_walls(theta: Number, v: Values) -> Number:
+            strip = limp_strip_of_walls(*at(theta, v), v.get(COUPLING_SHARE, 1), met, OPS)
+            return limp_walls_margin(strip, met, lead, device(v).sample_time, theta, OPS)
+
+        return (with_walls,) if demands.worlds.high.mass < inf else ()
 
     def margin(name: str, theta: Number, v: Values) -> Number:
         return sum_of(getattr(limp_margins_in_worlds(*at(theta, v), met, OPS), name))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import partial
-from math import ceil, floor, pi
+from math import ceil, floor, nextafter, pi
 
 import numpy as np
 from flint import arb
@@ -21,6 +21,7 @@ from vctune.model.hands import STIFFNESS, Hand, Hands
 from vctune.model.numbers.keys import keys_of
 from vctune.model.parts import DELAYS
 from vctune.model.problem import Demands
+from vctune.model.sampled.loop_in_walls import LEADS
 from vctune.model.sampled.loop_in_worlds import posed, sum_of
 from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
 from vctune.model.sampled.velocity_loop import SNAP
@@ -44,6 +45,7 @@ from vctune.proof.claims.margins_of_claims import (
 )
 from vctune.proof.claims.resonant_hands import AROUND, RATIO, Resonance, resonance
 from vctune.proof.claims.sampled_poles import in_rad_per_s
+from vctune.proof.claims.walls import COUPLING_SHARE, fails_with_a_wall
 from vctune.proof.claims.whole_samples import NEXT_TO
 from vctune.proof.device_box import (
     DeviceBox,
@@ -110,25 +112,31 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
             return Outcome(Verdict.PROVED, 0)  # nothing is driven
         if design.gains.position == 0 and demands.hands.high.stiffness == 0:
             return Outcome(Verdict.UNDECIDED, 0)  # no spring anywhere: the position is free
-    middle = demands.hands.middle
+    middle, worlds = demands.hands.middle, demands.worlds
     stable = prove_poles_in(design.device, middle, design.gains)
     if stable.verdict is not Verdict.PROVED:
         return replace(stable, hand=middle)
     uncertain = box.modelled.uncertain if box is not None else ()
     limp = looped and design.gains.position == 0 and demands.hands.low.stiffness == 0
+    walls = worlds is not None and worlds.corner is not None
+    reserve = demands.factor if walls and demands.factor > 1 else None
 
     servo = design.device.servo
     # what a servo asks is convex in the hand; which environments it meets is not
     corners = demands.hands.corners if servo is not None and demands.worlds is None else None
 
     def tests(part: _Part, fixed: Values, near: Resonance | None = None) -> list[Test]:
-        test = _of_margins(demands, uncertain, part, fixed)
-        if limp:
-            test = next_to_zero(AT_REST, limp_hands_margins(demands, uncertain, part.delays), fixed, test)
-        return [near.left_to_it(test, tuple(ends(limp=limp))) if near else test]
+        return [test(part, fixed, near, lead) for lead in (LEADS if walls else LEADS[:1])]
 
-    ends = partial(_ends, demands.hands, box, uncertain, corners)
-    near = resonance(design, demands.hands) if looped else None
+    def test(part: _Part, fixed: Values, near: Resonance | None, lead: float) -> Test:
+        test = _of_margins(demands, uncertain, part, fixed, lead=lead)
+        at_rest = limp_hands_margins(demands, uncertain, part.delays, lead) if limp else ()
+        if at_rest:
+            test = next_to_zero(AT_REST, at_rest, fixed, test)
+        return near.left_to_it(test, tuple(ends(limp=limp))) if near else test
+
+    ends = partial(_ends, demands.hands, box, uncertain, corners, reserve=reserve)
+    near = resonance(design, demands.hands) if looped and not walls else None
     whenever = None
     if corners is not None and servo is not None and servo.stiffness is None:
 
@@ -149,14 +157,19 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
 
 
 def _of_margins(
-    demands: Demands, uncertain: tuple[str, ...], part: _Part, fixed: Values, near: Resonance | None = None
+    demands: Demands,
+    uncertain: tuple[str, ...],
+    part: _Part,
+    fixed: Values,
+    near: Resonance | None = None,
+    lead: float = 0.0,
 ) -> Test:
     """Return the test of the margins, of which one must be positive, in hands next to resonance or in all."""
-    both = [hands_margins(demands, uncertain, part.delays, ops) for ops in (ENCLOSURES, TAYLOR)]
+    both = [hands_margins(demands, uncertain, part.delays, ops, lead) for ops in (ENCLOSURES, TAYLOR)]
     slopes, polynomials = (near.margins(each) for each in both) if near else both
     spans = part.spans
     if demands.worlds is not None:
-        return any_positive(polynomials, slopes, fixed, spans)
+        return any_positive(polynomials, slopes if demands.worlds.corner is None else None, fixed, spans)
     sloping, curved = (alone(each) for each in (slopes, polynomials))
     by_slopes = positive(sloping, fixed)
     return positive_by_polynomials(curved, fixed, spans, by_slopes)
@@ -353,9 +366,10 @@ def _in_doubt(
     values, theta = dict(zip(names, within, strict=True)), min(float(point[0]), pi)
     device = design.device.with_numbers({key: values[row_of(key)] for key in uncertain})
     hand = near.hand(theta, values) if near else Hand.of(values) if STIFFNESS in values else None
+    share = values.get(COUPLING_SHARE, 1.0)
 
     def fails(theta: float) -> bool:
-        return _fails_at(replace(design, device=device), demands, hand, theta)
+        return _fails_at(replace(design, device=device), demands, hand, theta, share)
 
     refuted = fails(theta)
     if refuted and theta in (0.0, pi):  # no spring and no mass makes a loop grow at an end, but next to it
@@ -490,8 +504,10 @@ def prove_poles_in(device: Device, hand: Hand, gains: Gains) -> Outcome:
     return Outcome(Verdict.PROVED if abs(angle) < pi / 2 else Verdict.REFUTED, outcome.boxes)
 
 
-def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float) -> bool:
+def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float, share: float = 1.0) -> bool:
     """Return whether every margin in a hand, or in any, is negative at one angle, in balls."""
+    if hand is not None and demands.walls_met is not None:
+        return 0 < theta < pi and fails_with_a_wall(design, demands, hand, theta, share)
     exact, delays, at, factor = design_ball(design), delays_of(design.device), arb(theta), ball(demands.factor)
     if hand is None:
         delay = LoopDelay(delays.loop, delays.loop_fractional)
@@ -510,10 +526,12 @@ def _ends(
     corners: Sequence[Hand] | None = None,
     *,
     limp: bool = False,
+    reserve: float | None = None,
 ) -> Ends:
     """Return the ends of the numbers of hand, if the claim is about hands, of `SHARES` if needed, and of the device.
 
-    If the vertices of the hands suffice, each has a column.
+    With a reserve g, the share of the coupling is a row too, from 1/g to 1. If the vertices of the hands suffice, each
+    has a column.
     """
     low, high = ([], []) if hands is None else ([hands.low], [hands.high])
     if corners is not None:
@@ -522,6 +540,8 @@ def _ends(
     ends = {key: (least[key], most[key]) for key in least}
     if limp:
         ends |= {SHARES[0]: (np.zeros(1), np.zeros(1)), SHARES[1]: (np.zeros(1), np.ones(1))}  # no integrator
+    if reserve is not None:
+        ends[COUPLING_SHARE] = np.array([nextafter(1 / reserve, 0.0)]), np.ones(1)
     if box is not None:
         of = ((key, box.low.number(key), box.high.number(key)) for key in uncertain)
         ends |= {row_of(key): (np.full(max(len(low), 1), a), np.full(max(len(low), 1), b)) for key, a, b in of}

@@ -27,7 +27,8 @@ from vctune.model.sampled.hand_loop import (
 )
 from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.let_go import Plant, return_difference
-from vctune.model.sampled.loop_in_worlds import Disjuncts, disjuncts, limp_disjuncts, offered_at
+from vctune.model.sampled.loop_in_walls import Strip, strip_in_walls
+from vctune.model.sampled.loop_in_worlds import Disjuncts, Seen, disjuncts, limp_disjuncts, offered_at
 from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand, ServoInHand
 from vctune.model.sampled.velocity_loop import difference_slope
 from vctune.model.worlds import WorldsMet
@@ -342,6 +343,39 @@ def limp_margins_in_worlds(
     """
     seen, T = seen_in_limp_hand(plant, design.gains.velocity, theta, rest, ops), design.device.sample_time
     return limp_disjuncts(offered_at(design.series, T, theta, ops), met.worlds, T, seen, met.factor, theta, ops)
+
+
+def strip_of_walls(
+    plant: AnyPlantInHand, design: Design, theta: Number, share: Number, met: WorldsMet, ops: Arithmetic
+) -> Strip:
+    """Return where the condition of walls is to be met in a hand, with a share of the coupling (section 19).
+
+    Parameters
+    ----------
+    plant : the device in the hand
+    design : in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    share : of the coupling, from 1/safety_factor to 1
+    met : the environments, with the corner, in numbers of the arithmetic
+    ops : arithmetic of all of these
+    """
+    seen, T = seen_in_hand(loop_in_hand(plant, theta, ops), design.gains), design.device.sample_time
+    return strip_in_walls(offered_at(design.series, T, theta, ops), met.worlds, T, seen, share, theta, ops)
+
+
+def limp_strip_of_walls(
+    plant: PlantInHand, design: Design, theta: Number, rest: NextToRest, share: Number, met: WorldsMet, ops: Arithmetic
+) -> Strip:
+    """Return `strip_of_walls` over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
+
+    Parameters
+    ----------
+    plant, design, theta, rest, ops : see `limp_hand_margin`
+    share, met : see `strip_of_walls`
+    """
+    seen, T = seen_in_limp_hand(plant, design.gains.velocity, theta, rest, ops), design.device.sample_time
+    whole = Seen(seen.lost, ops.sin(theta / 2) * seen.swing, seen.size)
+    return strip_in_walls(offered_at(design.series, T, theta, ops), met.worlds, T, whole, share, theta, ops)
 
 
 def any_hand_margin(

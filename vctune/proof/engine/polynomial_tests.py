@@ -91,7 +91,7 @@ def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slo
     return test
 
 
-def any_positive(margins: Margins, slopes: Margins, fixed: Values, spans: Floats) -> Test:
+def any_positive(margins: Margins, slopes: Margins | None, fixed: Values, spans: Floats) -> Test:
     """Return the test that at each point one of several margins is positive.
 
     A box is proved if one of them is throughout, and fails where all of them are negative at one point. Any other is
@@ -101,7 +101,7 @@ def any_positive(margins: Margins, slopes: Margins, fixed: Values, spans: Floats
     Parameters
     ----------
     margins : of a frequency and of values, over `vctune.proof.enclosures.taylor`
-    slopes : the same over jets
+    slopes : the same over jets; None for margins that differ from box to box
     fixed : the values that are not among a box's rows
     spans : of the whole range of each row but the frequency, shape (rows - 1, 1)
     """
@@ -118,7 +118,7 @@ def any_positive(margins: Margins, slopes: Margins, fixed: Values, spans: Floats
             there = replace(boxes.subset(left), low=best.point[:, left], high=best.point[:, left])
             best.fails[left] = np.all([number.enclosed().negative() for number in of(there)], axis=0)
         left = np.flatnonzero(~best.proved & ~best.fails)
-        if left.size > FEW:
+        if slopes is not None and left.size > FEW:
             part = boxes.subset(left)
             proved, side = _any_by_slopes(lambda rows: slopes(rows[0], part.named(rows, fixed)), part)
             best.proved[left], best.side[:, left] = proved, side

@@ -14,6 +14,9 @@ from flint import arb
 
 from vctune.model.coupling import coupling_impedance
 from vctune.model.numbers.arithmetic import Number
+from vctune.proof.claims.llewellyn.near_zero import low_end_verdict, prove_low_end
+from vctune.proof.claims.llewellyn.polynomials import conditions, is_rational, widest
+from vctune.proof.claims.llewellyn.polynomials import prove as prove_polynomials
 from vctune.proof.claims.margins_of_claims import (
     Design,
     conditions_margin,
@@ -21,9 +24,6 @@ from vctune.proof.claims.margins_of_claims import (
     resistance_apart,
     resistance_margin,
 )
-from vctune.proof.claims.near_zero import low_end_verdict, prove_low_end
-from vctune.proof.claims.polynomials import conditions, is_rational, widest
-from vctune.proof.claims.polynomials import prove as prove_polynomials
 from vctune.proof.enclosures.arb_balls import BALLS, as_series, design_ball, design_series
 from vctune.proof.engine.band_edges import extend_band
 from vctune.proof.engine.interval import Outcome, Verdict, prove_positive
