@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
 
 import numpy as np
@@ -13,6 +14,9 @@ RESONANCE_REACH, NARROWEST = 1.1, 2e-3
 """How far around a structure's resonances the grid is as fine as half their damping ratio, and how fine at the finest.
 Half a reach and twice as far decide alike: the loop moves a resonance between these two. Half as fine may miss what a
 resonance does between two frequencies, which the proof would then find; twice as fine takes twice the time there."""
+NARROWER = 6.0
+"""How much narrower than it is a resonance is sampled as for a curve. Half shows corners, twice is twice as long a
+file."""
 
 
 def with_resonance(device: Device, grid: Floats) -> Floats:
@@ -45,3 +49,17 @@ def with_resonance(device: Device, grid: Floats) -> Floats:
     step = min(max(float(structure.damping_ratio) / 2, NARROWEST), 0.02)
     # 1 + int(...) steps, so that none is longer than `step`, and one frequency more than steps
     return np.union1d(grid, np.geomspace(low, high, 2 + int(np.log(high / low) / step)))
+
+
+def round_at_resonance(device: Device, hz: Floats) -> Floats:
+    """Return frequencies with more of them around a structure's resonance: round as a curve, not as a polygon.
+
+    Parameters
+    ----------
+    device : plain numbers
+    hz : increasing, Hz
+    """
+    if device.structure is None:
+        return hz
+    narrow = replace(device.structure, damping_ratio=device.structure.damping_ratio / NARROWER)
+    return with_resonance(replace(device, structure=narrow), 2 * pi * hz) / (2 * pi)

@@ -146,7 +146,7 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
     ServoPlant
         Its numbers have the shape of the device's.
     """
-    T, rates = device.sample_time, _rates(device, ops)
+    T, rates = device.sample_time, servo_rates(device, ops)
     older = (_sensed_delay(device) - delay.whole * T) / T if delay.fractional else None
     chain, inner = sampled_chain(rates, older, ops), rates[1][1:-1]
     direct, n = rates[1][-1], len(inner)  # row 1: the sensed velocity; column -1: the command
@@ -214,8 +214,14 @@ def _sum(a: Sequence[Number], b: Sequence[Number]) -> Vector:
     return tuple(add(x, y) for x, y in zip_longest(a, b, fillvalue=0))
 
 
-def _rates(device: Device, ops: Arithmetic) -> Matrix:
-    """Return d/dt of (way that is sensed, velocity that is sensed, ..., command), T = 1."""
+def servo_rates(device: Device, ops: Arithmetic) -> Matrix:
+    """Return d/dt of (way that is sensed, velocity that is sensed, ..., command), T = 1.
+
+    Parameters
+    ----------
+    device : a servo and its force sensor
+    ops : arithmetic of the device's numbers
+    """
     T, servo, sensor = device.sample_time, device.servo, device.force_sensor
     assert servo is not None
     one = 0 * T + 1  # in the arithmetic, so that what it is divided by is enclosed
