@@ -65,7 +65,7 @@ def write_solved(folder: Path, file: ProblemFile, solved: Solved) -> tuple[Desig
     record : of the design, as it is written
     renamed : files of an earlier design that were renamed, and to what
     """
-    from vctune.design.nlp.nlp import ipopt_version
+    from vctune.design.nlp.ipopt_version import ipopt_version
 
     record = record_of(file, solved, ipopt_version(), today())
     return record, write_record(folder, file, record)

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from vctune.design.verdict.design_record import versions
 from vctune.document.reading import ProblemFile
 from vctune.document.records.gains_json import ProblemRecord, stated_units
 from vctune.document.records.region_json import (
@@ -20,6 +19,7 @@ from vctune.document.records.region_json import (
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 from vctune.study.region import Kind, Region
+from vctune.version import versions
 
 Design = tuple[Gains, AnyCoupling]
 
