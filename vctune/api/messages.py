@@ -1,4 +1,4 @@
-"""What commands say mistakes with, and of which version they are; imports nothing heavy before it is asked for."""
+"""Messages of commands and their version; imports heavy packages only on use."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def versions() -> dict[str, str | None]:
 
 
 def doubts(problem: Problem) -> Iterator[Note]:
-    """Return what looks like a mistake of units in a problem."""
+    """Return probable mistakes of units in a problem."""
     from vctune.document.schema.plausibility import doubts as of
 
     return of(problem)

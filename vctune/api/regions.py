@@ -44,7 +44,7 @@ LOADING = 0.5
 
 @dataclass(frozen=True, slots=True)
 class AdmissibleGains:
-    """The plane of two design variables, each cell with what is proved of it.
+    """The plane of two design variables, with the verdict on each cell.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class AdmissibleGains:
 
     @property
     def areas(self) -> dict[str, float]:
-        """The share of the plane, by what is proved: feasible, infeasible, undecided."""
+        """The share of the plane by verdict: feasible, infeasible, undecided."""
         return {kind.name.lower(): self.region.area(kind) for kind in (Kind.FEASIBLE, Kind.INFEASIBLE, Kind.UNDECIDED)}
 
     @property
@@ -71,7 +71,7 @@ class AdmissibleGains:
 
     @property
     def status(self) -> Status:
-        """Certified if there are admissible gains, infeasible if there are none, undecided if neither is proved."""
+        """Certified if there are feasible gains, infeasible if there are none, undecided if neither is proved."""
         kinds = self.region.kinds
         if (kinds == Kind.FEASIBLE).any() or self.designs:
             return Status.CERTIFIED

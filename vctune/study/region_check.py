@@ -1,4 +1,4 @@
-"""`vctune check --region`: what a baseline had proved, proved again with the problem of today."""
+"""`vctune check --region`: proves the content of a baseline again for today's problem."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from vctune.study.region_record import Design
 
 @dataclass(frozen=True, slots=True)
 class Recheck:
-    """What became of a baseline's proofs.
+    """The verdicts of a baseline that is checked again.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lam
 
 @dataclass(frozen=True, slots=True)
 class RegionFinding:
-    """What became of a baseline.
+    """The result of checking a baseline again.
 
     Attributes
     ----------

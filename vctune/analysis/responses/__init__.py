@@ -1,1 +1,1 @@
-"""The sampled loop as arrays and as state space: what other tools take."""
+"""The sampled loop as arrays and matrices, for other tools."""

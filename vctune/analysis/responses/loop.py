@@ -1,4 +1,4 @@
-"""The loop of a device as it is sampled, let go or in a hand: its transfer functions, each with its units.
+"""The sampled loop of a device, let go or in a hand: its transfer functions with their units.
 
 The responses are those of `vctune.model.sampled` in double precision; the state spaces are made of the same mechanism,
 stepped exactly over a sample. Nothing of it is proved.

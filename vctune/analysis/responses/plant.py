@@ -1,4 +1,4 @@
-"""A device in a hand over a sample as states: the matrices of `vctune.model.sampled`, with delays as memory.
+"""The states of a device in a hand over a sample: the matrices of `vctune.model.sampled`, with delays as memory.
 
 The mechanism and its filters are those of `mechanism_in_hand`, or of a servo `servo_rates`, stepped exactly over a
 sample (`stepped`). What is felt late by a part of a sample is the force within an earlier one. All is in SI units.

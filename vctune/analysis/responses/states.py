@@ -1,4 +1,4 @@
-"""Discrete states written by name, each with its next value as a sum of others, and what of them counts."""
+"""Discrete states by name: the next value of each is a sum of states and input."""
 
 from __future__ import annotations
 

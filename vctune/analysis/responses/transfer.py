@@ -1,4 +1,4 @@
-"""A transfer function as arrays over frequency and as matrices, with its units; python-control takes both."""
+"""A transfer function with its units, as arrays over frequency and as matrices; python-control takes both."""
 
 from __future__ import annotations
 

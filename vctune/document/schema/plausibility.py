@@ -1,4 +1,4 @@
-"""What is no mistake and yet probably not meant: a number in another unit, a name that a system keeps for itself."""
+"""Values that are valid but probably not intended: a number in another unit, a name that a system reserves."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FINER = ((1e-6, "microseconds"), (1e-3, "milliseconds"))
 
 
 def doubts(problem: Problem) -> Iterator[Note]:
-    """Yield what is probably not meant.
+    """Yield values that are probably not intended.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def doubts(problem: Problem) -> Iterator[Note]:
 
 
 def _outside(environment: Environment, problem: Problem) -> str:
-    """Return what of an environment is not in the box of a problem, in words; "" if all of it is.
+    """Return the numbers of an environment that are outside a problem's box, in words; "" if there are none.
 
     A spring by backward Euler is one by the trapezoidal rule with a damper beside it, a mass is not.
     """
@@ -64,7 +64,7 @@ def _outside(environment: Environment, problem: Problem) -> str:
 
 
 def in_finer_unit(value: float, most: float) -> tuple[str, float]:
-    """Return the unit in which a number of seconds may have been written instead, and what it is in seconds.
+    """Return the unit in which a number of seconds may have been written instead, and its value in seconds.
 
     Parameters
     ----------

@@ -137,7 +137,7 @@ def _of_margins(
 def _proved_next_to(
     near: Resonance, design: Design, demands: Demands, uncertain: tuple[str, ...], ends: tuple[Floats, Floats]
 ) -> Outcome:
-    """Prove the same of hands next to resonance, by what their stiffness is beside the resonant one."""
+    """Prove the same for hands near resonance, with their stiffness relative to the resonant one."""
     ratio = ROWS.index(RATIO)
     for end, value in zip(ends, AROUND, strict=True):
         end[ratio] = value
@@ -428,7 +428,7 @@ def _ends(
     *,
     limp: bool = False,
 ) -> tuple[Floats, Floats]:
-    """Return the least and the greatest numbers of hand, if one is to be met, of `SHARE` if asked for, and device.
+    """Return the least and the greatest numbers of hand, if the claim is about hands, of `SHARE` if needed, and device.
 
     Where the corners of the hands are enough there is a column for each.
     """

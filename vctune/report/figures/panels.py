@@ -1,4 +1,4 @@
-"""What the figures of a design show, each on axes that are given: of a report, or of a picture of one's own."""
+"""The panels of a design's figures, each drawn on given axes: those of a report, or your own."""
 
 from __future__ import annotations
 
