@@ -23,7 +23,8 @@ from vctune.document.records.simulation_json import simulation_beside
 from vctune.document.text.date import today
 from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import make_folder, previous, write_together
-from vctune.report.page.contents import REPORT, report_paths
+from vctune.report.page.contents import REPORT as REPORT
+from vctune.report.page.contents import report_paths
 
 
 def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> Path:

@@ -31,10 +31,10 @@ class _Commands(click.Group):
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name not in COMMANDS:
-            return None
-        command: click.Command = getattr(import_module(f"vctune.cli.commands.{cmd_name}"), cmd_name)
-        return command
+        # what is no command needs all of them: click says which of them it is like
+        for name in (cmd_name,) if cmd_name in COMMANDS else COMMANDS:
+            self.commands[name] = getattr(import_module(f"vctune.cli.commands.{name}"), name)
+        return self.commands.get(cmd_name)
 
 
 def _print_version(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:

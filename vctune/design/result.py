@@ -198,6 +198,12 @@ class Solved:
         return Status.INFEASIBLE if proved else Status.UNDECIDED
 
     @property
+    def known(self) -> str:
+        """What came of it in two words: the status, and the error of the design."""
+        judgement = self.judgement
+        return self.status.value if judgement is None else f"{self.status.value} with error {judgement.error:.3g}"
+
+    @property
     def cut_short(self) -> list[Note]:
         """The parts that a time limit has cut short, if any."""
         if not self.cut:
