@@ -148,7 +148,7 @@ class Transfer:
 
     symbol: str
     unit: str
-    device: Device
+    device: Device = field(repr=False)
     response: Callable[[Floats], Complex] = field(repr=False)
     realised: Callable[[], StateSpace] = field(repr=False)
 

@@ -221,7 +221,7 @@ class DesignRecord(Document):
         places: dict[str, list[str]] = {}
         for each in self.active:
             prices[each.demand] = prices.get(each.demand, 0.0) + each.multiplier
-            at = [] if each.hz is None else [text(each.hz, 3)]
+            at = [] if each.hz is None else [text(each.hz, 4)]
             places[each.demand] = list(dict.fromkeys([*places.get(each.demand, []), *at]))
         dearest = sorted(prices, key=lambda demand: -prices[demand])
         shown = {demand: " and ".join(", ".join(places[demand]).rsplit(", ", 1)) for demand in dearest}

@@ -207,6 +207,7 @@ def draw_error(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling
         The same.
     """
     draw_part(axes, problem, compared(problem, gains, coupling), part)
+    axes.set_ylabel("transparency error" if part == "error" else f"term of the error: {part}")
     return axes
 
 
