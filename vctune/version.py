@@ -1,10 +1,13 @@
 """The version of vctune, in one place, and those of the libraries that determine a result beside it."""
 
-__version__ = "0.1.0"
+from functools import cache
+
+__version__ = "0.2.0"
 
 
+@cache
 def versions(ipopt: str | None) -> dict[str, str | None]:
-    """Return the versions that determine a result; IPOPT's is None where it took no part."""
+    """Return the versions that determine a result; IPOPT's is None if it took no part."""
     from importlib.metadata import version
 
     return {

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from world_loops import Plant, Whole, in_world, offered, seen, spectral_radius, stepped
 
-from vctune.model.device import Device, ForceSensor, Servo
+from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand, Hands
+from vctune.model.parts import ForceSensor, Servo
 from vctune.model.problem import Demands
 from vctune.model.worlds import World, Worlds
 from vctune.proof.claims.every_hand import prove_hands

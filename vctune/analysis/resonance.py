@@ -11,18 +11,19 @@ from vctune.analysis.extrema import Floats
 from vctune.model.device import Device
 
 RESONANCE_REACH, NARROWEST = 1.1, 2e-3
-"""How far around a structure's resonances the grid is as fine as half their damping ratio, and how fine at the finest.
-Half a reach and twice as far decide alike: the loop moves a resonance between these two. Half as fine may miss what a
-resonance does between two frequencies, which the proof would then find; twice as fine takes twice the time there."""
+"""Range around a structure's resonances in which the grid is as fine as half their damping ratio, and its finest
+spacing. Half and twice the range decide alike, because the loop moves a resonance between these two. Half as fine may
+miss the effect of a resonance between two frequencies, which the proof would then find; twice as fine takes twice the
+time there."""
 NARROWER = 6.0
-"""How much narrower than it is a resonance is sampled as for a curve. Half shows corners, twice is twice as long a
-file."""
+"""Factor by which a resonance is sampled more finely than its width, for a curve. Half shows corners, twice is twice as
+long a file."""
 
 
 def with_resonance(device: Device, grid: Floats) -> Floats:
-    """Return a grid, rad/s, with more frequencies from where the handle swings by itself to where both masses do.
+    """Return a grid, rad/s, with more frequencies between the resonance of the handle alone and that of both masses.
 
-    A rigid device has none, and its grid stays as it is.
+    A rigid device has no resonance, and its grid stays as it is.
 
     Parameters
     ----------
@@ -52,7 +53,8 @@ def with_resonance(device: Device, grid: Floats) -> Floats:
 
 
 def round_at_resonance(device: Device, hz: Floats) -> Floats:
-    """Return frequencies with more of them around a structure's resonance: round as a curve, not as a polygon.
+    """Return frequencies with more of them around a structure's resonance, so that it is drawn as a smooth
+    curve.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ def region_record(file: ProblemFile, region: Region, designs: list[Design]) -> R
     Parameters
     ----------
     file : the problem and its text
-    region : what was found
+    region : the result
     designs : proved gain sets to keep with it
     """
     plane, stability = region.plane, file.problem.stability

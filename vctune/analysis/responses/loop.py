@@ -146,7 +146,7 @@ class Loop:
         servo = self.device.servo
         if servo is None:
             raise ValueError("motion: the device is no servo; its loop is L, its sensitivity S")
-        alone = replace(self.device, servo=replace(servo, stiffness=None, radii=()), force_sensor=None)
+        alone = replace(self.device.sensing_at_once, servo=replace(servo, stiffness=None, radii=()))
         # a damper of 1 resists by as much as the handle moves
         felt = Loop(alone, self.gains, hand=Hand(0.0, 1.0, 0.0)).Z_seen
         speed = self._units.speed

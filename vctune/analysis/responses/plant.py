@@ -146,10 +146,10 @@ def plant_states(device: Device, hand: Hand) -> PlantStates:
     device : plain numbers, no servo; its least operator does not count, the hand takes its place
     hand : M, B and K; all 0 for a device let go
     """
-    T, sensor, states = float(device.sample_time), device.force_sensor, dict[str, Row]()
+    T, states = float(device.sample_time), dict[str, Row]()
     parts = mechanism_in_hand(device, hand, FLOATS)
     chain = _in_hand(parts, T, float(device.mass))
-    at = _timing(states, {INPUT: 1.0}, device, float(sensor.delay) if sensor is not None else 0.0)
+    at = _timing(states, {INPUT: 1.0}, device, float(device.sensing.delay))
     moved = chain.over(1.0, at.older, at.now, at.before)
     states |= dict(zip(chain.names, chain.after(moved), strict=True))
     velocity: Row = {"velocity": 1.0}
@@ -226,19 +226,19 @@ def servo_states(device: Device, hand: Hand) -> PlantStates:
     device : a servo, plain numbers; a disc of responses does not count
     hand : M, B and K
     """
-    servo, sensor = device.servo, device.force_sensor
+    servo, share = device.servo, device.sensing.filter_coefficient
     assert servo is not None
     states: dict[str, Row] = {}
     command: Row = {INPUT: 1.0}
     if servo.command == "position":
         command = total([(0.5, command), (0.5, late(states, "commanded", command, 1))])
     felt, chain = _felt_of_servo(states, device, hand, command)
-    if sensor is not None and sensor.filter_coefficient is not None:
-        felt = filtered(states, "sensed", felt, float(sensor.filter_coefficient), 1)
+    if share is not None:
+        felt = filtered(states, "sensed", felt, float(share), 1)
     if servo.stiffness is not None:
         pull, inner = Hand(0.0, 0.0, servo.stiffness), dict[str, Row]()
-        pulled, _ = _felt_of_servo(inner, replace(device, force_sensor=None), pull, command)
-        own = {name: f"{name} pulled" for name in inner if sensor is not None}
+        pulled, _ = _felt_of_servo(inner, device.sensing_at_once, pull, command)
+        own = {name: f"{name} pulled" for name in inner if device.senses_late}
         states |= {own.get(name, name): _renamed(row, own) for name, row in inner.items()}
         felt = total([(1.0, felt), (1.0, _renamed(pulled, own))])
     moved = total([(1.0, states["position"]), (-1.0, {"position": 1.0})])
@@ -247,15 +247,14 @@ def servo_states(device: Device, hand: Hand) -> PlantStates:
 
 def _felt_of_servo(states: dict[str, Row], device: Device, hand: Hand, command: Row) -> tuple[Row, _Chain]:
     """Return M a + B v + K x as it is sensed."""
-    T, servo, sensor = float(device.sample_time), device.servo, device.force_sensor
+    T, servo = float(device.sample_time), device.servo
     assert servo is not None
     rates = np.array(servo_rates(device, FLOATS), float)
     n = len(rates) - 1
     names = ("position", *(f"velocity {number}" for number in range(1, n)))
     chain = _Chain(names, rates[:-1, :-1], rates[:-1, -1], np.array([T] + [1.0] * (n - 1)))
-    if sensor is not None:  # where the delays are does not matter
-        device = replace(device, servo=replace(servo, delay=servo.delay + sensor.delay))
-    at = _timing(states, command, device, 0.0)
+    late_as_one = replace(device, servo=replace(servo, delay=device.sensed_latency))  # only their sum matters
+    at = _timing(states, command, late_as_one, 0.0)
     states |= dict(zip(names, chain.after(chain.over(1.0, at.older, at.now, at.before)), strict=True))
     weights = hand.mass / T * chain.rates[1]
     weights[0], weights[1] = weights[0] + hand.stiffness * T, weights[1] + hand.damping

@@ -15,7 +15,7 @@ from vctune.interrupt import interrupt_deferred
 
 @lru_cache(maxsize=1)
 def ipopt_version() -> str:
-    """Return the version that IPOPT's banner names; CasADi does not say it elsewhere."""
+    """Return the version in IPOPT's banner, the only place where CasADi shows it."""
     banner = StringIO()
     x = ca.SX.sym("x")
     quiet: dict[str, Any] = {"print_time": False, "ipopt.sb": "yes", "ipopt.print_level": 5, "ipopt.max_iter": 0}

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from functools import cache
 from math import degrees, inf, log10, pi
 from typing import TYPE_CHECKING, Any
 
@@ -71,7 +70,7 @@ if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
 
 PROVED_BAND = "the proof of a wider band"
-"""What a time limit may cut short."""
+"""A stage that a time limit may cut short."""
 SHOWN = 200
 """Rounds and open boxes of a search that are kept."""
 
@@ -82,8 +81,8 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
     Parameters
     ----------
     file : the problem and its text
-    solved : what came of it
-    ipopt : IPOPT's version if it took part (`vctune.design.nlp.ipopt_version`)
+    solved : its result
+    ipopt : IPOPT's version if it took part (`vctune.design.nlp.ipopt_version.ipopt_version`)
 
     Returns
     -------
@@ -99,9 +98,9 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
     Parameters
     ----------
     file : the problem and its text
-    solved : what came of it
+    solved : its result
     ipopt : IPOPT's version; None if it took no part
-    date : on which it is written (`vctune.document.text.date.today`); None where that is nobody's business
+    date : day on which it is written (`vctune.document.text.date.today`); None if it must not be written
     """
     judgement, problem = solved.judgement, solved.problem
     proved = _proved(problem, judgement) if judgement is not None else {}
@@ -160,13 +159,12 @@ def _alternative(each: Alternative) -> AlternativeRecord:
     return AlternativeRecord(**{name: value for name, value in asdict(each).items() if value is not None})
 
 
-@cache
 def at_bound(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[str]:
     """Return the dotted keys of the free variables that lie on a bound.
 
     Parameters
     ----------
-    problem : with the bounds, SI units
+    problem : problem with the bounds, SI units
     gains, coupling : a design, SI units
     """
     return [key for key, _ in _touched(problem, point(gains, coupling))]
@@ -187,7 +185,7 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
     Parameters
     ----------
     problem, judgement : the design
-    cures : of an idle design, the changes after which it is not, the least error first; None if not looked for
+    cures : cures of an idle design, the changes after which it is not, the least error first; None if not sought
     """
     found = []
     for key, side in _touched(problem, point(judgement.gains, judgement.coupling)):
@@ -216,7 +214,8 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
 
 
 def _cured(cures: Sequence[Repair] | None) -> str:
-    """Return which demand keeps a design from using its loop: the one whose change cures it with the least error."""
+    """Return which constraint keeps a design from using its loop: the one whose change cures it with the least
+    error."""
     if cures is None:
         return ""
     if not cures:

@@ -7,12 +7,12 @@ from vctune.model.numbers.units import Units
 KEYS = ("gains.velocity", "gains.position", "coupling.damping", "coupling.mass", "coupling.drag")
 """K_v, K_p, b_c, m_c, b_0 of an admittance display."""
 SPRING_KEYS = ("gains.velocity", "gains.position", "coupling.damping", "coupling.stiffness")
-"""K_v, K_p, which is 0, b_c, k_c of an impedance display."""
+"""Design variables of an impedance display: K_v, K_p (which is 0), b_c, k_c."""
 SYMBOLS = dict(zip(KEYS, ("K_v", "K_p", "b_c", "m_c", "b_0"), strict=True)) | {SPRING_KEYS[3]: "k_c"}
 QUANTITIES = dict(zip(KEYS, ("damping", "stiffness", "damping", "mass", "damping"), strict=True)) | {
     SPRING_KEYS[3]: "stiffness"
 }
-"""What stands for each variable in equations, and which quantity it is (`vctune.model.numbers.units`)."""
+"""The symbol of each variable in equations, and its quantity (`vctune.model.numbers.units`)."""
 
 
 def labelled(key: str, units: Units) -> str:
@@ -21,7 +21,7 @@ def labelled(key: str, units: Units) -> str:
     Parameters
     ----------
     key : a design variable's key in the problem file, one of `KEYS` or `SPRING_KEYS`
-    units : of the problem, linear or rotary
+    units : units of the problem, linear or rotary
 
     Returns
     -------
@@ -32,5 +32,5 @@ def labelled(key: str, units: Units) -> str:
 
 
 def keys_of(count: int) -> tuple[str, ...]:
-    """Return the keys of a design that has so many numbers."""
+    """Return the keys of a design with this number of numbers."""
     return KEYS if count == len(KEYS) else SPRING_KEYS

@@ -30,11 +30,10 @@ from vctune.proof.engine.interval import Outcome, Verdict, prove_positive
 
 EXTENSION_BOXES = 2_000
 """Boxes of a step beyond the band; a step that needs more is tried shorter. Half and twice it give the same band, where
-the ratio falls below 1, but for the last digits that are shown."""
+the ratio falls below 1, except for the last printed digits."""
 LOWEST_EDGE = 1e-18
-"""How far below the requested band a proof that does not reach 0 is carried, relative to its edge. A band that
-reaches 0 is proved as such; from here on the difference to one that does not has no meaning. Half and twice: the
-same."""
+"""How far below the requested band a proof that does not reach 0 is carried, relative to its edge. A band that reaches
+0 is proved as such; below this the difference from one that does not has no meaning. Half and twice: the same."""
 
 
 Margin = Callable[[Number], Number]
@@ -77,7 +76,7 @@ def prove_conditions(design: Design, low: float, high: float, factor: float) -> 
     Returns
     -------
     Outcome
-        With a frequency in rad/s where it is refuted or undecided.
+        It has a frequency in rad/s if it is refuted or undecided.
     """
     wider = outwards((low, high))
     if is_rational(design.device):
@@ -118,7 +117,7 @@ def _low_start(design: Design, factor: float, high: float) -> float | None:
 
 
 def _end_failure(verdict: Verdict, margin: Margin, start: float) -> Outcome:
-    """Return the outcome when omega = 0 is not proved, with a witness where the conditions demonstrably fail."""
+    """Return the outcome if omega = 0 is not proved, with a witness if the conditions demonstrably fail."""
     omega = start
     for tries in range(1, 400):
         if margin(arb(omega)) < 0:

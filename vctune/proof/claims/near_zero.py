@@ -12,8 +12,8 @@ from vctune.proof.enclosures.arb_balls import BALLS, box, design_ball
 from vctune.proof.engine.interval import Verdict, prove_boxes
 
 SHRINK = 4.0
-"""Factor between two tries of where the margin near 0 ends. Half and twice it, in the logarithm, reach a little higher
-and lower; the frequencies above are proved by the ordinary margin in any case."""
+"""Factor between two trial ends of the margin near 0. Half and twice it, in the logarithm, reach a little higher and
+lower; the frequencies above are proved by the ordinary margin in any case."""
 STEPS = 120
 """Tries: down to 1e-72 of the first. Half would do for every device whose numbers are within twenty decades."""
 END_BOXES = 64
@@ -21,7 +21,7 @@ END_BOXES = 64
 
 
 def low_end_verdict(design: Design) -> Verdict:
-    """Compare the exact limits of Re Z_c and R for omega -> 0; undecided where they are equal."""
+    """Compare the exact limits of Re Z_c and R for omega -> 0; undecided if they are equal."""
     exact = design_ball(design)
     limit = low_frequency_limit(exact.device, exact.gains, exact.series, BALLS)
     if limit.coupling < limit.required:

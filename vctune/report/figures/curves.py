@@ -23,15 +23,15 @@ from vctune.model.problem import Problem
 
 POINTS = 400
 UNMOVED = 1e-6
-"""Share of a command below which a servo stands still, as at Nyquist where it is interpolated: felt there is what is
-rigid. Half and twice show the same curves."""
+"""Share of a command below which a servo stands still, as at Nyquist with interpolation; the hand then feels a rigid
+handle. Half and twice show the same curves."""
 SPRING, DAMPER = 200.0, 14.0
 """The paper's two environments on a linear device, sect. 5, N/m and N s/m."""
 
 
 @dataclass(frozen=True, slots=True)
 class Llewellyn:
-    """Re Z_c, the required R (nan where Re G_hh <= 0) and their ratio over hz."""
+    """Re Z_c, the required R (nan if Re G_hh <= 0) and their ratio over hz."""
 
     hz: Floats
     coupling: Floats
@@ -100,8 +100,8 @@ def handle_impedance(
 ) -> tuple[Floats, dict[str, tuple[Floats, Floats]]]:
     """Return hz and the impedance felt at the handle, free, with a damper, a spring and rigid, and the ideal ones.
 
-    The ideal handle feels Z_e itself. Of a rotary device, which the paper has not, the damper is Z_0 and the spring as
-    stiff as it in the middle of the transparency band.
+    The ideal handle feels Z_e itself. For a rotary device, which the paper has not, the damper is Z_0 and the spring
+    has that impedance in the middle of the transparency band.
 
     Parameters
     ----------

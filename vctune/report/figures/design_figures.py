@@ -155,7 +155,7 @@ def _impedance(design: Design) -> Figure:
 def _promised(axes: Axes, design: Design) -> None:
     """Shade the band where stability is proved, or hatch the band of a failed proof, and mark the transparency band.
 
-    In hands there is no band: what is proved is proved everywhere.
+    In hands there is no band: a proved claim holds everywhere.
     """
     problem, proof = design.problem, design.record.certificate
     assert proof is not None, "a design is judged"

@@ -136,7 +136,7 @@ def _on_band(axes: Axes, problem: Problem, curves: Llewellyn) -> None:
 
 
 def _asymptotes(axes: Axes, problem: Problem, gains: Gains, coupling: Coupling) -> None:
-    """Draw the limits of R where they are numbers: omega -> 0 with K_p > 0, omega -> inf with hold "lag".
+    """Draw the finite limits of R: omega -> 0 with K_p > 0, omega -> inf with hold "lag".
 
     See model/README.md, section 6.
     """
