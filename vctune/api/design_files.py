@@ -23,7 +23,8 @@ from vctune.document.records.simulation_json import simulation_beside
 from vctune.document.text.date import today
 from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import make_folder, previous, write_together
-from vctune.report.page.contents import REPORT, report_paths
+from vctune.report.page.contents import REPORT as REPORT
+from vctune.report.page.contents import report_paths
 
 
 def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> Path:
@@ -65,7 +66,7 @@ def write_solved(folder: Path, file: ProblemFile, solved: Solved) -> tuple[Desig
     record : record of the design, as it is written
     renamed : files of an earlier design that were renamed, and their new names
     """
-    from vctune.design.nlp.nlp import ipopt_version
+    from vctune.design.nlp.ipopt_version import ipopt_version
 
     record = record_of(file, solved, ipopt_version(), today())
     return record, write_record(folder, file, record)

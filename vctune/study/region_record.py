@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from vctune.design.verdict.design_record import versions
 from vctune.document.reading import ProblemFile
 from vctune.document.records.gains_json import ProblemRecord, coupling_record, stated_units
 from vctune.document.records.region_json import (
@@ -21,6 +20,7 @@ from vctune.document.records.region_json import (
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 from vctune.study.region import Kind, Region
+from vctune.version import versions
 
 Design = tuple[Gains, AnyCoupling]
 

@@ -5,12 +5,9 @@ Device, hold and delay enter as numbers per frequency, so that one compiled NLP 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
-from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
 from functools import lru_cache, reduce
-from io import StringIO
 from math import inf, log, pi
 from typing import Any
 
@@ -31,7 +28,6 @@ from vctune.design.nlp.nlp_parameters import (
 )
 from vctune.design.nlp.nlp_structure import DEMANDS, NlpStructure
 from vctune.design.variables import CORNER, coupling_from
-from vctune.interrupt import interrupt_deferred
 from vctune.model.coupling import coupling_impedance, sampled_resistance
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
 from vctune.model.loop.llewellyn import modulus_excess
@@ -129,18 +125,6 @@ class _SymbolArithmetic:
 
 
 SYMBOLS: Arithmetic = _SymbolArithmetic()
-
-
-@lru_cache(maxsize=1)
-def ipopt_version() -> str:
-    """Return the version in IPOPT's banner, the only place where CasADi shows it."""
-    banner = StringIO()
-    x = ca.SX.sym("x")
-    quiet: dict[str, Any] = {"print_time": False, "ipopt.sb": "yes", "ipopt.print_level": 5, "ipopt.max_iter": 0}
-    with interrupt_deferred(), redirect_stdout(banner):
-        ca.nlpsol("banner", "ipopt", {"x": x, "f": x * x}, quiet)(x0=0)
-    found = re.search(r"Ipopt version (\d[\d.]*\d)", banner.getvalue())
-    return found[1] if found else "unknown"
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from functools import cache
-from importlib.metadata import version
 from math import degrees, inf, log10, pi
 from typing import TYPE_CHECKING, Any
 
@@ -67,7 +65,7 @@ from vctune.proof.claims.sampled_poles import spectral_radius
 from vctune.proof.claims.whole_samples import delay_in_samples
 from vctune.proof.engine.interval import Verdict, worst_verdict
 from vctune.running import out_of_time, unlimited
-from vctune.version import __version__
+from vctune.version import versions
 
 if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
@@ -85,7 +83,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
     ----------
     file : the problem and its text
     solved : its result
-    ipopt : IPOPT's version if it took part (`vctune.design.nlp.nlp.ipopt_version`)
+    ipopt : IPOPT's version if it took part (`vctune.design.nlp.ipopt_version.ipopt_version`)
 
     Returns
     -------
@@ -160,18 +158,6 @@ def _recorded(
 
 def _alternative(each: Alternative) -> AlternativeRecord:
     return AlternativeRecord(**{name: value for name, value in asdict(each).items() if value is not None})
-
-
-@cache
-def versions(ipopt: str | None) -> dict[str, str | None]:
-    """Return the versions that determine a result; IPOPT's is None if it took no part."""
-    return {
-        "vctune": __version__,
-        "casadi": version("casadi"),
-        "ipopt": ipopt,
-        "numpy": version("numpy"),
-        "python-flint": version("python-flint"),
-    }
 
 
 def at_bound(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[str]:

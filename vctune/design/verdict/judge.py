@@ -18,12 +18,14 @@ from vctune.analysis.demands import (
 )
 from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand, least_ratios_in_any_hand, least_ratios_in_hands
 from vctune.analysis.in_walls import corner_of
+from vctune.analysis.responses.loop import Loop
 from vctune.design.prepared import Posed, compared, pose, with_corner
 from vctune.design.search.worst import worst_inside
 from vctune.markup import html_facts, span
 from vctune.model.device import Device
 from vctune.model.display import Display
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
+from vctune.model.hands import Hand
 from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.numbers.frequency import hertz
 from vctune.model.numbers.keys import labelled
@@ -71,6 +73,7 @@ class Judgement:
 
     Attributes
     ----------
+    device : the nominal device
     gains, coupling : the design
     transparency : its error and the three terms, on the nominal device
     error : the objective: that error, or the greatest at the vertices of a box of devices
@@ -85,6 +88,7 @@ class Judgement:
     cut : whether the time limit ended its proof, or left devices of a box unlooked at in hands
     """
 
+    device: Device
     gains: Gains
     coupling: AnyCoupling
     transparency: TransparencyError
@@ -145,6 +149,18 @@ class Judgement:
             **({"greatest |S|": self.peak_sensitivity} if kind.own_loop else {}),
             "proved band, Hz": span(self.certificate.proved_band_hz),
         }
+
+    def loop(self, hand: Hand | None = None) -> Loop:
+        """Return the sampled loop of the nominal device with this design, for arrays, state space and python-control.
+
+        Parameters
+        ----------
+        hand : at the handle; None for a device let go
+        """
+        return Loop(self.device, self.gains, self.coupling, hand)
+
+    def __repr__(self) -> str:
+        return f"Judgement({self.status.value}, error {self.transparency.error:.4g}, {self.gains}, {self.coupling})"
 
     def _repr_html_(self) -> str:
         return html_facts(f"design: {self.status.value}", self.facts)
@@ -326,6 +342,7 @@ def _estimated(
     transparency, differing = transparency_error(posed.problem, gains, coupling), compared(posed)
     error = posed.error(gains, coupling) if len(posed.objective) > 1 else transparency.error
     return Judgement(
+        device=posed.problem.device,
         gains=gains,
         coupling=coupling,
         transparency=transparency,

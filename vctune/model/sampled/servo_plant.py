@@ -153,7 +153,7 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
     """
     T, servo = device.sample_time, device.servo
     assert servo is not None
-    rates, lags = _chain(device, servo, ops)
+    rates, lags = servo_rates(device, ops)
     older = (device.sensed_latency - delay.whole * T) / T if delay.fractional else 0
     rounded = half_coth(rates, ops)
     interpolated = servo.command == "position"
@@ -205,9 +205,16 @@ def _pull(device: Device, servo: Servo, delay: SensedDelay, ops: Arithmetic) -> 
     return Pull(servo_plant(alone, delay.moved or delay, ops), servo.stiffness)
 
 
-def _chain(device: Device, servo: Servo, ops: Arithmetic) -> tuple[Matrix, Matrix]:
-    """Return A and -A^-1 of the states of sensor and servo, T = 1."""
-    T, sensor = device.sample_time, device.sensing
+def servo_rates(device: Device, ops: Arithmetic) -> tuple[Matrix, Matrix]:
+    """Return A and -A^-1 of the states of sensor and servo, T = 1.
+
+    Parameters
+    ----------
+    device : a servo and its force sensor
+    ops : arithmetic of the device's numbers
+    """
+    T, servo, sensor = device.sample_time, device.servo, device.sensing
+    assert servo is not None
     moved: tuple[str, ...] = ("moved", "moving")[: servo.order]
     felt: tuple[str, ...] = ()
     if sensor.bandwidth_hz is not None:
