@@ -20,7 +20,7 @@ OWNER_FILE = "problem-file.txt"
 """Holds the path of the problem file that the folder is of, relative to the folder, so that both may move together."""
 OF_DESIGN = ("firmware", "in-the-loop", "simulation.json", "traces.npz")
 """What other commands make of a design in its folder."""
-OF_PROBLEM = ("region.json", "region.svg", "front")
+OF_PROBLEM = ("region.json", "region.svg", "z-width.json", "z-width.svg", "front")
 """What other commands make of a problem, whatever its design is."""
 
 

@@ -41,6 +41,10 @@ class Coupling:
         """Whether b_c is infinite, which is a plain float in every arithmetic: nothing gives way between the masses."""
         return isinstance(self.damping, float) and self.damping == inf
 
+    def times(self, share: Number) -> Coupling:
+        """Return the coupling whose impedance is a share of this one's."""
+        return Coupling(self.damping if self.rigid else self.damping * share, self.mass * share, self.drag * share)
+
 
 @dataclass(frozen=True, slots=True)
 class SpringDamper:

@@ -106,14 +106,32 @@ def region(
     Region
         The cells that those are divided into, in no particular order.
     """
-    one, done, decided = of_one_device(problem), list[tuple[Squares, Kinds, Floats]](), 0.0
+    one = of_one_device(problem)
     assert one is not None
     problems = [one, *problems_beside(one)]
+    return divided(plane, squares, lambda some: _judged(problems, plane, some), progress, stopped)
+
+
+def divided(
+    plane: Plane,
+    squares: Squares,
+    judged: Callable[[Squares], tuple[Kinds, Floats]],
+    progress: Progress = lambda stage: None,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Region:
+    """Divide cells of a plane until each is decided or as small as the plane's edges allow.
+
+    Parameters
+    ----------
+    plane, squares, progress, stopped : as of `region`
+    judged : returns what can be proved of some cells, and a b_c of each; nan for none
+    """
+    done, decided = list[tuple[Squares, Kinds, Floats]](), 0.0
     while squares.shape[1] and not (stopped() or out_of_time()):
         progress(f"{decided:.1%} of the plane decided, {squares.shape[1]} cells open")
         first, rest = np.split(squares, [TOGETHER], axis=1)
         try:
-            kinds, damping = _judged(problems, plane, first)
+            kinds, damping = judged(first)
         except OutOfTimeError:
             break
         squares = rest

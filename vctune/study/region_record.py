@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -20,11 +21,14 @@ from vctune.document.records.region_json import (
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 from vctune.study.region import Kind, Region
+from vctune.study.world_region import in_hands
 
 Design = tuple[Gains, AnyCoupling]
 
 
-def region_record(file: ProblemFile, region: Region, designs: list[Design]) -> RegionDocument:
+def region_record(
+    file: ProblemFile, region: Region, designs: list[Design], *, rendered: bool = False
+) -> RegionDocument:
     """Return the record of a region.
 
     Parameters
@@ -32,9 +36,11 @@ def region_record(file: ProblemFile, region: Region, designs: list[Design]) -> R
     file : the problem and its text
     region : what was found
     designs : proved gain sets to keep with it
+    rendered : whether the cells are environments, which the only one of these bears
     """
     plane, stability = region.plane, file.problem.stability
     x, y = (plane.keys[axis] for axis in plane.axes)
+    met = in_hands(file.problem) if rendered else file.problem
     x_edges, y_edges = (edges.tolist() for edges in plane.edges)
     damping = [None if np.isnan(b_c) else b_c for b_c in region.damping.tolist()]
     cells = zip(region.squares.T.tolist(), region.kinds.tolist(), damping, strict=True)
@@ -43,11 +49,11 @@ def region_record(file: ProblemFile, region: Region, designs: list[Design]) -> R
             name=file.problem.name, sha256=file.sha256, text=file.text, **stated_units(file.problem.device)
         ),
         demands=DemandsRecord(
-            safety_factor=stability.safety_factor, max_sensitivity=stability.max_sensitivity, **_of_hands(file.problem)
+            safety_factor=stability.safety_factor, max_sensitivity=stability.max_sensitivity, **_of_hands(met)
         ),
         axes=AxesRecord.model_validate({"x": x, "y": y}),
         others={
-            key: bounds.min if bounds.fixed else asdict(bounds)
+            key: bounds.min if bounds.fixed else {end: x for end, x in asdict(bounds).items() if x < inf}
             for index, (key, bounds) in enumerate(zip(plane.keys, plane.ranges, strict=True))
             if index not in plane.axes
         },

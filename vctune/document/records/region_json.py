@@ -28,7 +28,15 @@ MAX_BYTES = 100_000_000
 KIND = "a region.json of `vctune region`"
 
 Key = Literal[
-    "gains.velocity", "gains.position", "coupling.damping", "coupling.mass", "coupling.drag", "coupling.stiffness"
+    "gains.velocity",
+    "gains.position",
+    "coupling.damping",
+    "coupling.mass",
+    "coupling.drag",
+    "coupling.stiffness",
+    "environment.mass",
+    "environment.damping",
+    "environment.stiffness",
 ]
 Index = Annotated[int, Field(ge=0)]
 Edges = Annotated[list[NotNegative], Field(min_length=2)]
@@ -47,7 +55,7 @@ class DemandsRecord(Part):
 
 
 class AxesRecord(Part):
-    """The variables that span the plane."""
+    """The variables that span the plane, or the numbers of the environments that the listed design bears."""
 
     x: Key
     y: Key

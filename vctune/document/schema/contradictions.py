@@ -15,8 +15,7 @@ from vctune.document.schema.validation import Contradiction
 from vctune.document.text.raw import number_at
 from vctune.model.device import PARTS
 from vctune.model.hands import HAND
-from vctune.model.numbers.keys import KEYS, SPRING_KEYS
-from vctune.model.worlds import WORLD
+from vctune.model.numbers.keys import KEYS, SPRING_KEYS, WORLD
 
 MAX_DECADES = 12
 

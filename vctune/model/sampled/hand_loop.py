@@ -225,7 +225,7 @@ def _force_in_hand(
         passed = EvenOdd((a * cos * cos + rest * square) * (a * below), 2 * (a - 1) * a * (cos * below), square)
         for _ in range(plant.order):
             velocity = velocity * passed
-    return ForceInHand(open_loop, velocity.scaled(unit), met.scaled(unit))
+    return ForceInHand(open_loop, velocity.scaled(unit), met.scaled(unit), position.scaled(unit * plant.sample_time))
 
 
 def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
@@ -280,7 +280,7 @@ def offered(coupling: AnyCoupling, device: Device, theta: Number, ops: Arithmeti
         N s/m, or m/(N s), of the shape of theta.
     """
     if isinstance(coupling, SpringDamper):
-        return _by_spring(coupling, device, theta, ops).quotient
+        return offered_at_spring(coupling, device, theta, ops).quotient
     return sampled_resistance(coupling, device.sample_time, theta, ops)
 
 
@@ -307,10 +307,10 @@ def room(
         Of the shape of theta.
     """
     if isinstance(coupling, SpringDamper):
-        there = _by_spring(coupling, device, theta, ops)
+        there = offered_at_spring(coupling, device, theta, ops)
         return there.above * required.size - factor * (required.lost * there.below)
     return sampled_resistance(coupling, device.sample_time, theta, ops) * required.size - factor * required.lost
 
 
-def _by_spring(coupling: SpringDamper, device: Device, theta: Number, ops: Arithmetic) -> Offered:
+def offered_at_spring(coupling: SpringDamper, device: Device, theta: Number, ops: Arithmetic) -> Offered:
     return offered_by_spring(coupling, device.sample_time, firmware_filter(device, theta, ops), theta, ops)

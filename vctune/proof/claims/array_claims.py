@@ -6,18 +6,20 @@ See proof/README.md, section 7.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import partial
 
 import numpy as np
 from flint import ctx
 
 from vctune.model.device import Device
+from vctune.model.gains import Coupling
 from vctune.model.hands import HAND, Hand
 from vctune.model.loop.device_response import DeviceResponse, device_response
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.loop.loop import loop_response
 from vctune.model.numbers.arithmetic import ArrayArithmetic, Number
+from vctune.model.numbers.keys import WORLD
 from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Demands
 from vctune.model.sampled.any_hand import any_hand
@@ -34,7 +36,7 @@ from vctune.model.sampled.plant_in_hand import (
     plant_in_hand,
 )
 from vctune.model.sampled.velocity_loop import sampled_plant, split_delay
-from vctune.model.worlds import WorldsMet
+from vctune.model.worlds import World, Worlds, WorldsMet
 from vctune.proof.claims.margins_of_claims import (
     Design,
     LoopDelay,
@@ -68,6 +70,12 @@ SHARE = "share of the hand's stiffness"
 """Share of the stiffness in rho, with which F vanishes for K_p = 0, theta = 0 and a hand without stiffness."""
 AT_REST = (0, 1 + HAND.index("operator.stiffness"))
 """Rows of boxes of hands, the angle and the stiffness, that both begin at 0 there."""
+
+
+WORLD_ENDS = tuple(tuple(f"{key}.{end}" for key in WORLD) for end in ("min", "max"))
+"""Names of the rows of boxes of environments: the least mass, damping and stiffness, and the greatest."""
+COUPLING_SHARE = "share of the coupling"
+"""Name of the row of the shares of a coupling, of its admittance on an impedance display."""
 
 
 OFFSET, SLOPE = "offset of the bound", "slope of the bound"
@@ -215,18 +223,32 @@ def hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, 
     device = _uncertain_device(demands.device, uncertain)
 
     def design(v: Values) -> Design:
-        return Design(device(v), gains_of(v), coupling_of(v))
+        coupling, share = coupling_of(v), v.get(COUPLING_SHARE)
+        if share is not None and isinstance(coupling, Coupling):
+            coupling = coupling.times(share)
+        return Design(device(v), gains_of(v), coupling)
 
     if demands.worlds is None:
         return lambda theta, v: (hand_margin(in_hand(v), design(v), theta, factor, ops),)
-    met = WorldsMet(demands.worlds.converted(decimal), factor)
-    names = posed(demands.worlds, demands.factor)
+    worlds = demands.worlds.converted(decimal)
+    names = posed(demands.worlds, demands.factor, inverse=demands.device.kind.inverse)
 
     def margins(theta: Number, v: Values) -> tuple[Number, ...]:
-        found = margins_in_worlds(in_hand(v), design(v), theta, met, ops)
+        met, share = WorldsMet(worlds_of(v, worlds), factor), v.get(COUPLING_SHARE, decimal(1.0))
+        found = margins_in_worlds(in_hand(v), design(v), theta, met, ops, share)
         return tuple(sum_of(getattr(found, name)) for name in names)
 
     return margins
+
+
+def worlds_of(values: Values, otherwise: Worlds) -> Worlds:
+    """Return the environments whose ends are among some values, or else those of all values."""
+    ends = (astuple(otherwise.low), astuple(otherwise.high))
+    least, most = (
+        World(*(values.get(name, end) for name, end in zip(names, numbers, strict=True)))
+        for names, numbers in zip(WORLD_ENDS, ends, strict=True)
+    )
+    return Worlds(least, most)
 
 
 def bounded_in_hands(device: Device, ops: ArrayArithmetic = OPS) -> Margin:
@@ -301,9 +323,10 @@ def limp_hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Del
 
     if demands.worlds is None:
         return (lambda theta, v: limp_hand_margin(*at(v), theta, v[SHARE], factor, OPS),)
-    met = WorldsMet(demands.worlds.converted(decimal), factor)
+    worlds = demands.worlds.converted(decimal)
 
     def margin(name: str, theta: Number, v: Values) -> Number:
+        met = WorldsMet(worlds_of(v, worlds), factor)
         return sum_of(getattr(limp_margins_in_worlds(*at(v), theta, v[SHARE], met, OPS), name))
 
     names = posed(demands.worlds, demands.factor)

@@ -6,7 +6,7 @@ unit circle; in one hand none is outside, and from there to any other none cross
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import partial
 from math import ceil, floor, pi
@@ -15,7 +15,7 @@ import numpy as np
 from flint import arb
 
 from vctune.model.device import Device
-from vctune.model.gains import Gains
+from vctune.model.gains import Gains, SpringDamper
 from vctune.model.hands import HAND, Hand, Hands
 from vctune.model.numbers.keys import keys_of
 from vctune.model.problem import Demands
@@ -24,7 +24,14 @@ from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
 from vctune.model.sampled.servo_in_hand import vertices
 from vctune.model.sampled.velocity_loop import SNAP
 from vctune.model.worlds import WorldsMet
-from vctune.proof.claims.array_claims import AT_REST, SHARE, any_hand_margins, hands_margins, limp_hands_margins
+from vctune.proof.claims.array_claims import (
+    AT_REST,
+    COUPLING_SHARE,
+    SHARE,
+    any_hand_margins,
+    hands_margins,
+    limp_hands_margins,
+)
 from vctune.proof.claims.margins_of_claims import (
     HALF_TURN,
     Design,
@@ -86,40 +93,110 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
             return Outcome(Verdict.PROVED, 0)  # nothing is driven
         if design.gains.position == 0 and demands.hands.high.stiffness == 0:
             return Outcome(Verdict.UNDECIDED, 0)  # no spring anywhere: the position is free
-    middle = demands.hands.middle
-    stable = prove_poles_in(design.device, middle, design.gains)
+    stable = prove_stable_in_middle(design, demands)
     if stable.verdict is not Verdict.PROVED:
-        return replace(stable, hand=middle)
-    uncertain = box.modelled.uncertain if box is not None else ()
-    limp = looped and design.gains.position == 0 and demands.hands.low.stiffness == 0
-    rows = (*HAND, SHARE) if limp else HAND
-
-    servo = design.device.servo
-    # what a servo asks is convex in the hand; which environments it meets is not
-    corners = vertices(demands.hands) if servo is not None and demands.worlds is None else None
-
-    def tests(part: _Part, fixed: Values, near: Resonance | None = None) -> list[Test]:
-        test = _of_margins(demands, uncertain, part, fixed)
-        if limp:
-            test = next_to_zero(AT_REST, limp_hands_margins(demands, uncertain, part.delays), fixed, test)
-        return [near.left_to_it(test, (*rows, *map(row_of, uncertain))) if near else test]
-
-    ends = partial(_ends, demands.hands, box, uncertain, corners)
+        return stable
+    asked = Asked(design, demands, box)
     near = resonance(design, demands.hands) if looped else None
-    every = partial(_proved_over, design, demands, uncertain, rows)
-    found = every(ends(limp=limp), tests, EASY_BOXES if near else MAX_BOXES)
+    found = _decided(asked, asked.rows, asked.ends(), asked.tests, EASY_BOXES if near else MAX_BOXES)
     if near and found.verdict is Verdict.UNDECIDED:
-        found, tried = every(ends(limp=limp), partial(tests, near=near), MAX_BOXES), found.boxes
+        left_to_it = partial(asked.tests, near=near)
+        found, tried = _decided(asked, asked.rows, asked.ends(), left_to_it, MAX_BOXES), found.boxes
         if found.verdict is Verdict.PROVED:
             tried += found.boxes
-            found = _proved_next_to(near, design, demands, uncertain, ends())
+            found = _proved_next_to(near, asked)
         found = replace(found, boxes=found.boxes + tried)
     found = replace(found, boxes=found.boxes + stable.boxes)
     return _and_without_reserve(found, prove_hands, design, demands, box)
 
 
+def prove_stable_in_middle(design: Design, demands: Demands) -> Outcome:
+    """Prove the loop stable in the hand in the middle of the box, with one of the environments that are to be met.
+
+    With environments of a box the virtual tool of an impedance display is held, as by the greatest damping.
+
+    Parameters
+    ----------
+    design, demands : as of `prove_hands`
+    """
+    assert demands.hands is not None
+    middle, coupling = demands.hands.middle, design.coupling
+    held = coupling if demands.worlds is not None and isinstance(coupling, SpringDamper) else None
+    stable = prove_poles_in(design.device, middle, design.gains, held)
+    return stable if stable.verdict is Verdict.PROVED else replace(stable, hand=middle)
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What is asked of a design in every hand: the rows of the boxes over which it is proved, and their tests.
+
+    Attributes
+    ----------
+    design : taken as the decimals that it is written as
+    demands : with hands
+    box : devices for all of which it is asked; None for the design's own alone
+    """
+
+    design: Design
+    demands: Demands
+    box: DeviceBox | None
+
+    @property
+    def uncertain(self) -> tuple[str, ...]:
+        """The numbers of the device that are rows."""
+        return self.box.modelled.uncertain if self.box is not None else ()
+
+    @property
+    def limp(self) -> bool:
+        """Whether nothing keeps the position next to angle 0 and a hand without stiffness."""
+        assert self.demands.hands is not None
+        kind, free = self.design.device.kind, self.design.gains.position == 0
+        return kind.senses_force and kind.own_loop and free and self.demands.hands.low.stiffness == 0
+
+    @property
+    def shared(self) -> bool:
+        """Whether each share of the coupling has margins of its own."""
+        by_itself = self.design.device.kind.inverse and self.demands.worlds is not None
+        return by_itself and self.demands.factor > 1
+
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """The rows of the hand and what comes with it."""
+        return (*HAND, *([SHARE] if self.limp else []), *([COUPLING_SHARE] if self.shared else []))
+
+    def ends(self) -> tuple[Floats, Floats]:
+        """Return the least and the greatest numbers of all rows but the angle."""
+        assert self.demands.hands is not None
+        also = [(0.0, 1.0)] if self.limp else []
+        also += [(1 / self.demands.factor * (1 - SNAP), 1.0)] if self.shared else []
+        # what a servo asks is convex in the hand; which environments it meets is not
+        of_servo = self.design.device.servo is not None and self.demands.worlds is None
+        corners = vertices(self.demands.hands) if of_servo else None
+        return _ends(self.demands.hands, self.box, self.uncertain, corners, also)
+
+    def tests(self, part: Part, fixed: Values, near: Resonance | None = None) -> list[Test]:
+        """Return the tests that prove it on a part of the boxes.
+
+        Parameters
+        ----------
+        part : of the boxes
+        fixed : values that are no rows
+        near : hands next to resonance, to be left out; None for all hands
+        """
+        test = _of_margins(self.demands, self.uncertain, part, fixed)
+        if self.limp:
+            limp = limp_hands_margins(self.demands, self.uncertain, part.delays)
+            test = next_to_zero(AT_REST, limp, fixed, test)
+        return [near.left_to_it(test, self.names) if near else test]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of all rows but the angle."""
+        return (*self.rows, *map(row_of, self.uncertain))
+
+
 def _of_margins(
-    demands: Demands, uncertain: tuple[str, ...], part: _Part, fixed: Values, near: Resonance | None = None
+    demands: Demands, uncertain: tuple[str, ...], part: Part, fixed: Values, near: Resonance | None = None
 ) -> Test:
     """Return the test of the margins of which one must be positive, in hands next to resonance or in all."""
     both = [hands_margins(demands, uncertain, part.delays, ops) for ops in (ENCLOSURES, TAYLOR)]
@@ -134,19 +211,17 @@ def _of_margins(
     return positive_by_polynomials(curved, fixed, spans, by_slopes)
 
 
-def _proved_next_to(
-    near: Resonance, design: Design, demands: Demands, uncertain: tuple[str, ...], ends: tuple[Floats, Floats]
-) -> Outcome:
+def _proved_next_to(near: Resonance, asked: Asked) -> Outcome:
     """Prove the same of hands next to resonance, by what their stiffness is beside the resonant one."""
-    ratio = ROWS.index(RATIO)
+    ends = _ends(asked.demands.hands, asked.box, asked.uncertain)
     for end, value in zip(ends, AROUND, strict=True):
-        end[ratio] = value
+        end[ROWS.index(RATIO)] = value
 
-    def tests(part: _Part, fixed: Values) -> list[Test]:
-        test = _of_margins(demands, uncertain, part, fixed, near)
-        return [near.in_range(test, (*ROWS, *map(row_of, uncertain)))]
+    def tests(part: Part, fixed: Values) -> list[Test]:
+        test = _of_margins(asked.demands, asked.uncertain, part, fixed, near)
+        return [near.in_range(test, (*ROWS, *map(row_of, asked.uncertain)))]
 
-    return _proved_over(design, demands, uncertain, ROWS, ends, tests, MAX_BOXES, near)
+    return _decided(asked, ROWS, ends, tests, MAX_BOXES, near)
 
 
 def _moved_as_one(design: Design, demands: Demands, hands: Hands, box: DeviceBox, parts: tuple[str, ...]) -> Outcome:
@@ -192,11 +267,11 @@ def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = Non
     if design.device.least_damping == 0:
         return Outcome(Verdict.REFUTED, 0, pi / design.device.sample_time)  # R is infinite
 
-    def tests(part: _Part, fixed: Values) -> list[Test]:
+    def tests(part: Part, fixed: Values) -> list[Test]:
         margin, size = any_hand_margins(demands, uncertain, part.delays)
         return [positive(each, fixed) for each in ([margin, size] if design.gains.velocity > 0 else [margin])]
 
-    found = _proved_over(design, demands, uncertain, (), _ends(None, box, uncertain), tests, MAX_BOXES)
+    found = _decided(Asked(design, demands, box), (), _ends(None, box, uncertain), tests, MAX_BOXES)
     return _and_without_reserve(found, prove_any_hand, design, demands, box)
 
 
@@ -214,13 +289,11 @@ def _and_without_reserve(
     return replace(again, boxes=found.boxes + again.boxes)
 
 
-def _proved_over(
-    design: Design,
-    demands: Demands,
-    uncertain: tuple[str, ...],
-    hand_rows: tuple[str, ...],
+def _decided(
+    asked: Asked,
+    rows: tuple[str, ...],
     ends: tuple[Floats, Floats],
-    tests: Callable[[_Part, Values], list[Test]],
+    tests: Callable[[Part, Values], list[Test]],
     max_boxes: int,
     near: Resonance | None = None,
 ) -> Outcome:
@@ -228,35 +301,67 @@ def _proved_over(
 
     Parameters
     ----------
-    uncertain, hand_rows : numbers of device and hand that are rows of the boxes
-    ends : their least and greatest, the hand's first
+    asked : whose design and demands these are
+    rows : numbers of the hand that are rows of the boxes
+    ends : least and greatest of these and of the device's uncertain numbers
     tests : of a part of the boxes, and of the values that are no rows
     max_boxes : of each part, before it is left open
     near : where the hands are those next to resonance
     """
-    names = hand_rows + tuple(map(row_of, uncertain))
-    band = band_of(near.first if near else 0.0, HALF_TURN, STEP)
-    numbers = (*astuple(design.gains), *astuple(design.coupling))
-    fixed = dict(zip(keys_of(len(numbers)), map(decimal_or_inf, numbers), strict=True))
-    boxes, point = 0, None
-    for part in _parts(design.device, names, *ends):
-        for test in tests(part, fixed):
-            boxes_of_part = over_band(names, part.low, part.high, band)
-            found = prove(
-                part.within(test, names),
-                replace(boxes_of_part, owner=np.zeros_like(boxes_of_part.owner)),
-                1,
-                halved=[True] * (1 + len(names)),
-                max_halvings=MAX_HALVINGS,
-                max_boxes=max_boxes,
-                at_ends=True,
-                few=FEW,
-            )
-            boxes += int(found.boxes[0])
-            if not found.proved[0]:
-                point = found.open[:, 0] if np.isnan(found.failing[0, 0]) else found.failing[:, 0]
-                return _in_doubt(design, demands, uncertain, names, part, point, boxes, near)
+    names = rows + tuple(map(row_of, asked.uncertain))
+    boxes = 0
+    for part, test in parts_of(asked.design, names, ends, tests):
+        found = prove(
+            test,
+            boxes_over(part, names, near),
+            1,
+            halved=[True] * (1 + len(names)),
+            max_halvings=MAX_HALVINGS,
+            max_boxes=max_boxes,
+            at_ends=True,
+            few=FEW,
+        )
+        boxes += int(found.boxes[0])
+        if not found.proved[0]:
+            point = found.open[:, 0] if np.isnan(found.failing[0, 0]) else found.failing[:, 0]
+            return _in_doubt(asked.design, asked.demands, asked.uncertain, names, part, point, boxes, near)
     return Outcome(Verdict.PROVED, boxes)
+
+
+def parts_of(
+    design: Design, names: tuple[str, ...], ends: tuple[Floats, Floats], tests: Callable[[Part, Values], list[Test]]
+) -> Iterator[tuple[Part, Test]]:
+    """Yield the parts of a design's boxes by the whole samples of their delays, each with what is to be proved there.
+
+    Parameters
+    ----------
+    design : whose numbers are no rows
+    names : of the rows, but the angle
+    ends : their least and greatest numbers
+    tests : of a part of the boxes, and of the values that are no rows
+    """
+    for part in _parts(design.device, names, *ends):
+        for test in tests(part, fixed_of(design)):
+            yield part, part.within(test, names)
+
+
+def fixed_of(design: Design) -> Values:
+    """Return the numbers of a design, which are no rows."""
+    numbers = (*astuple(design.gains), *astuple(design.coupling))
+    return dict(zip(keys_of(len(numbers)), map(decimal_or_inf, numbers), strict=True))
+
+
+def boxes_over(part: Part, names: tuple[str, ...], near: Resonance | None = None) -> Boxes:
+    """Return the first boxes over the angle and all rows of a part, of one owner.
+
+    Parameters
+    ----------
+    part : with the ends of the rows
+    names : of the rows, but the angle
+    near : where the hands are those next to resonance
+    """
+    boxes = over_band(names, part.low, part.high, band_of(near.first if near else 0.0, HALF_TURN, STEP))
+    return replace(boxes, owner=np.zeros_like(boxes.owner))
 
 
 def _in_doubt(
@@ -264,7 +369,7 @@ def _in_doubt(
     demands: Demands,
     uncertain: tuple[str, ...],
     names: tuple[str, ...],
-    part: _Part,
+    part: Part,
     point: Floats,
     boxes: int,
     near: Resonance | None,
@@ -296,7 +401,7 @@ def _in_doubt(
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
+class Part:
     """The devices and hands of a box whose delays have the same whole samples.
 
     Attributes
@@ -352,7 +457,7 @@ def row_of(key: str) -> str:
 DELAY_ROWS = tuple(map(row_of, DELAYS))
 
 
-def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) -> list[_Part]:
+def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) -> list[Part]:
     """Return the parts of a box of devices by the whole samples of their delays: one if those are known."""
     known, T = delays_of(device), device.sample_time
     sensor = device.force_sensor.delay if device.force_sensor is not None else 0.0
@@ -360,7 +465,7 @@ def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) ->
     others = {own: device.latency, "device.force_sensor.delay": sensor}
     rows = {name: names.index(name) for name in DELAY_ROWS if name in names}
     if not rows:
-        return [_Part(low, high, known, T, 0.0)]
+        return [Part(low, high, known, T, 0.0)]
     other = sum(delay for name, delay in others.items() if name not in rows)
     parts, row = [], rows.get(own)
     loops = [known.loop] if row is None else _whole(low[row, 0], high[row, 0], T, last=True)
@@ -371,7 +476,7 @@ def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) ->
         shortest, longest = (other + sum(end[at, 0] for at in rows.values()) for end in (least, most))
         for felt in _whole(shortest, longest, T, last=loop == loops[-1]):
             delays = Delays(loop, row is not None or known.loop_fractional, felt, felt_fractional=True)
-            parts.append(_Part(least, most, delays, T, other))
+            parts.append(Part(least, most, delays, T, other))
     return parts
 
 
@@ -384,7 +489,7 @@ def _whole(low: float, high: float, T: float, *, last: bool) -> range:
     return range(first, max(first + 1, floor(end * (1 + SNAP)) + 1 if last else ceil(end * (1 - SNAP))))
 
 
-def prove_poles_in(device: Device, hand: Hand, gains: Gains) -> Outcome:
+def prove_poles_in(device: Device, hand: Hand, gains: Gains, held: SpringDamper | None = None) -> Outcome:
     """Prove that the sampled loop is stable in one hand, with the environment at rest.
 
     Parameters
@@ -392,6 +497,7 @@ def prove_poles_in(device: Device, hand: Hand, gains: Gains) -> Outcome:
     device : taken, like hand and gains, as the decimals that it is written as
     hand : M, B and K
     gains : K_v and K_p, N s/m and N/m
+    held : the coupling of an impedance display, the virtual tool at rest; None for one that is let go
 
     Returns
     -------
@@ -400,8 +506,8 @@ def prove_poles_in(device: Device, hand: Hand, gains: Gains) -> Outcome:
         to 0.
     """
     plant = plant_in_hand(device_ball(device), Hand(*map(ball, astuple(hand))), delays_of(device), BALLS)
-    law = gains_ball(gains)
-    outcome, angle = turned_angle(lambda theta: hand_curve(plant, law, theta, BALLS), 0.0, HALF_TURN)
+    law, wall = gains_ball(gains), None if held is None else SpringDamper(ball(held.damping), ball(held.stiffness))
+    outcome, angle = turned_angle(lambda theta: hand_curve(plant, law, theta, BALLS, wall), 0.0, HALF_TURN)
     if outcome.verdict is not Verdict.PROVED:
         return in_rad_per_s(outcome, device)
     return Outcome(Verdict.PROVED if abs(angle) < pi / 2 else Verdict.REFUTED, outcome.boxes)
@@ -425,18 +531,16 @@ def _ends(
     box: DeviceBox | None,
     uncertain: tuple[str, ...],
     corners: Sequence[Hand] | None = None,
-    *,
-    limp: bool = False,
+    also: Sequence[tuple[float, float]] = (),
 ) -> tuple[Floats, Floats]:
-    """Return the least and the greatest numbers of hand, if one is to be met, of `SHARE` if asked for, and device.
+    """Return the least and the greatest numbers of hand, if one is to be met, of what comes with it, and device.
 
     Where the corners of the hands are enough there is a column for each.
     """
     devices = () if box is None else (box.low, box.high)
     numbers = [[end.number(key) for key in uncertain] for end in devices] or [[], []]
     held = [astuple(hands.low), astuple(hands.high)] if hands is not None else [(), ()]
-    if limp:
-        held = [(*held[0], 0.0), (*held[1], 1.0)]
+    held = [(*end, *(each[side] for each in also)) for side, end in enumerate(held)]
     if corners is not None:
         each = np.array([astuple(hand) for hand in corners], float).T
         low, high = (np.vstack((each, *(np.full(each.shape[1], x) for x in end))) for end in numbers)

@@ -1,0 +1,146 @@
+"""Which environments hold a pole of the loop on the unit circle: a curve for each hand, in double precision.
+
+At the angle theta, in a hand and with a share of the coupling, the loop meets its limit with Z_e = damping + j
+reactance alone: -Y, or -1/Y of an impedance display (model/README.md, section 18).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
+from itertools import product
+from math import pi
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.model.coupling import coupling_impedance
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
+from vctune.model.hands import Hand, Hands
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.sampled.hand_loop import loop_in_hand, seen_in_hand
+from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
+from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.running import check_time
+
+SHARES = (0.0, 0.001, 0.01, 0.04, 0.1, 0.2, 0.4, 0.7, 1.0)
+"""Shares of each range at which hands are looked at."""
+INWARDS = 1e-9
+"""How far within its range the least share of a coupling is, against rounding."""
+LOWEST, NEAR = 1e-4, 1e-3
+"""Least angle, and distance from pi of the greatest."""
+COARSE, FINE = 160, 400
+"""Angles that are looked at first, and then where some environment holds a pole."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reactions:
+    """What holds a pole on the unit circle, along curves over the angle.
+
+    Attributes
+    ----------
+    theta, u : omega T, rad, and (2/T) tan(theta/2), rad/s, shape (n,)
+    device : number of the device of each curve, shape (curves,)
+    hands : of each curve, numbers of shape (curves,)
+    share : of the coupling, of each curve
+    damping, reactance : N s/m, shape (curves, n)
+    """
+
+    theta: Floats
+    u: Floats
+    device: Floats
+    hands: Hand
+    share: Floats
+    damping: Floats
+    reactance: Floats
+
+    def curves(self, at: Floats) -> Reactions:
+        """Return some of the curves."""
+        hands = Hand(*(number[at] for number in astuple(self.hands)))
+        return Reactions(
+            self.theta, self.u, self.device[at], hands, self.share[at], self.damping[at], self.reactance[at]
+        )
+
+
+def reactions(
+    devices: Sequence[Device],
+    hands: Hands,
+    gains: Gains,
+    coupling: AnyCoupling,
+    factor: float,
+    shares: tuple[float, ...] = SHARES,
+) -> Reactions:
+    """Return the curves that reach farthest, at the angles where environments with damping hold poles.
+
+    Parameters
+    ----------
+    devices : plain numbers, of one sample time
+    hands : the box
+    gains, coupling : a design, plain numbers
+    factor : g; the coupling is looked at with its shares 1/g and 1, and halfway
+    shares : of each range of hands
+    """
+    theta = np.geomspace(LOWEST, pi - NEAR, COARSE)
+    first = _over(devices, hands, gains, coupling, factor, shares, theta)
+    bad = np.any(first.damping >= 0, axis=0)
+    if not bad.any():
+        return first.curves(np.zeros(0, np.intp))
+    kept = first.curves(_farthest(first))
+    wide = bad | np.append(bad[1:], False) | np.append(False, bad[:-1])
+    near = np.interp(np.linspace(0, wide.sum() - 1, FINE), np.arange(wide.sum()), np.log(theta[wide]))
+    fine = np.unique(np.append(np.exp(near), theta[wide]))
+    return _along(devices, kept, gains, coupling, fine)
+
+
+def _farthest(found: Reactions) -> Floats:
+    """Return the curves that are first at some angle: in damping, and in reactance on either side."""
+    bad = found.damping >= 0
+    ahead = [
+        np.where(bad, found.damping, -np.inf),
+        np.where(bad, found.reactance, -np.inf),
+        np.where(bad, -found.reactance, -np.inf),
+    ]
+    first = np.concatenate([np.argmax(each, axis=0)[bad.any(axis=0)] for each in ahead])
+    return np.unique(first)
+
+
+def _over(
+    devices: Sequence[Device],
+    hands: Hands,
+    gains: Gains,
+    coupling: AnyCoupling,
+    factor: float,
+    shares: tuple[float, ...],
+    theta: Floats,
+) -> Reactions:
+    ranges = zip(astuple(hands.low), astuple(hands.high), strict=True)
+    places = [np.unique(np.minimum(low + (high - low) * np.array(shares), high)) for low, high in ranges]
+    of_coupling = np.unique((1.0, 0.5 * (1 + 1 / factor), min(1.0, (1 + INWARDS) / factor)))
+    every = np.array(list(product(range(len(devices)), of_coupling, *places))).T
+    start = Reactions(theta, theta, every[0], Hand(*every[2:]), every[1], theta, theta)
+    return _along(devices, start, gains, coupling, theta)
+
+
+@np.errstate(all="ignore")
+def _along(
+    devices: Sequence[Device], curves: Reactions, gains: Gains, coupling: AnyCoupling, theta: Floats
+) -> Reactions:
+    """Return the same curves at other angles."""
+    met = np.empty((curves.share.size, theta.size), complex)
+    for k in np.unique(curves.device).astype(int):
+        check_time()
+        device, at = devices[k], np.flatnonzero(curves.device == k)
+        hand = Hand(*(number[at, None] for number in astuple(curves.hands)))
+        seen = seen_in_hand(loop_in_hand(plant_in_hand(device, hand, delays_of(device), FLOATS), theta, FLOATS), gains)
+        s, share, T = np.sin(theta / 2), curves.share[at, None], device.sample_time
+        reaction = -(seen.lost / seen.size) - 1j * seen.swing / (s * seen.size)
+        if isinstance(coupling, SpringDamper):
+            given = spring_damper_admittance(coupling, T, firmware_filter(device, theta, FLOATS), theta, FLOATS)
+            met[at] = -1 / (share * (given.re + 1j * given.im) + s * s * reaction)
+        else:
+            Z_c = coupling_impedance(series_coupling(coupling), 2 / T * np.tan(theta / 2))
+            met[at] = -(share * (Z_c.re + 1j * Z_c.im) + reaction)
+    u = 2 / devices[0].sample_time * np.tan(theta / 2)
+    damping = np.where(np.isfinite(met), met.real, -np.inf)
+    return Reactions(theta, u, curves.device, curves.hands, curves.share, damping, np.nan_to_num(met.imag))
