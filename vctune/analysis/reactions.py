@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from itertools import product
-from math import pi
+from math import inf, pi
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
 from vctune.model.coupling import coupling_impedance
@@ -23,6 +24,9 @@ from vctune.model.sampled.hand_loop import loop_in_hand, seen_in_hand
 from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.running import check_time
+
+Numbers = NDArray[np.intp]
+Marks = NDArray[np.bool_]
 
 SHARES = (0.0, 0.001, 0.01, 0.04, 0.1, 0.2, 0.4, 0.7, 1.0)
 """Shares of each range at which hands are looked at."""
@@ -55,7 +59,7 @@ class Reactions:
     damping: Floats
     reactance: Floats
 
-    def curves(self, at: Floats) -> Reactions:
+    def curves(self, at: Numbers) -> Reactions:
         """Return some of the curves."""
         hands = Hand(*(number[at] for number in astuple(self.hands)))
         return Reactions(
@@ -93,7 +97,7 @@ def reactions(
     return _along(devices, kept, gains, coupling, fine)
 
 
-def _farthest(found: Reactions) -> Floats:
+def _farthest(found: Reactions) -> Numbers:
     """Return the curves that are first at some angle: in damping, and in reactance on either side."""
     bad = found.damping >= 0
     ahead = [
@@ -144,3 +148,84 @@ def _along(
     u = 2 / devices[0].sample_time * np.tan(theta / 2)
     damping = np.where(np.isfinite(met), met.real, -np.inf)
     return Reactions(theta, u, curves.device, curves.hands, curves.share, damping, np.nan_to_num(met.imag))
+
+
+@dataclass(frozen=True, slots=True)
+class LimitPoints:
+    """The points of curves at which environments with enough damping hold poles, run by run.
+
+    Attributes
+    ----------
+    curve, angle : numbers of the curve and of the angle, shape (n,)
+    u, damping, reactance : there
+    starts : where a new run begins
+    """
+
+    curve: Numbers
+    angle: Numbers
+    u: Floats
+    damping: Floats
+    reactance: Floats
+    starts: Numbers
+
+    @classmethod
+    def of(cls, curves: Reactions, least: float) -> LimitPoints:
+        """Return the points with more than a least damping."""
+        curve, angle = np.nonzero(curves.damping > least)
+        new = np.ones(curve.size, bool)
+        new[1:] = (np.diff(curve) != 0) | (np.diff(angle) != 1)
+        damping, reactance = curves.damping[curve, angle], curves.reactance[curve, angle]
+        return cls(curve, angle, curves.u[angle], damping, reactance, np.flatnonzero(new))
+
+    def hit(self, low: Floats, high: Floats) -> Marks:
+        """Return of which boxes of environments a member holds a pole at a point."""
+        least, most = self._reactances(low, high)
+        enough = self.damping >= low[1][:, None]
+        return np.any(enough & (self.reactance >= least) & (self.reactance <= most), axis=1)
+
+    def between(self, low: Floats, high: Floats) -> list[tuple[int, int, int] | None]:
+        """Return for each box a curve and two of its angles between which every member holds a pole; None for none."""
+        if not self.starts.size:
+            return [None] * low.shape[1]
+        below, above = self._reactances(low, high)
+        over, under = self.reactance > above, self.reactance < below
+        both = np.logical_or.reduceat(over, self.starts, axis=1) & np.logical_or.reduceat(under, self.starts, axis=1)
+        runs = np.column_stack((self.starts, np.append(self.starts[1:], self.curve.size)))
+        return [self._nearest(over[cell], under[cell], runs[both[cell]].tolist()) for cell in range(low.shape[1])]
+
+    def _nearest(self, over: Marks, under: Marks, runs: Sequence[Sequence[int]]) -> tuple[int, int, int] | None:
+        """Return, of runs, the two neighbouring points on different sides between which the damping is greatest."""
+        best, found = -inf, None
+        for start, end in runs:
+            flagged = start + np.flatnonzero(over[start:end] | under[start:end])
+            for k in np.flatnonzero(over[flagged[:-1]] != over[flagged[1:]]):
+                first, last = flagged[k], flagged[k + 1]
+                least = float(self.damping[first : last + 1].min())
+                if least > best:
+                    best, found = least, (int(self.curve[first]), int(self.angle[first]), int(self.angle[last]))
+        return found
+
+    def stiffest(self, low: Floats, high: Floats) -> float:
+        """Return the greatest stiffness up to which no environment of a box holds a pole; inf without one.
+
+        Parameters
+        ----------
+        low, high : mass, damping and stiffness, shape (3,); the greatest stiffness does not count
+        """
+        met = (self.damping >= low[1]) & (self.reactance <= high[0] * self.u - low[2] / self.u)
+        return float(np.min((low[0] * self.u - self.reactance)[met] * self.u[met], initial=inf))
+
+    def lightest(self, low: Floats, high: Floats) -> float:
+        """Return the least mass from which on no environment of a box holds a pole.
+
+        Parameters
+        ----------
+        low, high : mass, damping and stiffness, shape (3,); the least mass does not count
+        """
+        met = (self.damping >= low[1]) & (self.reactance <= high[0] * self.u - low[2] / self.u)
+        return float(np.max((self.reactance + high[2] / self.u)[met] / self.u[met], initial=0.0))
+
+    def _reactances(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+        """Return the least and the greatest reactance of boxes at the points, shape (boxes, n)."""
+        least = low[0][:, None] * self.u - high[2][:, None] / self.u
+        return least, high[0][:, None] * self.u - low[2][:, None] / self.u

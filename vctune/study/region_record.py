@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from vctune.design.verdict.design_record import versions
+from vctune.design.verdict.rendered import in_hands
 from vctune.document.reading import ProblemFile
 from vctune.document.records.gains_json import ProblemRecord, stated_units
 from vctune.document.records.region_json import (
@@ -21,7 +22,6 @@ from vctune.document.records.region_json import (
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 from vctune.study.region import Kind, Region
-from vctune.study.world_region import in_hands
 
 Design = tuple[Gains, AnyCoupling]
 

@@ -24,6 +24,7 @@ from vctune.design.verdict.claim_records import claim_records
 from vctune.design.verdict.contact_record import contact_record
 from vctune.design.verdict.judge import Judgement, judge
 from vctune.design.verdict.nlp_record import active, left_out, solver_record
+from vctune.design.verdict.rendered import rendered_record
 from vctune.design.verdict.repair import CUT_SHORT, LONGEST
 from vctune.design.verdict.uncertainty_record import uncertainty_record
 from vctune.document.reading import ProblemFile
@@ -38,7 +39,6 @@ from vctune.document.records.certificate_json import (
     WithoutOperatorRecord,
     WorldRecord,
 )
-from vctune.document.records.contact_json import ContactRecord
 from vctune.document.records.design_json import (
     AlternativeRecord,
     BoxRecord,
@@ -54,6 +54,7 @@ from vctune.document.records.gains_json import (
     coupling_record,
     stated_units,
 )
+from vctune.document.records.part import Part
 from vctune.document.records.price_json import PriceRecord
 from vctune.document.schema.plausibility import doubts
 from vctune.document.text.codes import Note
@@ -106,11 +107,11 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
     """
     judgement, problem = solved.judgement, solved.problem
     proved = _proved(problem, judgement) if judgement is not None else {}
-    contact = _contact(problem, judgement) if judgement is not None else {}
+    borne = _borne(problem, judgement) if judgement is not None else {}
     if out_of_time() and proved:
         solved = replace(solved, cut=(*solved.cut, PROVED_BAND))
     with unlimited():
-        return _recorded(file, solved, proved, ipopt, date, contact)
+        return _recorded(file, solved, proved, ipopt, date, borne)
 
 
 def _recorded(
@@ -119,7 +120,7 @@ def _recorded(
     proved: dict[str, Any],
     ipopt: str | None,
     date: str | None,
-    contact: dict[str, ContactRecord],
+    borne: dict[str, Part],
 ) -> DesignRecord:
     judgement, problem = solved.judgement, solved.problem
     parts: dict[str, Any] = dict.fromkeys(("gains", "coupling", "transparency", "certificate", "inner_loop"))
@@ -136,7 +137,7 @@ def _recorded(
         parts["alternatives"] = [_alternative(each) for each in solved.alternatives]
     if date is not None:
         parts["date"] = date
-    parts |= contact
+    parts |= borne
     if solved.prices is not None:
         parts["prices"] = [PriceRecord(**asdict(price)) for price in solved.prices]
     return DesignRecord(
@@ -249,10 +250,12 @@ def _proved(problem: Problem, judgement: Judgement) -> dict[str, Any]:
 
 
 @np.errstate(all="ignore")
-def _contact(problem: Problem, judgement: Judgement) -> dict[str, ContactRecord]:
-    """Return what a servo's latency asks for; nothing of any other display."""
-    found = contact_record(problem, judgement)
-    return {} if found is None else {"contact": found}
+def _borne(problem: Problem, judgement: Judgement) -> dict[str, Part]:
+    """Return what a servo's latency asks for, and how far a box of environments could reach; nothing of others."""
+    found: dict[str, Part | None] = {"contact": contact_record(problem, judgement)}
+    if problem.worlds is not None:
+        found["rendered"] = rendered_record(problem, judgement)
+    return {name: part for name, part in found.items() if part is not None}
 
 
 @np.errstate(all="ignore")
