@@ -169,10 +169,11 @@ def rendered_record(problem: Problem, judgement: Judgement) -> RenderedRecord | 
     Returns
     -------
     RenderedRecord or None
-        None where no hands are to be met, every passive environment is, or the time limit ends it.
+        None where no hands are to be met, every passive environment is, the display is an impedance display, or the
+        time limit ends it.
     """
     worlds, certified = problem.worlds, judgement.status is Status.CERTIFIED
-    if problem.hands_met is None or (certified and worlds is None):
+    if problem.hands_met is None or problem.device.kind.inverse or (certified and worlds is None):
         return None
     box = worlds or ALONE
     low, high = np.array(astuple(box.low)), np.array(astuple(box.high))

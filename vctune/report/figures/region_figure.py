@@ -33,7 +33,7 @@ GOOD, BAD, OPEN = ("#b5d9f2", ""), ("#e58b2a", "///"), ("#6e6e78", "...")
 """Colour and hatching, apart for every kind of sight and in grey."""
 FILLS = {Kind.FEASIBLE: GOOD, Kind.INFEASIBLE: BAD, Kind.UNDECIDED: OPEN}
 LABELS = {kind: f"proved {kind.name.lower()}" for kind in FILLS} | {Kind.UNDECIDED: "undecided"}
-WORLD_LABELS = {Kind.FEASIBLE: "may be rendered", Kind.INFEASIBLE: "grows in a hand", Kind.UNDECIDED: "undecided"}
+WORLD_LABELS = {Kind.FEASIBLE: "may be rendered", Kind.INFEASIBLE: "refused in some hand", Kind.UNDECIDED: "undecided"}
 STRIP, GAP = 0.03, 0.008
 """Height of the strip that stands for the line K_p = 0, and its distance from the plane."""
 APART = (0.07, 0.035)
