@@ -15,6 +15,7 @@ from vctune.analysis.destabilising import growing_in_worlds, reaction
 from vctune.api.solving import solve
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.building import problem
+from vctune.document.file_doubts import file_doubts
 from vctune.document.reading import read_problem
 from vctune.document.schema.plausibility import doubts
 from vctune.document.schema.statement import statement
@@ -125,6 +126,19 @@ def test_experiments_outside_the_box_are_doubted() -> None:
     assert doubted(mass=1.0)
     assert doubted(mass=6.0, rule="trapezoid")
     assert doubted(stiffness=1000.0, wall=True)
+
+
+def test_the_doubt_about_an_experiment_names_its_place(tmp_path: Path) -> None:
+    """File, line and key; of a key that is not written, the line of its table."""
+    device = (
+        "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n[environment]\nmass = { min = 0.02, max = 5.0 }\n"
+    )
+    free = '[[experiment]]\nname = "free"\n[[experiment]]\nname = "heavy"\n[experiment.environment]\n'
+    path = tmp_path / "doubted.toml"
+    path.write_text(f'{device}{free}mass = 6.0\nrule = "trapezoid"\n')
+    first, second = file_doubts(read_problem(path))
+    assert first.text.startswith(f"{path}:7: experiment[0].environment.mass: ")
+    assert second.text.startswith(f"{path}:12: experiment[1].environment.mass: ")
 
 
 def fixed(name: str, share: float, folder: Path) -> Path:

@@ -170,7 +170,13 @@ class LimitPoints:
 
     @classmethod
     def of(cls, curves: Reactions, least: float) -> LimitPoints:
-        """Return the points with more than a least damping."""
+        """Return the points with enough damping.
+
+        Parameters
+        ----------
+        curves : on which they lie
+        least : damping that they exceed, N s/m
+        """
         curve, angle = np.nonzero(curves.damping > least)
         new = np.ones(curve.size, bool)
         new[1:] = (np.diff(curve) != 0) | (np.diff(angle) != 1)
@@ -178,13 +184,23 @@ class LimitPoints:
         return cls(curve, angle, curves.u[angle], damping, reactance, np.flatnonzero(new))
 
     def hit(self, low: Floats, high: Floats) -> Marks:
-        """Return of which boxes of environments a member holds a pole at a point."""
+        """Return of which boxes of environments a member holds a pole at a point.
+
+        Parameters
+        ----------
+        low, high : least and greatest mass, damping and stiffness, shape (3, n)
+        """
         least, most = self._reactances(low, high)
         enough = self.damping >= low[1][:, None]
         return np.any(enough & (self.reactance >= least) & (self.reactance <= most), axis=1)
 
     def between(self, low: Floats, high: Floats) -> list[tuple[int, int, int] | None]:
-        """Return for each box a curve and two of its angles between which every member holds a pole; None for none."""
+        """Return for each box a curve and two of its angles between which every member holds a pole; None for none.
+
+        Parameters
+        ----------
+        low, high : of the boxes, shape (3, n)
+        """
         if not self.starts.size:
             return [None] * low.shape[1]
         below, above = self._reactances(low, high)

@@ -125,6 +125,11 @@ def divided(
     ----------
     plane, squares, progress, stopped : as of `region`
     judged : returns what can be proved of some cells, and a b_c of each; nan for none
+
+    Returns
+    -------
+    Region
+        The cells that those are divided into, in no particular order.
     """
     done, decided = list[tuple[Squares, Kinds, Floats]](), 0.0
     while squares.shape[1] and not (stopped() or out_of_time()):

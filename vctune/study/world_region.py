@@ -115,6 +115,11 @@ def world_region(
     plane : of environments
     progress : told what share of the plane is decided
     stopped : whether to give up now
+
+    Returns
+    -------
+    Region
+        Its cells are boxes of environments.
     """
     try:
         found = rendered(problem, gains, coupling, plane.ranges[DAMPING].min)

@@ -72,7 +72,7 @@ def region(
     x, y = axes_of(read.problem, x, y)
     file = require_plane(read, x, y)
     folder = design_folder(file, out)
-    warn_of_doubts(file.problem, quiet=quiet)
+    warn_of_doubts(file, quiet=quiet)
     given = design_for(file, gains) if gains else None
     with progress_on_stderr(f"vctune region {problem.name}", shown=not quiet) as progress:
         solved = best_design(file.problem, progress) if given is None else None

@@ -13,7 +13,7 @@ import click
 from vctune.api.messages import Code, coded, printable
 
 if TYPE_CHECKING:
-    from vctune import Problem
+    from vctune import Problem, ProblemFile
 
 
 @contextmanager
@@ -43,12 +43,12 @@ def warn(code: Code, text: str) -> None:
     click.echo(coded(printable(text), code), err=True)
 
 
-def warn_of_doubts(*problems: Problem, quiet: bool) -> None:
+def warn_of_doubts(*problems: Problem | ProblemFile, quiet: bool) -> None:
     """Say before the work what in problems is probably not meant: what is meant otherwise need not be solved.
 
     Parameters
     ----------
-    *problems : valid ones; what several have in common is said once
+    *problems : valid ones, or their files; what several have in common is said once
     quiet : whether people are told nothing
     """
     from vctune.api.messages import doubts

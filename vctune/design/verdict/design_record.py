@@ -10,6 +10,7 @@ from dataclasses import asdict, replace
 from functools import cache
 from importlib.metadata import version
 from math import degrees, inf, log10, pi
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from vctune.design.verdict.nlp_record import active, left_out, solver_record
 from vctune.design.verdict.rendered import rendered_record
 from vctune.design.verdict.repair import CUT_SHORT, LONGEST
 from vctune.design.verdict.uncertainty_record import uncertainty_record
+from vctune.document.file_doubts import file_doubts
 from vctune.document.reading import ProblemFile
 from vctune.document.records.certificate_json import (
     AnyHandRecord,
@@ -56,7 +58,6 @@ from vctune.document.records.gains_json import (
 )
 from vctune.document.records.part import Part
 from vctune.document.records.price_json import PriceRecord
-from vctune.document.schema.plausibility import doubts
 from vctune.document.text.codes import Note
 from vctune.model.display import ADMITTANCE
 from vctune.model.gains import AnyCoupling, Gains
@@ -126,7 +127,7 @@ def _recorded(
     parts: dict[str, Any] = dict.fromkeys(("gains", "coupling", "transparency", "certificate", "inner_loop"))
     touched: list[str] = []
     said = [CUT_SHORT] if solved.seconds.get("repairs", 0.0) > LONGEST else []
-    said += [*solved.cut_short, *doubts(problem)]
+    said += [*solved.cut_short, *file_doubts(file, Path(file.source).name)]
     if judgement is not None:
         parts = _judged(problem, judgement, proved)
         touched = at_bound(problem, judgement.gains, judgement.coupling)

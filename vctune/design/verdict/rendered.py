@@ -70,7 +70,12 @@ class Rendered:
         return all(loop.nothing for loop in self.loops)
 
     def proves(self, low: Floats, high: Floats) -> bool:
-        """Return whether one box of environments is proved, of its least and greatest numbers, shape (3,)."""
+        """Return whether one box of environments is proved.
+
+        Parameters
+        ----------
+        low, high : its least and greatest numbers, shape (3,)
+        """
         return self.every or bool(self.proved(met(low[:, None], high[:, None]))[0])
 
     def proved(self, cells: WorldCells) -> Flags:
@@ -152,7 +157,12 @@ def rendered(problem: Problem, gains: Gains, coupling: AnyCoupling, damping: flo
 
 
 def met(low: Floats, high: Floats) -> WorldCells:
-    """Return the environments of cells: their damping has no upper limit."""
+    """Return boxes of environments whose damping has no upper limit.
+
+    Parameters
+    ----------
+    low, high : least and greatest mass, damping and stiffness, shape (3, n); the greatest damping does not count
+    """
     most = high.copy()
     most[1] = inf
     return WorldCells(low, most)

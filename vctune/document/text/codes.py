@@ -145,10 +145,12 @@ class Note:
     ----------
     code : what it is an instance of
     text : what is said
+    path : of the key in a problem file that it is about; empty where it is about no single one
     """
 
     code: Code
     text: str
+    path: tuple[str | int, ...] = ()
 
     @property
     def line(self) -> str:

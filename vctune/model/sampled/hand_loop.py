@@ -313,4 +313,18 @@ def room(
 
 
 def offered_at_spring(coupling: SpringDamper, device: Device, theta: Number, ops: Arithmetic) -> Offered:
+    """Return 1/Z_c/sin^2(theta/2) of an impedance display's coupling as its firmware runs it.
+
+    Parameters
+    ----------
+    coupling : b_c and k_c
+    device : runs it; its sample time and its velocity filter are used
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of all of these
+
+    Returns
+    -------
+    Offered
+        m/(N s), of the shape of theta.
+    """
     return offered_by_spring(coupling, device.sample_time, firmware_filter(device, theta, ops), theta, ops)

@@ -44,7 +44,12 @@ class ForceInHand(NamedTuple):
         return self.open + self.velocity.scaled(gains.velocity)
 
     def clamped(self, gains: Gains, coupling: SpringDamper) -> EvenOdd:
-        """Return F with the virtual tool held: the coupling is then a part of the loop."""
+        """Return F with the virtual tool held: the coupling is then a part of the loop.
+
+        Parameters
+        ----------
+        gains, coupling : in numbers of the loop's arithmetic
+        """
         held = self.velocity.scaled(gains.velocity + coupling.damping)
         return self.open + held + self.position.scaled(coupling.stiffness)
 

@@ -73,14 +73,27 @@ class Disjuncts(NamedTuple):
     resistive : the real part suffices
     above, below : the reactance is above, or below, that of every environment
     turned : one or the other with every reserve
-    damped : the real part suffices with the least damping, of an impedance display
     """
 
     resistive: tuple[Number, ...]
     above: tuple[Number, ...] | None
     below: tuple[Number, ...] | None
-    turned: tuple[Number, ...] | None = None
-    damped: tuple[Number, ...] | None = None
+    turned: tuple[Number, ...] | None
+
+
+class DisjunctsOfForce(NamedTuple):
+    """The same of an impedance display with one share of its coupling.
+
+    Attributes
+    ----------
+    resistive, above, below : as of `Disjuncts`; the real part without any damping of the environment
+    damped : the real part suffices with the least damping; None if that is 0
+    """
+
+    resistive: tuple[Number, ...]
+    above: tuple[Number, ...] | None
+    below: tuple[Number, ...] | None
+    damped: tuple[Number, ...] | None
 
 
 def offered_at(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> Offered:
@@ -152,7 +165,7 @@ def disjuncts_of_force(
     share: Number,
     theta: Number,
     ops: Arithmetic,
-) -> Disjuncts:
+) -> DisjunctsOfForce:
     """Return the same of an impedance display with one share of its coupling's admittance.
 
     Parameters
@@ -176,7 +189,7 @@ def disjuncts_of_force(
         below = (low.mass * inertia * Q, -(high.stiffness * compliance * Q), -across[0], -across[1])
     if not ops.is_zero(low.damping):
         damped = (r * d, low.damping * Q)
-    return Disjuncts(resistive, above, below, damped=damped)
+    return DisjunctsOfForce(resistive, above, below, damped)
 
 
 def limp_disjuncts(

@@ -242,7 +242,13 @@ def hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, 
 
 
 def worlds_of(values: Values, otherwise: Worlds) -> Worlds:
-    """Return the environments whose ends are among some values, or else those of all values."""
+    """Return the environments whose ends are among some values.
+
+    Parameters
+    ----------
+    values : by name, of `WORLD_ENDS` among others
+    otherwise : has the ends that are not among them
+    """
     ends = (astuple(otherwise.low), astuple(otherwise.high))
     least, most = (
         World(*(values.get(name, end) for name, end in zip(names, numbers, strict=True)))

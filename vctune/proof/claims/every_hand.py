@@ -118,6 +118,11 @@ def prove_stable_in_middle(design: Design, demands: Demands) -> Outcome:
     Parameters
     ----------
     design, demands : as of `prove_hands`
+
+    Returns
+    -------
+    Outcome
+        With the hand if it is not proved.
     """
     assert demands.hands is not None
     middle, coupling = demands.hands.middle, design.coupling

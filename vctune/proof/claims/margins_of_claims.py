@@ -27,6 +27,7 @@ from vctune.model.sampled.impedance_display import ForceInHand, Required
 from vctune.model.sampled.let_go import Plant, return_difference
 from vctune.model.sampled.loop_in_worlds import (
     Disjuncts,
+    DisjunctsOfForce,
     disjuncts,
     disjuncts_of_force,
     limp_disjuncts,
@@ -294,7 +295,7 @@ def limp_hand_margin(
 
 def margins_in_worlds(
     plant: AnyPlantInHand, design: Design, theta: Number, met: WorldsMet, ops: Arithmetic, share: Number = 1.0
-) -> Disjuncts:
+) -> Disjuncts | DisjunctsOfForce:
     """Return margins in a hand of which one must be positive with every environment of a box, each as its terms.
 
     Parameters
