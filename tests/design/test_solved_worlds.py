@@ -14,6 +14,7 @@ from vctune.analysis.binding import binding_world
 from vctune.analysis.destabilising import growing_in_worlds, reaction
 from vctune.api.solving import solve
 from vctune.design.verdict.judge import Status, judge
+from vctune.design.verdict.rendered import rendered_record
 from vctune.document.building import problem
 from vctune.document.file_doubts import file_doubts
 from vctune.document.reading import read_problem
@@ -166,6 +167,24 @@ def test_check_says_which_environments_and_which_one_binds(tmp_path: Path) -> No
     assert record["worlds"] == {"mass": [0.02, 5.0], "damping": [0.0, None], "stiffness": [0.0, 2000.0]}
     assert 0.02 <= record["worst_world"]["mass"] <= 5.0
     assert 0.0 <= record["worst_world"]["stiffness"] <= 2000.0
+
+
+def test_the_stiffest_wall_and_the_lightest_tool_are_beyond_the_box_of_a_design_with_room(tmp_path: Path) -> None:
+    """And are proved: as the box they pass; half as much again does not."""
+    posed = read_problem(fixed("world-tools", 1.2, tmp_path)).problem
+    judgement = judge(posed, *posed.fixed_design)
+    found = rendered_record(posed, judgement)
+    assert found is not None and found.wall is not None and found.tool is not None
+    assert found.wall > 2000 and found.tool < 0.02
+    low, high = World(0.02, 0.0, 0.0), World(5.0, inf, found.wall)
+    for worlds, passes in (
+        (Worlds(low, high), True),
+        (Worlds(replace(low, mass=found.tool), replace(high, stiffness=2000.0)), True),
+        (Worlds(low, replace(high, stiffness=1.5 * found.wall)), False),
+        (Worlds(replace(low, mass=found.tool / 1.5), replace(high, stiffness=2000.0)), False),
+    ):
+        outcome = judge(replace(posed, worlds=worlds), *posed.fixed_design).certificate.outcomes["worlds"]
+        assert (outcome.verdict is Verdict.PROVED) is passes
 
 
 def test_a_refuted_design_grows_with_an_environment_of_the_box(tmp_path: Path) -> None:

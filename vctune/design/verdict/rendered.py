@@ -10,7 +10,7 @@ import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.analysis.reactions import LimitPoints, Reactions, reactions
-from vctune.design.prepared import pose, problems_beside
+from vctune.design.prepared import Posed, pose, problems_beside
 from vctune.design.verdict.judge import Judgement, Status
 from vctune.document.records.rendered_json import RenderedRecord
 from vctune.model.device import Device
@@ -31,6 +31,8 @@ RESERVES = (5e-3, 0.03, 0.1)
 boxes."""
 DIGITS = 3
 """Of a limit."""
+WORTH = 0.01
+"""By what share a limit has to surpass what is proved already to be worth a proof of its own."""
 MASS, STIFFNESS = 0, 2
 ALONE = Worlds(World(0.0, 0.0, 0.0), World(0.0, inf, 0.0))
 """What is beside a wall or a tool where no box is stated: nothing."""
@@ -144,16 +146,23 @@ def rendered(problem: Problem, gains: Gains, coupling: AnyCoupling, damping: flo
     gains, coupling : the design
     damping : that every environment has at least, N s/m
     """
-    held = in_hands(problem)
-    posed = [pose(each) for each in [held, *problems_beside(held)]]
-    hands = held.hands_met
-    assert hands is not None
-    devices = tuple(dict.fromkeys(case.device.modelled for case in posed[0].hand_cases))
-    curves = reactions(devices, hands, gains, coupling, problem.stability.safety_factor)
+    posed = _posed(problem)
+    devices, curves = _curves(posed[0], gains, coupling)
     loops = tuple(
         open_in_hands(Design(each.demands.device, gains, coupling), each.demands, each.box, damping) for each in posed
     )
     return Rendered(gains, coupling, posed[0].demands, loops, devices, curves)
+
+
+def _posed(problem: Problem) -> list[Posed]:
+    held = in_hands(problem)
+    return [pose(each) for each in [held, *problems_beside(held)]]
+
+
+def _curves(posed: Posed, gains: Gains, coupling: AnyCoupling) -> tuple[tuple[Device, ...], Reactions]:
+    demands, devices = posed.demands, tuple(dict.fromkeys(case.device.modelled for case in posed.hand_cases))
+    assert demands.hands is not None
+    return devices, reactions(devices, demands.hands, gains, coupling, demands.factor)
 
 
 def met(low: Floats, high: Floats) -> WorldCells:
@@ -187,46 +196,50 @@ def rendered_record(problem: Problem, judgement: Judgement) -> RenderedRecord | 
         return None
     box = worlds or ALONE
     low, high = np.array(astuple(box.low)), np.array(astuple(box.high))
-    known = (float(high[STIFFNESS]), float(low[MASS])) if certified else (None, None)
+    law = judgement.gains, judgement.coupling
+    known = {STIFFNESS: float(high[STIFFNESS]), MASS: float(low[MASS])} if certified else {}
     try:
-        found = rendered(problem, judgement.gains, judgement.coupling, float(low[1]))
-        wall, tool = (
-            _proved_limit(found, low, high, number, stated)
-            for number, stated in zip((STIFFNESS, MASS), known, strict=True)
-        )
+        points = LimitPoints.of(_curves(_posed(problem)[0], *law)[1], 0.0)
+        ends = {number: _ends_beyond(points, low, high, number, known.get(number)) for number in (STIFFNESS, MASS)}
+        found = rendered(problem, *law, float(low[1])) if any(ends.values()) else None
+        proved = {
+            number: next((x for x, *box in tried if found and found.proves(*box)), known.get(number))
+            for number, tried in ends.items()
+        }
     except OutOfTimeError:
         return None
     return RenderedRecord(
-        wall=wall,
+        wall=proved[STIFFNESS],
         tools=[float(low[MASS]), float(high[MASS])],
-        tool=tool,
+        tool=proved[MASS],
         walls=[float(low[STIFFNESS]), float(high[STIFFNESS])],
     )
 
 
-def _proved_limit(found: Rendered, low: Floats, high: Floats, number: int, known: float | None) -> float | None:
-    """Return the greatest stiffness or the least mass that is proved beside the rest of a box, in few digits.
+def _ends_beyond(
+    points: LimitPoints, low: Floats, high: Floats, number: int, known: float | None
+) -> list[tuple[float, Floats, Floats]]:
+    """Return the greatest stiffnesses or the least masses to prove beside the rest of a box, each with its whole box.
 
     Parameters
     ----------
-    found : the design
+    points : at which environments hold poles, in double precision
     low, high : the box
     number : `STIFFNESS` or `MASS`
-    known : what is proved already; None for nothing
+    known : what is proved already, and has to be surpassed; None for nothing
     """
-    points, stiff = LimitPoints.of(found.curves, 0.0), number == STIFFNESS
+    stiff, found = number == STIFFNESS, []
     if not stiff and high[MASS] == 0:
         high = np.array([inf, *high[1:]])
     limit = points.stiffest(low, high) if stiff else points.lightest(low, high)
     for reserve in RESERVES:
         value = _rounded(limit * (1 - reserve), floor) if stiff else _rounded(limit * (1 + reserve), ceil)
-        if known is not None and (value <= known if stiff else value >= known):
-            return known
         least, most = low.copy(), high.copy()
         (most if stiff else least)[number] = value
-        if (value > 0 or not stiff) and np.all(least <= most) and found.proves(least, most):
-            return value
-    return known
+        beyond = known is None or (value > known * (1 + WORTH) if stiff else value < known * (1 - WORTH))
+        if beyond and (value > 0 or not stiff) and np.all(least <= most):
+            found.append((value, least, most))
+    return found
 
 
 def _rounded(value: float, whole: Callable[[float], int]) -> float:
