@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise, product
@@ -11,11 +12,13 @@ from time import process_time
 
 import numpy as np
 import pytest
+from command import run
 from numpy.typing import NDArray
 from rendered_oracle import Loops, impedance_display, velocity_loop
 
 from vctune.design.verdict.rendered import rendered
 from vctune.document.reading import read_problem
+from vctune.exit_codes import ExitCode
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.problem import Problem
 from vctune.study.region import Kind, Region
@@ -186,3 +189,26 @@ def test_environments_of_an_impedance_display_are_as_their_loops_are() -> None:
         assert radii(loops, m, k).max() <= 1 + BEYOND, (m, k)
     for m, k in points_of(region, Kind.INFEASIBLE, rng, 30):
         assert radii(loops, m, k).max() > 1, (m, k)
+
+
+def test_the_command_writes_a_map_that_check_proves_again(tmp_path: Path) -> None:
+    """With other hands less of it is proved."""
+    path, gains = tmp_path / "wheel.toml", tmp_path / "gains.toml"
+    path.write_text(Path("tests/reference/worlds/world-tools.toml").read_text())
+    of_gains, coupling = WHEEL
+    text = f"[gains]\nvelocity = {of_gains.velocity}\nposition = {of_gains.position}\n[coupling]\n"
+    gains.write_text(f"{text}damping = {coupling.damping}\nmass = {coupling.mass}\ndrag = {coupling.drag}\n")
+    made = run("region", str(path), str(gains), "--x", AXES[0], "--resolution", "0.125", "--out", ".", cwd=tmp_path)
+    assert made.returncode == ExitCode.OK, made.stderr
+    assert "of the plane environment.stiffness by environment.mass" in made.stdout
+    found = tmp_path / "world-tools" / "z-width.json"
+    record = json.loads(found.read_text())
+    assert record["axes"] == {"x": AXES[0], "y": AXES[1]} and len(record["designs"]) == 1
+    assert (found.parent / "z-width.svg").exists()
+    again = run("check", str(path), "--region", str(found), cwd=tmp_path)
+    assert again.returncode == ExitCode.OK, again.stdout
+    path.write_text(path.read_text().replace("max = 3000.0", "max = 9000.0"))
+    stiffer = run("check", str(path), "--region", str(found), cwd=tmp_path)
+    assert stiffer.returncode == ExitCode.FAILED and "lost their proof" in stiffer.stdout
+    refused = run("region", str(path), "--x", AXES[0], "--y", "gains.velocity", cwd=tmp_path)
+    assert "[no-plane]" in refused.stderr

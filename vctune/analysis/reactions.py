@@ -183,6 +183,37 @@ class LimitPoints:
         damping, reactance = curves.damping[curve, angle], curves.reactance[curve, angle]
         return cls(curve, angle, curves.u[angle], damping, reactance, np.flatnonzero(new))
 
+    @classmethod
+    def with_edges(cls, curves: Reactions, least: float) -> LimitPoints:
+        """Return the same points, and those between two angles where a curve has just the least damping.
+
+        Parameters
+        ----------
+        curves, least : as of `of`
+        """
+        points, more = cls.of(curves, least), curves.damping > least
+        curve, angle = np.nonzero(more[:, 1:] != more[:, :-1])
+        first, last = curves.damping[curve, angle], curves.damping[curve, angle + 1]
+        with np.errstate(all="ignore"):
+            share = np.nan_to_num((least - first) / (last - first))
+
+        def there(values: Floats) -> Floats:
+            return np.asarray(values[..., 0] + share * (values[..., 1] - values[..., 0]))
+
+        beside = np.stack((angle, angle + 1), axis=1)
+        added = there(curves.u[beside]), np.full(curve.size, least), there(curves.reactance[curve[:, None], beside])
+        known = points.u, points.damping, points.reactance
+        u, damping, reactance = (np.append(old, new) for old, new in zip(known, added, strict=True))
+        runs = points.curve.size + np.arange(curve.size)
+        return cls(
+            np.append(points.curve, curve),
+            np.append(points.angle, angle),
+            u,
+            damping,
+            reactance,
+            np.append(points.starts, runs),
+        )
+
     def hit(self, low: Floats, high: Floats) -> Marks:
         """Return of which boxes of environments a member holds a pole at a point.
 

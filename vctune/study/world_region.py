@@ -105,6 +105,7 @@ def world_region(
     plane: Plane,
     progress: Progress = lambda stage: None,
     stopped: Callable[[], bool] = lambda: False,
+    squares: Squares | None = None,
 ) -> Region:
     """Divide a plane of environments until each cell is decided or as small as the plane's edges allow.
 
@@ -115,18 +116,20 @@ def world_region(
     plane : of environments
     progress : told what share of the plane is decided
     stopped : whether to give up now
+    squares : cells to begin with; None for the whole plane
 
     Returns
     -------
     Region
         Its cells are boxes of environments.
     """
+    squares = plane.coarsest_squares() if squares is None else squares
     try:
         found = rendered(problem, gains, coupling, plane.ranges[DAMPING].min)
     except OutOfTimeError:
-        none = np.full(plane.coarsest_squares().shape[1], Kind.UNDECIDED, np.intp)
-        return Region(plane, plane.coarsest_squares(), none, np.full(none.size, np.nan), interrupted=True)
-    return divided(plane, plane.coarsest_squares(), lambda some: judged(found, plane, some), progress, stopped)
+        none = np.full(squares.shape[1], Kind.UNDECIDED, np.intp)
+        return Region(plane, squares, none, np.full(none.size, np.nan), interrupted=True)
+    return divided(plane, squares, lambda some: judged(found, plane, some), progress, stopped)
 
 
 def judged(found: Rendered, plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:

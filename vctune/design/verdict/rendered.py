@@ -199,7 +199,7 @@ def rendered_record(problem: Problem, judgement: Judgement) -> RenderedRecord | 
     law = judgement.gains, judgement.coupling
     known = {STIFFNESS: float(high[STIFFNESS]), MASS: float(low[MASS])} if certified else {}
     try:
-        points = LimitPoints.of(_curves(_posed(problem)[0], *law)[1], 0.0)
+        points = LimitPoints.with_edges(_curves(_posed(problem)[0], *law)[1], float(low[1]))
         ends = {number: _ends_beyond(points, low, high, number, known.get(number)) for number in (STIFFNESS, MASS)}
         found = rendered(problem, *law, float(low[1])) if any(ends.values()) else None
         proved = {

@@ -124,6 +124,8 @@ class RegionDocument(Document):
     def _cells_lie_on_edges(self) -> RegionDocument:
         if len(self.edges.x) != len(self.edges.y):
             raise ValueError(f"there are {len(self.edges.x)} edges of x and {len(self.edges.y)} of y, not as many")
+        if self.axes.x.startswith("environment.") and len(self.designs) != 1:
+            raise ValueError("cells of environments are those of one design")
         for number, (x_low, x_high, y_low, y_high, *_) in enumerate(self.cells):
             inside = x_low <= x_high < len(self.edges.x) and y_low <= y_high < len(self.edges.y)
             if not inside or (x_low, y_low) == (x_high, y_high):

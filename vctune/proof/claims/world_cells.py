@@ -103,6 +103,8 @@ class OpenInHands:
             Shape (n,); one that is not proved may hold all the same.
         """
         proved = np.full(len(cells), self.stable)
+        if not proved.any():
+            return proved
         ends = dict(zip((*WORLD_ENDS[0], *WORLD_ENDS[1]), (*cells.low, *cells.high), strict=True))
         ends = {name: end for name, end in ends.items() if np.isfinite(end).all()}
         asked = replace(self.asked, demands=replace(self.asked.demands, worlds=cells.hull))
