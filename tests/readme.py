@@ -79,7 +79,7 @@ def reference(schema: dict) -> str:
             name = f"{prefix}{key}"
             for target in targets:
                 shown = f"[{name}]" if form is entry else f"[[{name}]]"
-                rows.append(f"| **`{shown}`** | {' '.join(target['description'].split())} |")
+                rows.append(f"| **`{shown}`** | {_of_table(entry, target)} |")
                 add(f"{name}.", target)
             if targets:
                 continue
@@ -90,6 +90,13 @@ def reference(schema: dict) -> str:
     add("", schema)
     escaped = [re.sub(r"\|(S|1 - G_he|G_hh|Z_c|1/G_hh|1 - A H/N|1/Z_c)\|", r"\\|\1\\|", row) for row in rows]
     return "\n".join(escaped) + "\n"
+
+
+def _of_table(entry: dict, table: dict) -> str:
+    """Return the description of a key that holds a table: its own, and that of the table."""
+    own, general = "" if "items" in entry else entry.get("description", ""), table["description"]
+    both = (general, own) if own.startswith("Default") else (own, general)
+    return " ".join(" ".join(both).split())
 
 
 def columns() -> str:

@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class ExitCode(IntEnum):
-    """What a vctune command tells its caller."""
+    """The exit code of a vctune command."""
 
     OK = 0
     """Certified, or the check passed."""

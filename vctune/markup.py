@@ -9,7 +9,7 @@ Cell = str | float | None
 
 
 def html_table(caption: str, rows: Iterable[Sequence[Cell]], head: Sequence[str] = ()) -> str:
-    """Return a table as HTML; numbers to six digits, nothing where there is none.
+    """Return a table as HTML; numbers have six digits, absent ones are blank.
 
     Parameters
     ----------

@@ -46,7 +46,7 @@ def time_limit(seconds: float) -> Iterator[None]:
 
 
 def process_began() -> None:
-    """Note when this process began, for `time_limit_of_command`: what starting took the processor is known by now."""
+    """Note when this process began, for `time_limit_of_command`; the time since then is known."""
     _BEGAN.set(perf_counter() - process_time())
 
 
@@ -65,7 +65,7 @@ def time_limit_of_command(seconds: float) -> Iterator[None]:
 
 @contextmanager
 def unlimited() -> Iterator[None]:
-    """Let work within the block take its time: what little is needed to say what is known."""
+    """Let work within the block take its time: the little that is needed to report the result."""
     token = _END.set(inf)
     try:
         yield
@@ -144,7 +144,7 @@ def aloud() -> Iterator[None]:
 
 
 def tell(words: Callable[[], str]) -> None:
-    """Tell whoever listens how far the work is, where that is said `aloud`.
+    """Report progress to the listener, if it listens `aloud`.
 
     Parameters
     ----------

@@ -171,7 +171,7 @@ def test_they_are_in_the_file_where_there_is_a_report(tmp_path):
     record = json.loads((folder / "design.json").read_text())
     assert {price["key"] for price in record["prices"]} == {"device.sample_time", "device.mass", "device.damping"}
     page = (folder / "report.html").read_text()
-    assert "What a better device would be worth" in page
+    assert "The value of a better device" in page
     assert run("report", folder / "design.json", "--out", "again", cwd=tmp_path).returncode == 0
     assert (tmp_path / "again/report.html").read_text() == page
 

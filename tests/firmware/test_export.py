@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
 import zipfile
 from dataclasses import replace
 from functools import cache
@@ -13,6 +12,7 @@ from io import BytesIO
 import numpy as np
 import pytest
 from command import run as vctune
+from compilers import WARNINGS, by_each_compiler, done, has, period, warned
 from conftest import DEVICE, FIXED, ROOT, mostly_slow
 from device_arithmetic import DOUBLES
 from device_pairs import real_of
@@ -28,12 +28,6 @@ from vctune.model.gains import Coupling, Gains
 from vctune.simulation.firmware.coefficient_values import coupling_coefficients, coupling_of
 from vctune.simulation.scene import designed_law
 
-COMPILERS = {
-    "gcc": ["gcc"],
-    "clang": ["clang"],
-    "arm": ["arm-none-eabi-gcc", "-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"],
-}
-WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
 EXPERIMENTS = """
 [[experiment]]
 name = "everything at once"
@@ -61,20 +55,6 @@ PARTS = {
 }
 
 
-def has(*tools):
-    missing = [tool for tool in tools if shutil.which(tool) is None]
-    return pytest.mark.skipif(bool(missing), reason=f"needs {', '.join(missing)}")
-
-
-def done(*command, cwd):
-    return subprocess.run(list(map(str, command)), cwd=cwd, capture_output=True, text=True, check=False, timeout=120)
-
-
-def period(folder):
-    text = (folder / "vctune_controller.h").read_text()
-    return text.split("#define VCTUNE_SAMPLE_TIME_NS ")[1].split()[0]
-
-
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """Folders of exported C by parts and precision: each made once, unproved ones for what they compute."""
@@ -92,16 +72,11 @@ def made(tmp_path_factory):
 
 
 @pytest.mark.parametrize("precision", ["double", pytest.param("single", marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", [pytest.param(name, marks=has(command[0])) for name, command in COMPILERS.items()])
+@by_each_compiler
 def test_it_compiles_without_a_warning(made, name, precision, tmp_path):
     for parts in PARTS:
         folder = made(parts, precision)
-        options = [*WARNINGS, "-O2", f"-DVCTUNE_TIMER_PERIOD_NS={period(folder)}"]
-        # newlib's own fenv.h and stdio.h are not needed by the controller: it has no I/O
-        sources = ["vctune_controller.c"] if name == "arm" else ["vctune_controller.c", "vctune_bridge.c", "replay.c"]
-        for source in sources:
-            found = done(*COMPILERS[name], *options, "-c", source, "-o", tmp_path / "out.o", cwd=folder)
-            assert (found.returncode, found.stderr) == (0, ""), parts
+        assert warned(name, folder, tmp_path) == "", parts
 
 
 @has("cppcheck")

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import servo_in_time
 from command import run as vctune
+from compilers import by_each_compiler, done, has, period, warned
 from conftest import mostly_slow
 from exported import Stated
-from test_export import COMPILERS, WARNINGS, done, has, period
 from test_servos import ARM, CONTACT, WALKER, decades, random_servo, top_of
 
 from vctune import export, simulate, write_export
@@ -56,15 +56,11 @@ def made(tmp_path_factory):
 
 
 @pytest.mark.parametrize("precision", ["double", pytest.param("single", marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", [pytest.param(name, marks=has(command[0])) for name, command in COMPILERS.items()])
+@by_each_compiler
 def test_it_compiles_without_a_warning(made, name, precision, tmp_path):
     for command in SERVOS:
         folder = made(command, precision)
-        options = [*WARNINGS, "-O2", f"-DVCTUNE_TIMER_PERIOD_NS={period(folder)}"]
-        sources = ["vctune_controller.c"] if name == "arm" else ["vctune_controller.c", "vctune_bridge.c", "replay.c"]
-        for source in sources:
-            found = done(*COMPILERS[name], *options, "-c", source, "-o", tmp_path / "out.o", cwd=folder)
-            assert (found.returncode, found.stderr) == (0, ""), command
+        assert warned(name, folder, tmp_path) == "", command
 
 
 @has("cppcheck")

@@ -329,6 +329,6 @@ def powers(dimensions: str) -> dict[str, int]:
 
 def test_a_key_is_explained_in_both_units():
     (mass,), clocks = (explain(key).entries for key in ("device.mass", "device.sample_time"))
-    assert "kg." in mass.text and mass.text.endswith("Of a rotary device: kg m2.")
+    assert "kg." in mass.text and mass.text.endswith("Unit for a rotary device: kg m2.")
     assert len(clocks) == 2, "of a mechanism and of a servo"
     assert not any("rotary" in clock.text for clock in clocks)

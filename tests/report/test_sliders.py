@@ -229,5 +229,5 @@ def test_without_scripts_the_page_is_whole_and_the_sliders_are_not_there(browser
     assert not page.locator("#try").is_visible()
     assert page.locator(".figure > svg").count() == 6
     assert all(each.is_visible() for each in page.locator(".figure > svg").all())
-    for title in ("What was asked", "What is claimed", "What is assumed", "What it feels like"):
+    for title in ("Requirements", "Claims", "Assumptions", "How it feels"):
         assert page.get_by_role("heading", name=title).is_visible()

@@ -1,4 +1,4 @@
-"""Which environment binds a design: the one that it has least to spare with, in the hand and at the frequency where.
+"""The environment for which a design has the least reserve, with its hand and frequency.
 
 At that angle it cancels the reactance of the loop with the coupling divided by the safety factor. Of every passive
 environment that is a mass or a spring; of a box the lightest and softest member, or its limit where that is nearer.

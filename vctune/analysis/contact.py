@@ -1,4 +1,4 @@
-"""What a servo's latency asks of a coupling, and which contacts that bears, in double precision (README.md, section 2).
+"""The drag that a servo's latency requires, and the stiffest contact, in double precision (README.md, section 2).
 
 Before a servo what a hand asks is linear in the hand, and convex where its response is in a disc.
 """
@@ -32,7 +32,7 @@ HALVINGS = 40
 
 @dataclass(frozen=True, slots=True)
 class Greatest:
-    """What the hands of a box ask for most.
+    """The greatest requirement of the hands of a box.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ def drag_at_rest(devices: Sequence[Device], hands: Hands) -> float:
 
 
 def greatest_drag(devices: Sequence[Device], hands: Hands) -> Greatest:
-    """Return what the hands of a box ask for most at any frequency.
+    """Return the greatest requirement of the hands of a box over all frequencies.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def _greatest(device: Device, demand: Demand, hands: Hands) -> Greatest:
 
 
 def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupling, factor: float) -> float:
-    """Return up to which stiffness the other hands of a box are met by a coupling, N/m.
+    """Return the stiffness up to which a coupling bears the other hands of a box, N/m.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupl
 
 
 def _stiffest(device: Device, hands: Hands, coupling: AnyCoupling, factor: float) -> float:
-    """Return the least stiffness over the angles at which the demand, straight in it, is what is offered.
+    """Return the least stiffness over the angles at which the requirement, linear in it, equals the coupling's offer.
 
     In a disc of responses the demand is convex in it, and the stiffness is halved to.
     """

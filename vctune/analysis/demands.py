@@ -1,4 +1,4 @@
-"""The demands of a problem and its objective at given gains, in double precision.
+"""The constraints and the objective of a problem at given gains, in double precision.
 
 See model/README.md, section 8; design/README.md, section 1.
 """
@@ -146,7 +146,7 @@ def demand_grid(device: Device, low: float, high: float) -> Floats:
 
 
 def _ripple_delay(device: Device) -> float:
-    """Return the delay of what never dies down, s: 0 for hold "lag" without delay."""
+    """Return the delay of the ripple that never decays, s: 0 for hold "lag" without delay."""
     sensor = float(device.force_sensor.delay) if device.force_sensor is not None else 0.0
     if device.hold == "lag" and device.delay == 0 and device.velocity is None:
         return sensor
@@ -191,7 +191,7 @@ def sensitivity_maxima(problem: Problem, gains: Gains) -> Minima:
 
 
 def unmodelled_maxima(problem: Problem, gains: Gains) -> Minima:
-    """Return the local maxima of |1 - S| r of the sampled loop as minima of its negative, r what is not modelled.
+    """Return the local maxima of |1 - S| r of the sampled loop as minima of its negative, r the unmodelled radius.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ derivative, right to 1e-10. Half the steps, and twice, follow the same poles."""
 
 @dataclass(frozen=True, slots=True)
 class GrowingEnvironment:
-    """A spring or a mass as the firmware runs it, by the trapezoidal rule, and what the loop does with it.
+    """A spring or a mass as the firmware runs it, by the trapezoidal rule, and the motion of the loop with it.
 
     Attributes
     ----------
@@ -71,14 +71,14 @@ class GrowingEnvironment:
 
     @property
     def quantity(self) -> Literal["stiffness", "mass"]:
-        """What its value is (`vctune.model.numbers.units`)."""
+        """The quantity of its value (`vctune.model.numbers.units`)."""
         return "stiffness" if self.kind == "spring" else "mass"
 
 
 def destabilising(
     device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, omega: float
 ) -> GrowingEnvironment | None:
-    """Return what a loop in a hand grows with, for a frequency at which Re(Z_c + Z_seen) < 0.
+    """Return the environment with which a loop in a hand grows, for a frequency at which Re(Z_c + Z_seen) < 0.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def reaction(
 def growing_with(
     alone: Callable[[complex], complex], theta: float, sample_time: float, *, admittance: bool
 ) -> GrowingEnvironment | None:
-    """Return what a loop grows with.
+    """Return the environment with which a loop grows.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a device feels like in the hand, in double precision: numbers of the frequency model (README.md, section 1)."""
+"""How a device feels in the hand, in double precision: numbers of the frequency model (README.md, section 1)."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ NO_LOOP = Gains(0.0, 0.0), Coupling(0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Feel:
-    """What a hand feels of a device, with a design or without a loop; None for what is not there, or above Nyquist.
+    """How a device feels, with a design or without a loop; None for absent numbers, or above Nyquist.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Feel:
 
 
 def feel(device: Device, gains: Gains, coupling: AnyCoupling) -> Feel:
-    """Return what a hand feels of a device.
+    """Return how a device feels in the hand.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def feel(device: Device, gains: Gains, coupling: AnyCoupling) -> Feel:
 def felt_impedance(
     device: Device, gains: Gains, coupling: AnyCoupling, omega: Floats, environment: Complex | None
 ) -> Complex:
-    """Return what the hand feels of a design, N s/m.
+    """Return the impedance that the hand feels of a design, N s/m.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def _felt_force(
 
 
 def impedance_at_handle(device: Device, gains: Gains, omega: Floats, beyond: Complex | None) -> Complex:
-    """Return what the hand feels, D Z/(N Z + F_s C_0) with Z = Z_c + Z_e, N s/m.
+    """Return the felt impedance D Z/(N Z + F_s C_0) with Z = Z_c + Z_e, N s/m.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def _static_stiffness(device: Device, gains: Gains, coupling: AnyCoupling) -> fl
 
 
 def _tracking_bandwidth(device: Device, gains: Gains) -> float:
-    """Return the frequency up to which what is commanded is done, the velocity or the force at the handle, Hz."""
+    """Return the frequency up to which the handle follows its command, a velocity or a force, Hz."""
     grid = with_resonance(device, frequency_grid(LOWEST * pi / device.sample_time, pi / device.sample_time))
     for _ in range(1 + ZOOMS):
         below = np.flatnonzero(_tracking(device, gains, grid) < HALF_POWER)

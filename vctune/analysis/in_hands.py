@@ -144,7 +144,7 @@ def _angles(device: Device, per_decade: int) -> Floats:
 
 @lru_cache(maxsize=64)
 def loops_at_rest(device: Device, hands: Hands, spacing: int = 1) -> LoopsInHands:
-    """Return the loop of a device at angle 0 in soft springs, of which which asks for most depends on the gains.
+    """Return the loop of a device at angle 0 in soft springs; the spring that requires most depends on the gains.
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ class RatioInAnyHand:
 
 
 def least_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[RatioInHand | RatioInAnyHand]:
-    """Return the local minima of the ratio in the hands that a problem asks for, lowest first of each kind.
+    """Return the local minima of the ratio in the hands of a problem, lowest first of each kind.
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ def windows(
 def ratio_at(
     device: Device, gains: Gains, coupling: AnyCoupling, omega: float, hand: Hand, met: WorldsMet | None = None
 ) -> float:
-    """Return Re Z_c / R in one hand at one frequency; inf where nothing is required.
+    """Return Re Z_c / R in one hand at one frequency; inf if R requires nothing.
 
     Parameters
     ----------
@@ -409,7 +409,7 @@ def _resonant(device: Device, hands: Hands, gains: Gains) -> Floats:
 
 
 def _at_rest(device: Device, hands: Hands, gains: Gains) -> tuple[float, ...]:
-    """Return the hand that asks for most at angle 0."""
+    """Return the hand with the greatest requirement at angle 0."""
     where = loops_at_rest(device, hands)
     most = int(np.argmax(np.nan_to_num(where.required(gains).ravel(), nan=0.0)))
     return tuple(float(number[most]) for number in astuple(where.hands))

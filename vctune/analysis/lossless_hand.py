@@ -1,4 +1,4 @@
-"""The lossless hand in which an impedance display that is refused in any hand grows (model/README.md, section 15).
+"""The lossless hand in which a refused impedance display grows (model/README.md, section 15).
 
 The disc of any hand is a sum of discs, one for each alias of the frequency, and its worst point has each of them at the
 edge: a reactance of the hand at each alias. By Foster's theorem a mass or a spring with resonators has it at as many as
@@ -91,7 +91,7 @@ def growing_in_any_hand(
 def _growing_in(
     device: Device, gains: Gains, coupling: SpringDamper, hand: LosslessHand, theta: float
 ) -> GrowingEnvironment | None:
-    """Return what a loop grows with in a hand, and with nothing rendered where that is the loop of K_v alone."""
+    """Return the environment with which a loop grows in a hand; nothing rendered if the loop of K_v alone grows."""
 
     def loop(theta: complex) -> complex:
         """Return K_v F G_y."""
@@ -212,7 +212,7 @@ def _low_pass(device: Device, theta: complex) -> complex:
 
 
 def _motor(device: Device) -> tuple[float, float]:
-    """Return mass and damping that the motor moves directly, with what is always held if that is rigid."""
+    """Return mass and damping that the motor moves directly, including a rigid least operator."""
     held = device.operator if device.operator is not None else LeastOperator(0.0, 0.0)
     return device.motor_mass + held.mass, device.least_damping
 

@@ -40,7 +40,7 @@ off it has found another crossing; half and twice it tell the same apart."""
 
 @dataclass(frozen=True, slots=True)
 class Margins:
-    """The margins nearest to instability; inf where nothing crosses.
+    """The margins nearest to instability; inf if nothing crosses.
 
     Attributes
     ----------
@@ -126,7 +126,7 @@ def _circle(device: Device, gains: Gains) -> Pair:
 
 
 def _delay_margin(device: Device, gains: Gains, estimate: float) -> float:
-    """Return the least delay with which F passes through 0, inf where none is found.
+    """Return the least delay with which F passes through 0, inf if there is no such delay.
 
     The estimate, phase over frequency, is good far below Nyquist only: part of a sample of delay even eases a loop
     that rings at Nyquist, where the held force acts on two samples.

@@ -1,4 +1,4 @@
-"""Which part of a device is how late: phases around the velocity loop and along the force path, in double precision.
+"""Phases of the parts of a device around the velocity loop and along the force path, in double precision.
 
 See model/README.md, sections 1, 7 and 12.
 """
@@ -61,7 +61,7 @@ def crossover(device: Device, gains: Gains) -> float | None:
 
 
 def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
-    """Return what each part takes from the phase of L = A H (K_v F + K_p/s) P_mu of the sampled loop.
+    """Return the contribution of each part to the phase of L = A H (K_v F + K_p/s) P_mu of the sampled loop.
 
     What sampling adds to the frequency model is a share of its own. The hold is the exact one: it is what runs.
 
@@ -84,7 +84,7 @@ def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
 
 
 def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
-    """Return what each part adds to the phase of q = F_s G_he, with G_he = P_hu C_0/(1 + P_mu C_f).
+    """Return the contribution of each part to the phase of q = F_s G_he, with G_he = P_hu C_0/(1 + P_mu C_f).
 
     The feedback, 1/(1 + P_mu C_f), makes up for most of what is late within the loop; nothing does for the force
     sensor.

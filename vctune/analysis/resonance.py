@@ -1,4 +1,4 @@
-"""Frequencies next to the resonance of a handle on a spring, which a grid of constant spacing may step over."""
+"""Frequencies near the resonance of a handle on a spring, which a grid of constant spacing may step over."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The exact sampled loop at frequencies up to Nyquist, in double precision: what its margins are read off."""
+"""The exact sampled loop at frequencies up to Nyquist, in double precision; margins are read from it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stability of both loops on grids, and where it ends: estimates for the search, not proofs.
+"""Stability of both loops on grids, and its boundary: estimates for the search, not proofs.
 
 See model/README.md, section 7.
 """

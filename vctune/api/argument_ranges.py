@@ -1,4 +1,4 @@
-"""What can be asked for, of the functions and of the commands; imports nothing heavy."""
+"""The ranges of arguments of functions and commands; imports nothing heavy."""
 
 from __future__ import annotations
 

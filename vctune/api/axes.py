@@ -1,4 +1,4 @@
-"""Problems with several axes that do not couple: each axis is a problem, and equal problems are worked on once."""
+"""Problems with several axes that do not couple: each axis is a problem, and equal problems are solved once."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ Found = TypeVar("Found")
 
 @dataclass(frozen=True, slots=True)
 class AxisDesign:
-    """What came of an axis.
+    """The result for an axis.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ def of_each(
     work: Callable[[AxisProblem], Found],
     given: Callable[[AxisProblem], Hashable] = lambda axis: None,
 ) -> list[tuple[AxisProblem, Found]]:
-    """Return what a function makes of each axis; it is called once for those that state the same problem.
+    """Return the result of a function for each axis; it is called once for axes that state the same problem.
 
     Parameters
     ----------

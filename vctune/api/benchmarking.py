@@ -15,7 +15,7 @@ from vctune.document.text.output_files import make_folder
 def benchmark(
     name: str, folder: Path, *, quick: bool, seed: int, command: str, progress: Callable[[str], None]
 ) -> BenchRecord:
-    """Return what a benchmark finds, and write its table, picture and page.
+    """Run a benchmark, write its table, picture and page, and return the result.
 
     Parameters
     ----------

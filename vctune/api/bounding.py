@@ -41,7 +41,7 @@ SAVED = "bound.npz"
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What is known before a search.
+    """The known design before a search.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Known:
 
 @dataclass(frozen=True, slots=True)
 class Bounded:
-    """A problem with what is proved of the error of every admissible design.
+    """A problem with the proved bound on the error of every feasible design.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class Bounded:
 
     @property
     def proved(self) -> bool:
-        """Whether the bound is within the gap that was asked for."""
+        """Whether the bound is within the required gap."""
         return self.optimality is not None and self.optimality.proved
 
     @property
@@ -172,7 +172,7 @@ def require_free(file: ProblemFile, purpose: str = "choose") -> ProblemFile:
 
 
 def known_design(file: ProblemFile, path: Path, *, given: bool) -> Known | None:
-    """Return the design that is given, or that an unfinished search has left; None where there is none.
+    """Return the given design, or the one that an unfinished search has left; None if there is none.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def known_design(file: ProblemFile, path: Path, *, given: bool) -> Known | None:
 
 
 def write_bounded(bounded: Bounded, path: Path) -> None:
-    """Write what is proved into a design.json, and beside it what is left to do.
+    """Write the bound into a design.json, and the state of the search beside it.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ def _known(file: ProblemFile, design: Solved | Known | str | Path | None, progre
 
 
 def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None]:
-    """Return a design.json of the problem and what is proved of it today."""
+    """Return a design.json of the problem and today's verdict on it."""
     record = read_design(path)
     if record.problem.sha256 != file.sha256:
         require_record_of(file, record.problem, str(path), "design")
@@ -253,7 +253,7 @@ def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None
 
 
 def _added(file: ProblemFile, record: DesignRecord, found: Optimality) -> DesignRecord:
-    """Return the design's record with what is proved of all designs; that of a better design if one was found."""
+    """Return the design's record with the bound on all designs; that of a better design if the search found one."""
     if found.improved is not None:
         solved = Solved(problem=file.problem, judgement=found.improved, optimality=found)
         return record_of(file, solved, ipopt_version(), today())

@@ -1,4 +1,4 @@
-"""`vctune check`, as a function: it imports no optimiser for what needs none."""
+"""`vctune check`, as a function; it imports the optimiser only if it needs it."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
 
 
 def recheck(file: ProblemFile, baseline: Path, progress: Progress = lambda stage: None) -> tuple[Checked, Recheck]:
-    """Prove a region again, as `check_region` does; return the check, and what became of cells and gain sets.
+    """Prove a region again, as `check_region` does; return the check, and the verdicts on cells and gain sets.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def check_parameter_files(
 
 
 def check_object(checked: Checked) -> dict[str, Any]:
-    """Return a check as an object: that of design.json, or what became of a region, or why there is neither."""
+    """Return a check as an object: that of design.json, the verdict on a region, or the reason why there is neither."""
     if checked.finding is not None:
         return checked.finding.record()
     return RefusalRecord(
@@ -154,7 +154,7 @@ def check_object(checked: Checked) -> dict[str, Any]:
 
 
 def write_lost(checked: Checked, again: Recheck, folder: Path) -> None:
-    """Write what a region has lost, as a list and as a picture.
+    """Write the losses of a region, as a list and as a picture.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def write_lost(checked: Checked, again: Recheck, folder: Path) -> None:
 
 
 def remove_lost(folder: Path) -> list[str]:
-    """Remove what an earlier check had lost and this one has not; return the names of the files."""
+    """Remove the files of an earlier check's losses if this check has none; return their names."""
     gone = [path for name in LOST if (path := folder / name).exists()]
     for path in gone:
         path.unlink()

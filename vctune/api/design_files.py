@@ -105,7 +105,7 @@ def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: 
 
 
 def known_record(source: Any) -> DesignRecord | None:
-    """Return the record of a design, from its file or its object; None for what states a problem.
+    """Return the record of a design, from its file or its object; None for a source that states a problem.
 
     Parameters
     ----------

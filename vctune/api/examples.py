@@ -1,4 +1,4 @@
-"""The problems that are shipped with the package: `vctune example`, as functions."""
+"""The problems that come with the package: `vctune example`, as functions."""
 
 from __future__ import annotations
 

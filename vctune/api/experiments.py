@@ -55,7 +55,7 @@ class Simulation:
 
     @property
     def agrees(self) -> bool:
-        """Whether a compiled controller commanded what the design does, but for rounding; true without one."""
+        """Whether a compiled controller commanded the same as the design, except for rounding; true without one."""
         return all(one.difference is None or one.difference.passes for one in self.experiments)
 
     @property
@@ -149,7 +149,7 @@ def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment,
 
 
 def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
-    """Return what solving finds, with prices; where there is no design, no repairs are looked for.
+    """Return the solution of a problem, with prices but without repairs.
 
     Parameters
     ----------

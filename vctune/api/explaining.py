@@ -1,4 +1,4 @@
-"""`vctune explain`, as a function: what the guides say of a code, a key or a word, and what a claim is."""
+"""`vctune explain`, as a function: the text of the guides on a code, a key, a term or a claim."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ CELLS = re.compile(r"(?<!\\)\|")
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """What a guide says of a name.
+    """The text of a guide on a name.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class Entry:
 
 
 def explain(name: str) -> ExplanationRecord:
-    """Return what the guides say of a code, a key of a file, a word of the glossary or a claim.
+    """Return the text of the guides on a code, a key of a file, a word of the glossary or a claim.
 
     Parameters
     ----------
@@ -90,20 +90,20 @@ def explain(name: str) -> ExplanationRecord:
 
 
 def contents() -> ExplanationRecord:
-    """Return what can be explained, by name, without its text."""
+    """Return all names that can be explained, without their text."""
     listed = [EntryRecord(kind=each.kind, name=each.names[0], text="", guide=each.guide) for each in entries()]
     return ExplanationRecord(name=None, entries=listed)
 
 
 def _alike(asked: str) -> Iterator[str]:
-    """Yield what a label may be explained as: itself, or without what differs from design to design."""
+    """Yield the names under which a label may be explained: itself, or without its variable parts."""
     linear = reduce(lambda words, pair: words.replace(*pair), TURNING, asked)
     stems = [re.sub(end, "", linear) for end in ("", *LABEL_ENDS)]
     yield from dict.fromkeys([asked, *stems, *(stem.replace("_", " ") for stem in stems)])
 
 
 def _called(asked: str, compared: Callable[[str], str] = str) -> list[Entry]:
-    """Return what has a name, or is a key with this last part."""
+    """Return the entries that have a name, or the keys with this last part."""
     return [
         entry
         for entry in entries()
@@ -143,7 +143,7 @@ def _entries(guide: str, text: str) -> Iterator[Entry]:
         for key, meaning in rows:
             inner = [f"- `{other}`: {of}" for other, of in rows if other.rpartition(".")[0] == key]
             linear, rotary = (unit_of(tuple(key.split(".")), units) for units in (LINEAR, ROTARY))
-            turned = f" Of a rotary device: {rotary}." if linear != rotary else ""
+            turned = f" Unit for a rotary device: {rotary}." if linear != rotary else ""
             yield Entry("key", (key,), "\n".join([meaning + turned, *(["", *inner] if inner else [])]), guide)
     for glossary in GLOSSARY.findall(text):
         for heads, rows in TABLE.findall(glossary):
@@ -168,5 +168,5 @@ def _term(guide: str, heads: list[str], cells: list[str]) -> Entry:
 
 
 def _plain(name: str) -> str:
-    """Return a name as it is compared: without quotes, brackets and what sets formulas."""
+    """Return a name in the form for comparisons: without quotes, brackets and the marks of formulas."""
     return re.sub(r"[\[\]`$\\{}\"']", "", name).strip()

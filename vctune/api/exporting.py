@@ -102,7 +102,7 @@ def export(
 
 
 def require_double(precision: Precision) -> None:
-    """Make sure that a ROS 2 controller is not asked for in another precision than its own.
+    """Make sure that a ROS 2 controller is exported in its own precision.
 
     Raises
     ------
@@ -154,7 +154,7 @@ RIGID = (
 
 
 class NotCertifiedError(InputError):
-    """A design is not exported, for it is not certified; `status` is what it is."""
+    """A design is not exported because it is not certified; `status` is its status."""
 
     def __init__(self, made: Firmware, also: str = "") -> None:
         single = " with the constants rounded to single precision" if made.precision == "single" else ""
@@ -164,7 +164,7 @@ class NotCertifiedError(InputError):
 
 
 def write_export(exported: Exported, folder: str | Path) -> Path:
-    """Write what was exported, all of it or nothing.
+    """Write all files of an export, or none.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ def write_export(exported: Exported, folder: str | Path) -> Path:
 
 
 def export_record(exported: Exported, place: Path) -> ExportRecord:
-    """Return what was exported, as an object.
+    """Return an export as an object.
 
     Parameters
     ----------

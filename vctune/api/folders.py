@@ -1,4 +1,4 @@
-"""The folder of a design: whose it is, and what in it is of an earlier design."""
+"""The folder of a design: its owner, and the files of an earlier design in it."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def claim_folder(file: ProblemFile, folder: Path) -> None:
 
 
 def outdated(folder: Path, record: DesignRecord) -> list[Path]:
-    """Return what lies in a folder and is of the design that is there, where that is another one.
+    """Return the files in a folder that belong to its previous design, if that design differs.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def _same(one: Path, other: Path) -> bool:
 
 
 def _from(folder: Path, source: Path) -> str:
-    """Return the path from a folder to a file, with slashes; the whole path where there is none, as between drives."""
+    """Return the path from a folder to a file, with slashes; the whole path if there is none, as between drives."""
     try:
         return Path(os.path.relpath(source, folder.resolve())).as_posix()
     except ValueError:

@@ -1,4 +1,4 @@
-"""What commands say mistakes with, and of which version they are; imports nothing heavy before it is asked for."""
+"""Messages of commands and their version; imports heavy packages only on use."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def versions() -> dict[str, str | None]:
 
 
 def doubts(stated: Problem | ProblemFile) -> Iterator[Note]:
-    """Return what looks like a mistake in a problem, with its place where there is a file."""
+    """Return probable mistakes in a problem, with their places if there is a file."""
     from vctune.document.file_doubts import file_doubts
     from vctune.document.schema.plausibility import doubts as of
     from vctune.model.problem import Problem

@@ -48,7 +48,7 @@ LOADING = 0.5
 
 @dataclass(frozen=True, slots=True)
 class AdmissibleGains:
-    """The plane of two design variables, or of environments, each cell with what is proved of it.
+    """The plane of two design variables, or of environments, with the verdict on each cell.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class AdmissibleGains:
 
     @property
     def areas(self) -> dict[str, float]:
-        """The share of the plane, by what is proved: feasible, infeasible, undecided."""
+        """The share of the plane by verdict: feasible, infeasible, undecided."""
         return {kind.name.lower(): self.region.area(kind) for kind in (Kind.FEASIBLE, Kind.INFEASIBLE, Kind.UNDECIDED)}
 
     @property
@@ -79,7 +79,7 @@ class AdmissibleGains:
 
     @property
     def status(self) -> Status:
-        """Certified if a cell or a design is admissible, infeasible if none is, undecided if neither is proved."""
+        """Certified if a cell or a design is feasible, infeasible if none is, undecided if neither is proved."""
         kinds = self.region.kinds
         if (kinds == Kind.FEASIBLE).any() or (self.designs and self.design is None):
             return Status.CERTIFIED

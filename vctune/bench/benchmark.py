@@ -1,4 +1,4 @@
-"""What every benchmark is: a table of frozen rows, what they say, and a picture of them; and their files."""
+"""The parts of every benchmark: a table of frozen rows, its interpretation, a picture, and their files."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DIGITS = 6
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """What a benchmark found.
+    """The result of a benchmark.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""The design problem on a fixed grid, as its own NLP has it, for any solver, with exact derivatives. Imports casadi.
+"""The design problem on a fixed grid, as a problem for any solver, with exact derivatives. Imports casadi.
 
 Every peer gets vctune's own formulation: logarithmic variables and log-ratio constraints, derivatives by CasADi's
 algorithmic differentiation, bounds, and the starts of the scan.
@@ -49,7 +49,7 @@ class Dense:
     numbers: NlpNumbers
 
     def values(self, z: Floats) -> tuple[Floats, Floats]:
-        """Return the objective, log error, and the demands beyond their levels: >= 0 where they are met.
+        """Return the objective, log error, and the constraints beyond their levels: >= 0 where a design meets them.
 
         Where Re G_hh <= 0 there is no logarithm: such a demand is missed by `MISSED`.
         """

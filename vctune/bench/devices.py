@@ -1,4 +1,4 @@
-"""Random devices over ten decades of mass, damping, sample time, delay, bounds and bands; a seed makes each again."""
+"""Random devices over ten decades of mass, damping, sample time, delay, bounds and bands; a seed reproduces each."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MOST_DELAY = 150.0
 
 
 def device(seed: int, number: int) -> tuple[dict[str, Any], Problem]:
-    """Return the number-th device of a seed, as document and as problem; what makes no problem is drawn again.
+    """Return the number-th device of a seed, as document and as problem; invalid problems are drawn again.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Fifty digits: the theory by its definitions in mpmath, of a case of numbers at one omega > 0, rad/s, in SI units."""
+"""The theory by its definitions with fifty digits in mpmath, for one case at one omega > 0, rad/s, in SI units."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ GUARD = 70
 
 @dataclass(frozen=True, slots=True)
 class Exact:
-    """What the definitions give at a frequency.
+    """The values of the definitions at a frequency.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""A second opinion in plain complex numbers: the theory written down once more, sharing nothing with the model.
+"""An independent implementation of the theory in plain complex numbers, which shares no code with the model.
 
 Dense grids instead of a proof, matrix exponentials and eigenvalues instead of a return difference. The tests judge with
 it too, many designs or many devices at a time: of one `Case` a function of k frequencies, rad/s and not 0, gives k
@@ -294,7 +294,7 @@ def loop_matrices(case: Case) -> Floats:
 
 
 def _motion(case: Case, t: Floats, order: int) -> tuple[Floats, Floats]:
-    """Return the motion over t: its matrix and what a constant unit force adds to it."""
+    """Return the motion over t: its matrix and the contribution of a constant unit force."""
     rates = np.zeros((len(t), order + 1, order + 1))
     rates[:, 0, 0], rates[:, 0, order], rates[:, 1:order, 0] = -case.damping / case.mass, 1 / case.mass, 1.0
     whole = _exponentials(rates * t[:, None, None])

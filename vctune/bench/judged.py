@@ -1,4 +1,4 @@
-"""What an answer is worth, whoever gave it: vctune's prover and the independent evaluator, side by side."""
+"""The judgement of any solver's answer, by vctune's prover and by the independent evaluator."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ AGREEMENT = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Worth:
-    """What an answer is worth.
+    """The judgement of an answer.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a user would pick instead: SciPy's SLSQP on a fixed grid."""
+"""The usual alternative: SciPy's SLSQP on a fixed grid."""
 
 from __future__ import annotations
 

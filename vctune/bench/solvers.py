@@ -1,4 +1,4 @@
-"""vctune against what a user would pick instead: the same problems, the same starts, the same judges."""
+"""vctune against the usual alternatives: the same problems, the same starts, the same judges."""
 
 from __future__ import annotations
 
@@ -215,7 +215,7 @@ CLOSE = 1e-3
 
 
 def facts(rows: list[Row]) -> list[str]:
-    """Say who wins where, and what becomes of the rest."""
+    """Return sentences on who wins where, and on the other answers."""
     fixed = [row for row in rows if row.solver.startswith(IPOPT) and row.succeeded]
     refuted = sum(row.verdict == Status.VIOLATED for row in fixed)
     better = [row for row in rows if row.solver == OURS and row.gap > LEAST_GAP]

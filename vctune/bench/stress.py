@@ -1,4 +1,4 @@
-"""Thousands of devices over ten decades, and every verdict checked by arithmetic of another kind."""
+"""Thousands of devices over ten decades; independent arithmetic checks every verdict."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
 
 
 def examined(seed: int, number: int) -> Row:
-    """Solve a device and check what comes of it.
+    """Solve a device and check the result.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def _patience() -> Iterator[None]:
 
 
 def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
-    """Return what 50 digits say against a certified design, "" if nothing, and the floats' largest relative error.
+    """Return the objection of 50 digits to a certified design ("" if none), and the floats' largest relative error.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ def _spread(bounds: Range, count: int) -> list[float]:
 
 
 def facts(rows: list[Row]) -> list[str]:
-    """Say what became of the devices, and whether any verdict is wrong."""
+    """Return sentences on the devices' results, and on wrong verdicts."""
     counts = Counter(row.status for row in rows)
     shares = ", ".join(f"{status} {count} ({count / len(rows):.2%})" for status, count in counts.most_common())
     wrong = [row for row in rows if row.wrong]

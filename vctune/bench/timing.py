@@ -1,4 +1,4 @@
-"""Time on a machine that others use too: processor time, the middle of repeats."""
+"""Timing on a shared machine: processor time, median of repeats."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Made = TypeVar("Made")
 
 
 def machine() -> str:
-    """Return what this machine is, in a line."""
+    """Return a description of this machine in one line."""
     model = platform.processor() or platform.machine()
     try:
         with open("/proc/cpuinfo") as file:
@@ -27,7 +27,7 @@ def machine() -> str:
 
 
 def timed(work: Callable[[], Made], repeats: int = 1) -> tuple[Made, float]:
-    """Return what the work makes and the median processor time that it takes, s.
+    """Return the result of the work and its median processor time, s.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The `vctune` command and what becomes of errors: a clear line on stderr and a documented exit code."""
+"""The `vctune` command: it turns each error into a clear line on stderr and a documented exit code."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def _print_version(context: click.Context, parameter: click.Parameter, wanted: b
     help="Show the versions of vctune, casadi, IPOPT, numpy and python-flint.",
 )
 def main() -> None:
-    """Gains for haptic devices: as transparent as possible, and proved stable."""
+    """Design gains for haptic devices: as transparent as possible, and proved stable."""
 
 
 main.add_command(solve)

@@ -1,4 +1,4 @@
-"""A problem made ready, once, for the search: its devices, what is demanded of them, and the optimiser's own units."""
+"""A problem prepared for the search: its devices, its constraints, and the optimiser's own units."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Units:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posed:
-    """A problem and the devices at which its demands are posed.
+    """A problem and the devices at which its constraints are imposed.
 
     What lies between the vertices of a box is the prover's business: a device of it that is refuted joins them. Two are
     the same only if they are one, so that what is worked out of one can be kept for it.
@@ -149,7 +149,7 @@ def _posed(problem: Problem) -> Posed:
 
 
 def compared(posed: Posed) -> Posed:
-    """Return a posed problem with a weight for the terms alone that act: what its designs are compared by."""
+    """Return a problem with zero weight on terms that no design can change; its designs are compared by the others."""
     weights = _acting_weights(posed.problem)
     if weights == posed.problem.transparency.weights:
         return posed
@@ -175,7 +175,7 @@ def acting_terms(problem: Problem) -> tuple[TermName, ...]:
 
 
 def of_one_device(problem: Problem) -> Problem | None:
-    """Return a problem of a device known exactly that the same couplings meet; None if there is none.
+    """Return a problem of a device known exactly with the same feasible couplings; None if there is none.
 
     An uncertain one has such a device where all that is uncertain moves as one with the hand
     (`vctune.proof.device_box`) and no loop is closed without the coupling.

@@ -1,4 +1,4 @@
-"""What comes of a problem, stage by stage: plain data that a report can be made of."""
+"""The results of each stage of a design, as plain data for a report."""
 
 from __future__ import annotations
 
@@ -113,13 +113,13 @@ class Repair:
 
     @property
     def rank(self) -> tuple[float, float]:
-        """What repairs are sorted by: the error in the digits that are shown, then the size of the change."""
+        """The order of repairs: the error in its printed digits, then the size of the change."""
         return float(f"{self.error:.4g}"), self.size
 
 
 @dataclass(frozen=True, slots=True)
 class Price:
-    """What a better number of the device is worth, everything else of the problem as it is.
+    """The value of a better number of the device, everything else of the problem unchanged.
 
     Attributes
     ----------
@@ -154,7 +154,7 @@ class Alternative:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Solved:
-    """What came of a problem.
+    """The result of a problem.
 
     Attributes
     ----------
@@ -197,7 +197,7 @@ class Solved:
 
     @property
     def cut_short(self) -> list[Note]:
-        """What a time limit has cut short, if anything."""
+        """The parts that a time limit has cut short, if any."""
         if not self.cut:
             return []
         *others, last = dict.fromkeys(self.cut)
@@ -213,7 +213,7 @@ class Solved:
 
     @property
     def reason(self) -> str | None:
-        """Why there is no design, with the best repair or what may be one; or by how little a given one fails."""
+        """Why there is no design, with the best repair; for a given design, by how much it fails."""
         if self.infeasibility is None:
             return self.judgement.reserve_missed if self.judgement else None
         if self.repairs:

@@ -147,7 +147,7 @@ def _early(prepared: Prepared) -> Optimality:
 def _searched(
     prepared: Prepared, solved: Solved, progress: Progress, gap: float | None, resume: ResumeState | None
 ) -> Solved:
-    """Search the boxes that are left, or all: for a design where there is none, for a bound where it was asked for."""
+    """Search the remaining boxes, or all: for a design if there is none, or for a bound if it is required."""
     from vctune.design.bound.search import bound
 
     began = perf_counter()

@@ -1,4 +1,4 @@
-"""The design variables as the optimiser sees them: logarithms, or log(1 + x/scale) where x may be 0."""
+"""The design variables of the optimiser: logarithms, or log(1 + x/scale) for those that may be 0."""
 
 from __future__ import annotations
 

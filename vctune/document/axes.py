@@ -1,4 +1,4 @@
-"""The axes of a study: numbers of a problem by dotted key, and the values that they take."""
+"""The axes of a study: numbers of a problem by dotted key, and their values."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def number_keys() -> dict[str, KeyPath]:
 
 
 def read_axis(key: str, value: Any, *, sampled: bool) -> tuple[Axis | None, list[Contradiction]]:
-    """Return the axis that a study states under a key, or what is wrong with it.
+    """Return the axis that a study states under a key, or its faults.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def _list_faults(at: KeyPath, values: list[Any]) -> list[Contradiction]:
 def _range(
     at: KeyPath, table: dict[str, Any], *, sampled: bool
 ) -> tuple[list[Contradiction], Scale, list[Any], int | None]:
-    """Return what is wrong with { linear or log = [a, b], n }, and the scale, ends and n that it states."""
+    """Return the faults of { linear or log = [a, b], n }, and its scale, ends and n."""
     faults: list[Contradiction] = []
     for name in table:
         if name not in (*SPANS, "n"):

@@ -1,4 +1,4 @@
-"""Problems and designs from whatever a program has of them: a path, tables, or the objects themselves."""
+"""Problems and designs from a program's data: a path, tables, or the objects themselves."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ DesignSource = Gains | GainsFile | str | Path
 
 @dataclass(frozen=True, slots=True)
 class Device(devices.Device):
-    """An admittance display as a user states it, held to what a problem file's [device] may say.
+    """An admittance display as a user states it, checked against the [device] table of a problem file.
 
     Attributes
     ----------
@@ -146,7 +146,7 @@ def design_for(file: ProblemFile, gains: DesignSource, coupling: AnyCoupling | N
 
 
 def plain(value: Any) -> Any:
-    """Return a value as TOML has it: objects as tables, what is None left out, NumPy's numbers as Python's."""
+    """Return a value in TOML's types: objects as tables without None, NumPy's numbers as Python's."""
     if is_dataclass(value) and not isinstance(value, type):
         value = table_of(value)
     if isinstance(value, Mapping):

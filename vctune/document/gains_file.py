@@ -1,4 +1,4 @@
-"""The gains file: [gains] and [coupling] to paste into a problem, [design] to say where they come from.
+"""The gains file: [gains] and [coupling] to paste into a problem, [design] for their origin.
 
 See document/README.md, section 2.
 """
@@ -42,7 +42,7 @@ def design_tables(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[st
 
 
 def numbers_text(kind: Display, gains: Gains, coupling: AnyCoupling) -> str:
-    """Return the numbers of a design as one text, from which an edited file knows what it was.
+    """Return the numbers of a design as one text, which shows the original values of an edited file.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Logs, read: the columns of a table of numbers, each by what it is, and the map that says which is what."""
+"""Reading logs: the columns of a table of numbers by their roles, and the map that assigns them."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class LogMap:
 
     @property
     def roles(self) -> tuple[str, ...]:
-        """What a column can be."""
+        """The roles of a column."""
         return SERVO_ROLES if self.servo else ROLES
 
 
@@ -170,7 +170,7 @@ def _check_needed(path: Path, headers: list[str], found: dict[str, ColumnTable],
 
 
 def _servo_s_command(found: Mapping[str, ColumnTable]) -> list[tuple[str, str]]:
-    """Return what is wrong with the command of a servo."""
+    """Return the faults of a servo's command."""
     sent = [role for role in SERVO_COMMANDS if role in found]
     if len(sent) == 1:
         return []
@@ -190,7 +190,7 @@ def _channel(values: Floats, stated: ColumnTable, known: LogMap, role: str) -> C
 
 
 def _unit(stated: ColumnTable, known: LogMap, role: str) -> str:
-    """Return the unit of a column: the stated one, or what its header ends with."""
+    """Return the unit of a column: the stated one, or the end of its header."""
     fitting = KINDS[KIND_OF.get(role, role)]
     if role != "time":
         fitting = tuple(unit for unit in fitting if (unit in ANGLES) == known.document.rotary)

@@ -1,4 +1,4 @@
-"""The text of a log as a table: headers and numbers, or what is wrong with it, each fault with its line and column."""
+"""The text of a log as a table: headers and numbers, or its faults with line and column."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def _unpacked(path: Path, packed: bytes) -> bytes:
 
 
 def _headers(path: Path, data: bytes) -> tuple[list[str], str, int]:
-    """Return the headers, what separates them, and the line of the first row."""
+    """Return the headers, their separator, and the line of the first row."""
     try:
         for number, line in enumerate(_stream(data), 1):
             if line.strip() and not line.startswith("#"):

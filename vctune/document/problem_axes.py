@@ -1,4 +1,4 @@
-"""Several axes that do not couple: each is a problem, of the file's tables and its [[axis]], which overrides them."""
+"""Several axes that do not couple: each is a problem of the file, overridden by its [[axis]]."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def merged(shared: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _misstated(tables: Any) -> Iterator[Fault]:
-    """Return what is wrong with the list of axes and their names."""
+    """Return the faults of the list of axes and their names."""
     if not isinstance(tables, list) or not tables or not all(isinstance(table, Mapping) for table in tables):
         yield Fault(("axis",), "is no list of tables; write [[axis]] and a name for each axis", "wrong-type")
         return
@@ -194,7 +194,7 @@ def _has(tables: Any, path: KeyPath) -> bool:
 
 
 def _named(found: Sequence[Sequence[Fault]], names: Sequence[str], own: set[Fault]) -> list[Fault]:
-    """Return the faults of all axes, each once; what an axis alone makes wrong of the file's own tables names it."""
+    """Return the faults of all axes, each once; faults that one axis causes in shared tables name it."""
     told = []
     for faults, name in zip(found, names, strict=True):
         for fault in faults:

@@ -1,4 +1,4 @@
-"""Problem files and gains files, read."""
+"""Reading problem files and gains files."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def on_yardstick(file: ProblemFile, yardstick: Transparency) -> ProblemFile:
 
 
 def _told(fault: Fault, units: Units) -> Fault:
-    """Return a fault in the words of a kind of device: what documents a key that is missing is of a linear one."""
+    """Return a fault in the words of a kind of device; the documentation of a missing key is for a linear one."""
     return fault._replace(message=units.translated(fault.message)) if fault.code == "missing-key" else fault
 
 

@@ -67,7 +67,7 @@ class Recording:
 
     @property
     def units(self) -> Units:
-        """Of its numbers."""
+        """The units of its numbers."""
         return UNITS["rotary" if self.rotary else "linear"]
 
     def __len__(self) -> int:

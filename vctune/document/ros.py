@@ -1,4 +1,4 @@
-"""The parameter file of a ROS 2 admittance_controller, as far as it is about stability."""
+"""The parameter file of a ROS 2 admittance_controller, as far as it affects stability."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ TUNED = (
 
 @dataclass(frozen=True, slots=True)
 class Admittance:
-    """What the controller renders on one axis.
+    """The admittance that the controller renders on one axis.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Admittance:
 
     @property
     def damping(self) -> float:
-        """D = 2 zeta sqrt(M S), and what the joints lose, N s/m."""
+        """D = 2 zeta sqrt(M S), plus the damping of the joints, N s/m."""
         return 2 * self.damping_ratio * sqrt(self.mass * self.stiffness) + self.joint_loss
 
     @property
@@ -133,14 +133,14 @@ def _controllers(value: Any, place: tuple[str, ...]) -> Iterator[tuple[tuple[str
 
 
 class _Reader:
-    """Reads one controller's parameters, and notes what is wrong with them."""
+    """Reads one controller's parameters, and collects its faults."""
 
     def __init__(self, source: str, place: tuple[str, ...], given: Mapping[str, Any], root: Any) -> None:
         self._source, self._place, self._given, self._root = source, place, given, root
         self._mistakes: list[Mistake] = []
 
     def read(self) -> AdmittanceFile:
-        """Return what the file states.
+        """Return the content of the file.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""The parameter file of a ROS 2 admittance_controller, written: what `vctune.document.ros` reads."""
+"""Writing the parameter file of a ROS 2 admittance_controller, which `vctune.document.ros` reads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The study file, read: a problem, the numbers of it that vary, and how they make points."""
+"""Reading the study file: a problem, the numbers that vary, and how they make points."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class Study:
                 yield problem
 
     def at(self, values: Sequence[float]) -> tuple[Problem | None, list[Fault]]:
-        """Return the problem at a point, or None and why there is none."""
+        """Return the problem at a point, or None and the reason."""
         return pose(self.posed(values), self.name, self.yardstick)
 
 
@@ -183,7 +183,7 @@ def _posed(
 
 
 def _contradictions(raw: dict[str, Any]) -> list[Contradiction]:
-    """Return what is wrong with the axes, each by itself, with each other and with the sample."""
+    """Return the faults of the axes, of each alone, with each other and with the sample."""
     table, sample = (part if isinstance(part, dict) else {} for part in (raw.get("axes"), raw.get("sample")))
     kind = sample.get("kind", "grid")
     faults: list[Contradiction] = []
@@ -237,7 +237,7 @@ def _is_default(document: dict[str, Any], path: KeyPath, varied: Mapping[KeyPath
 
 
 def _at(document: dict[str, Any], path: KeyPath) -> Any:
-    """Return what stands at a path of keys, None for nothing."""
+    """Return the value at a path of keys, None if there is none."""
     node: Any = document
     for step in path:
         node = node.get(step) if isinstance(node, dict) else None
@@ -254,7 +254,7 @@ def _first(problem: dict[str, Any], axes: Sequence[Axis]) -> dict[str, Any]:
 
 
 def _yardstick(problem: dict[str, Any], axes: Sequence[Axis]) -> tuple[Transparency | None, list[Fault]]:
-    """Return the objective of the problem as it is or, where axes give what it lacks, at their first values."""
+    """Return the objective of the problem; if axes give numbers that it lacks, with their first values."""
     for document in (problem, _first(problem, axes)):
         found, faults = pose(document, "study")
         if found is not None:
@@ -267,7 +267,7 @@ def _yardstick(problem: dict[str, Any], axes: Sequence[Axis]) -> tuple[Transpare
 
 
 def _problem_faults(problem: dict[str, Any], axes: Sequence[Axis]) -> list[Fault]:
-    """Return what is wrong with the problem wherever the axes stand."""
+    """Return the faults of the problem that do not depend on the axes."""
     _, faults = examined(ProblemDocument, _first(problem, axes), lambda _raw: [])
 
     def varied(path: KeyPath) -> bool:

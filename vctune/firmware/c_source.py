@@ -62,7 +62,7 @@ def rendered_template(name: str, given: dict[str, Any]) -> str:
 
 
 def names_and_numbers(made: Firmware) -> dict[str, Any]:
-    """Return what the templates need of a design, its equations apart."""
+    """Return the data of a design for the templates, except for its equations."""
     double = made.precision == "double"
     top = "\n".join(f" * {line}".rstrip() for text in statement(made) for line in comment(text) or [""])
     T, numbers = made.device.sample_time, (*astuple(made.coupling), *astuple(made.gains))
@@ -126,7 +126,7 @@ def _start_head(made: Firmware) -> str:
 
 
 def _law_told(made: Firmware) -> str:
-    """Return what the last equations of a step are."""
+    """Return comments on the last equations of a step."""
     if not made.parts.limit:
         return f"The coupling, and the {made.parts.command} that the servo is to follow."
     return "The force against the coupling." if made.parts.spring else "The law on the velocity error."
@@ -169,7 +169,7 @@ def _code(made: Firmware) -> dict[str, Any]:
 
 
 def state_names(made: Firmware) -> list[str]:
-    """Return what a firmware remembers, the mass of its environment apart."""
+    """Return the state of a firmware, without the mass of its environment."""
     return [name for name in equations.remembered(made.parts) if name != "inertia"]
 
 
@@ -181,13 +181,13 @@ def limiting(made: Firmware) -> tuple[str, ...]:
 
 
 def inputs_of(made: Firmware) -> list[Quantity]:
-    """Return what a firmware reads."""
+    """Return the inputs of a firmware."""
     known = _used(_blocks(made.parts))
     return [one for one in INPUTS if one.name in known]
 
 
 def reads_of(made: Firmware) -> list[str]:
-    """Return what a firmware reads, by the names of the fields of its measurement."""
+    """Return the inputs of a firmware, by the names of the fields of its measurement."""
     return [_short(one) for one in inputs_of(made)]
 
 
@@ -228,7 +228,7 @@ def _told(quantity: Quantity, units: Units) -> str:
 
 
 def _names(made: Firmware, blocks: dict[str, list[Equation]]) -> dict[Symbol, str]:
-    """Return what symbols are called in vctune_step."""
+    """Return the names of symbols in vctune_step."""
     local = {Symbol(equation.quantity.name): equation.quantity.name for block in blocks.values() for equation in block}
     return {
         **{Symbol(name): f"VCTUNE_{name.upper()}" for name in made.coefficients},
@@ -240,7 +240,7 @@ def _names(made: Firmware, blocks: dict[str, list[Equation]]) -> dict[Symbol, st
 
 
 def _environment_names(names: dict[Symbol, str]) -> dict[Symbol, str]:
-    """Return what symbols are called in vctune_render."""
+    """Return the names of symbols in vctune_render."""
     return {
         **names,
         **{Symbol(name): f"built_in->{name}" for name in BUILT_IN},
@@ -251,7 +251,7 @@ def _environment_names(names: dict[Symbol, str]) -> dict[Symbol, str]:
 
 
 def _lines(block: Iterable[Equation], names: dict[Symbol, str], made: Firmware) -> list[str]:
-    """Return equations as declarations, each with what it stands for."""
+    """Return equations as declarations, each with its meaning."""
     lines = []
     for equation in block:
         quantity = equation.quantity

@@ -1,4 +1,4 @@
-"""What is exported: a design with what is proved of it, and the coefficients as the firmware will have them."""
+"""The content of an export: a design with its proved claims, and the rounded coefficients of the firmware."""
 
 from __future__ import annotations
 
@@ -59,12 +59,12 @@ class Firmware:
 
     @property
     def units(self) -> Units:
-        """Of its numbers."""
+        """The units of its numbers."""
         return UNITS[self.device.units]
 
     @property
     def doubt(self) -> str:
-        """What is not proved of it; nothing if it is certified."""
+        """The claims that are not proved; empty if it is certified."""
         if self.record.status == "certified" or self.record.certificate is None:
             return ""
         claims = self.record.certificate.claims
@@ -106,7 +106,7 @@ def firmware(file: ProblemFile, gains: Gains, coupling: AnyCoupling, precision: 
 
 @np.errstate(all="ignore")
 def judged(problem: Problem, design: tuple[Gains, AnyCoupling]) -> Judgement:
-    """Return what is proved of a design, as `vctune check` proves it.
+    """Return the proved claims of a design, as `vctune check` proves them.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What every exported file says first: what it is, of which design, what is proved and what that assumes."""
+"""The head of every exported file: its kind, the design, the proved claims and their assumptions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vctune.version import __version__
 
 
 def statement(made: Firmware) -> list[str]:
-    """Return what is said at the top of every file: what it is, of which design, and what is proved.
+    """Return the head of every file: its kind, its design, and the proved claims.
 
     Parameters
     ----------
@@ -34,12 +34,12 @@ def statement(made: Firmware) -> list[str]:
 
 
 def not_proved(made: Firmware) -> str:
-    """Return what is said first of a design that is not certified."""
+    """Return the warning at the top of a design that is not certified."""
     return f"NOT PROVED. {made.record.status}: {made.doubt}"
 
 
 def assumptions(made: Firmware) -> list[str]:
-    """Return what the certificate takes for granted, in words."""
+    """Return the assumptions of the certificate, in words."""
     device, units = made.device, made.units
     box = ", and any other of the problem's [uncertainty]" if made.record.uncertainty is not None else ""
     built = f"{_mechanics(device, units)}{box}; a step every {device.sample_time!r} s"
@@ -58,7 +58,7 @@ def assumptions(made: Firmware) -> list[str]:
 
 
 def _mechanics(device: Device, units: Units) -> str:
-    """Return what the device is, in words."""
+    """Return the device in words."""
     parts = [
         (device.velocity, "velocity estimate"),
         (device.actuator, "actuator"),

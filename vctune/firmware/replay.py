@@ -1,4 +1,4 @@
-"""What stands beside the controller: vectors.csv and replay.c, a Makefile, the bridge to the simulation."""
+"""The files beside the controller: vectors.csv and replay.c, a Makefile, the bridge to the simulation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A design as parameters of a ROS 2 admittance_controller: proved as that controller steps them."""
+"""A design as parameters of a ROS 2 admittance_controller, proved as that controller steps them."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def ros2_firmware(axes: Sequence[RosAxis]) -> list[Firmware]:
 
 
 def ros2_files(name: str, axes: Sequence[RosAxis], made: Sequence[Firmware]) -> dict[str, str]:
-    """Return the parameter file, with what is proved of it in its comments.
+    """Return the parameter file, with the proved claims as comments.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the simulated controller measured and commanded in every experiment, to be replayed."""
+"""Measurements and commands of the simulated controller in every experiment, for replay."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] =
 
 
 def usual(problem: Problem) -> tuple[Experiment, ...]:
-    """Return what is replayed where a problem has no experiment of its own: a spring, and a wall that saturates.
+    """Return the experiments for a problem without experiments of its own: a spring, and a wall that saturates.
 
     A servo has no mass to say how large what it meets is, and no force that could saturate: its hands do.
     """
@@ -126,7 +126,7 @@ def greatest_difference(firmware: Firmware, made: list[Replay]) -> float:
 
 
 def commands(firmware: Firmware, one: Replay) -> Floats:
-    """Return what a firmware, in its own precision, commands to an experiment's measurements.
+    """Return the commands of a firmware, in its own precision, for an experiment's measurements.
 
     Parameters
     ----------

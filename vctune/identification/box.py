@@ -83,7 +83,7 @@ class Bounded:
 
     @property
     def limit(self) -> str:
-        """What the interval is made by, as text."""
+        """The source of the interval, as text."""
         return "; ".join(note.line for note in self.limits)
 
 
@@ -118,7 +118,7 @@ def _bounded(key: str, estimates: list[Estimate], factor: float, sample_time: fl
 
 
 def _widest(key: str, estimates: list[Estimate], sampled: float) -> Note:
-    """Return which of the reasons for an interval asks for the most."""
+    """Return the reason that makes an interval widest."""
     spread = max(each.value for each in estimates) - min(each.value for each in estimates)
     excess = max(max(each.excess) for each in estimates)
     if all(each.stated for each in estimates):

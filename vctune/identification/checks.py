@@ -1,4 +1,4 @@
-"""What must be right with a recording before anything is fitted: each fault with its row, its column and its remedy."""
+"""Checks of a recording before any fit: each fault with its row, its column and its remedy."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def check(recording: Recording, sample_time: float | None, *, servo: bool = Fals
 
 
 def remarks(recording: Recording) -> list[Note]:
-    """Return what a reader should know of a recording that can be used."""
+    """Return remarks on a usable recording."""
     said = []
     for role in ("command", "force"):
         if role in recording.channels and (share := _at_limit(recording.channels[role])) > 0:

@@ -1,4 +1,4 @@
-"""A multisine for what is still uncertain: which lines, how long, how strong (README, section 5)."""
+"""A multisine for the numbers that are still uncertain: lines, duration, amplitude (README, section 5)."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def _wave(lines: Floats, period: int) -> Floats:
 
 
 def _scale(found: Identified, force: Floats, motor: Floats, hertz: Floats) -> float:
-    """Return by what the wave is multiplied: as strong as the logs say that the device bears."""
+    """Return the amplitude of the wave: as strong as the logs show that the device bears."""
     forces, speeds = [], []
     for study in found.records:
         recording = study.recording

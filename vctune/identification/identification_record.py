@@ -1,4 +1,4 @@
-"""What was identified, as the object of identification.json."""
+"""The object of identification.json."""
 
 from __future__ import annotations
 
@@ -224,7 +224,7 @@ def _followed(study: RecordStudy, servo: ServoStudy) -> RecordingRecord:
 
 
 def _derived(fit: ResponseFit, units: Units) -> list[NumberRecord]:
-    """Return what a reader knows a structure by: both masses, its stiffness and where it resonates."""
+    """Return the usual numbers of a structure: both masses, its stiffness and its resonance."""
     structure = fit.device.structure
     low = antiresonance_hz(fit.device)
     if structure is None or low is None:

@@ -1,4 +1,4 @@
-"""From recordings to a device, its box, and what is known of each number: the way through this package."""
+"""From recordings to a device, its box, and the source of each number: the main path of this package."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Identified:
     remarks: tuple[Note, ...]
 
     def bounded(self, key: str) -> Bounded | None:
-        """Return a number of the device with its interval, by its key; None where nothing was found of it."""
+        """Return a number of the device with its interval, by its key; None if it was not identified."""
         return next((each for each in self.bounds if each.key == key), None)
 
 

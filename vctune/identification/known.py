@@ -1,4 +1,4 @@
-"""What the user knows of the device, from a log.toml: it is taken as it stands, and need not be found."""
+"""Numbers of the device that the user states in a log.toml; they are not identified."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ OF_OWN_LOOP = {"delay", "delay_uncertainty", "velocity", "actuator"}
 
 
 def check_known(known: LogMap, sample_time: float) -> None:
-    """Make sure that what is known of the device can be so at its sample time.
+    """Make sure that the known numbers of the device are possible at its sample time.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def known_delays(known: LogMap) -> dict[str, float]:
 def with_known(
     estimates: Sequence[Estimate], known: LogMap, T: float, recordings: Sequence[Recording]
 ) -> tuple[list[Estimate], list[Note]]:
-    """Return the estimates with a delay that the user knows in place of what was found of it, and what to say of it.
+    """Return the estimates with the user's delay instead of the identified one, and a remark on it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a problem file can state of a box: the rest is cut off, or the log is refused, each with its reason."""
+"""The part of a box that a problem file can state; the rest is cut off, or the log is refused, each with its reason."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A recording and what came of it; a force alone is looked at both as a command and as measured (README, section 1)."""
+"""A recording and its results; a force alone is fitted both as a command and as measured (README, section 1)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ than 1, the noise of a closed loop 5 and more, multisines hundreds."""
 
 @dataclass(frozen=True, slots=True)
 class RecordStudy:
-    """A recording and what came of it: one of the three studies.
+    """A recording and its result: one of the three studies.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class RecordStudy:
 
     @property
     def residual_share(self) -> float:
-        """What the fit leaves, of the force, of the response or of the motion."""
+        """The share of the force, of the response or of the motion that the fit leaves unexplained."""
         if self.servo is not None:
             return self.servo.fit.left_share
         if self.motion is not None:
@@ -72,7 +72,7 @@ class RecordStudy:
 
     @property
     def chi2(self) -> float:
-        """Power of what is left over that of the noise, per degree of freedom."""
+        """Power of the residual over that of the noise, per degree of freedom."""
         if self.servo is not None:
             return self.servo.chi2
         if self.motion is not None:
@@ -90,7 +90,7 @@ class RecordStudy:
 
     @property
     def estimates(self) -> list[Estimate]:
-        """What it says of the numbers of a problem file."""
+        """Its estimates of the numbers of a problem file."""
         if self.servo is not None:
             return self.servo.estimates(self.recording.name)
         if self.motion is not None:
@@ -150,7 +150,7 @@ def _clearly_better(best: RecordStudy, other: RecordStudy) -> bool:
 
 
 def _commanded(recording: Recording) -> Recording:
-    """Return a recording whose force is what the firmware commanded, held between samples."""
+    """Return a recording whose force is the firmware's command, held between samples."""
     channels = {"command" if role == "force" else role: channel for role, channel in recording.channels.items()}
     return replace(recording, channels=channels)
 

@@ -1,4 +1,4 @@
-"""What the recordings do not tell, and what was done about it (README, section 8)."""
+"""What the recordings do not show, and how the file handles it (README, section 8)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WEAK = 0.5
 
 
 def what_is_not_told(studies: Sequence[RecordStudy], bounds: Sequence[Bounded], known: LogMap) -> list[Note]:
-    """Return what the recordings do not tell.
+    """Return remarks on what the recordings do not show.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ class VelocityEstimate:
 
 @dataclass(frozen=True, slots=True)
 class Actuator:
-    """What the motor makes of its command: a low-pass of order 1, or of order 2 with damping ratio 1/sqrt(2).
+    """The actuator, from command to force: a low-pass of order 1, or of order 2 with damping ratio 1/sqrt(2).
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Actuator:
 
 @dataclass(frozen=True, slots=True)
 class ForceSensor:
-    """What is sensed of the hand's force: late, and through a low-pass as the actuator's.
+    """The sensor of the hand's force: a delay, and a low-pass like the actuator's.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class Servo:
 
 @dataclass(frozen=True, slots=True)
 class Structure:
-    """A handle on a spring: the device's mass is in two, and the motor's part is what is measured and driven.
+    """A handle on a spring: it splits the device's mass in two; sensor and motor act on the motor's part.
 
     Attributes
     ----------
@@ -245,7 +245,7 @@ class Device:
 
     @property
     def motor_mass(self) -> Number:
-        """What the motor drives directly: all of a rigid device, kg."""
+        """The mass that the motor drives directly: all of a rigid device, kg."""
         return self.mass if self.structure is None else self.mass - self.structure.handle_mass
 
     @property
@@ -317,7 +317,7 @@ class Device:
         return same._with_hands(lambda hand: LeastOperator(hand.mass / units["mass"], hand.damping / impedance))
 
     def _with_hands(self, changed: Callable[[LeastOperator], LeastOperator]) -> Device:
-        """Return the device with its operator, and what its handle is loaded with, changed."""
+        """Return the device with another operator and another load on its handle."""
         structure = self.structure
         if structure is not None and structure.load is not None:
             structure = replace(structure, load=changed(structure.load))

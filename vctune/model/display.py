@@ -1,4 +1,4 @@
-"""Kinds of display: what a device makes of what, and what follows from it (model/README.md, sections 1 and 15).
+"""Kinds of display, and the facts that follow from the kind (model/README.md, sections 1 and 15).
 
 Every other module asks a device for its kind and reads a fact from it, or looks its name up in a table.
 """

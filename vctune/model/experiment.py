@@ -1,4 +1,4 @@
-"""An experiment with every default filled in: who moves the handle, what is rendered, on which hardware. SI units."""
+"""An experiment with every default filled in: hand, environment and hardware. SI units."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Friction:
 
 @dataclass(frozen=True, slots=True)
 class Sensors:
-    """What encoder and force sensor make of handle and hand.
+    """The errors of encoder and force sensor.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What is designed: the gains of the velocity loop and the virtual coupling. SI units."""
+"""The design: the gains of the velocity loop and the virtual coupling. SI units."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whose hand is at the handle: a least operator, a hand, and every hand of a box. SI units."""
+"""The hand at the handle: a least operator, a hand, and every hand of a box. SI units."""
 
 from __future__ import annotations
 

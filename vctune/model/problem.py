@@ -1,4 +1,4 @@
-"""A design problem with every default filled in: what the rest of vctune works on. SI units."""
+"""A design problem with every default filled in: the input of the rest of vctune. SI units."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class Stability:
 
 @dataclass(frozen=True, slots=True)
 class Demands:
-    """What a design has to meet.
+    """The constraints on a design.
 
     Attributes
     ----------
@@ -196,7 +196,7 @@ class Problem:
 
     @property
     def demands(self) -> Demands:
-        """What is to be proved of a design."""
+        """The claims to be proved of a design."""
         stability = self.stability
         return Demands(
             device=self.device.modelled,

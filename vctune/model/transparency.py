@@ -1,4 +1,4 @@
-"""How far a design is from the ideal G_hh = 0, G_he = 1, Z_c = 0 (model/README.md, section 8, paper eq. 21)."""
+"""The distance of a design from the ideal G_hh = 0, G_he = 1, Z_c = 0 (model/README.md, section 8, paper eq. 21)."""
 
 from __future__ import annotations
 

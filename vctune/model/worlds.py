@@ -1,4 +1,4 @@
-"""What the device renders: every virtual environment of a box. SI units (model/README.md, section 18)."""
+"""The environments that a device renders: every environment of a box. SI units (model/README.md, section 18)."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ RATIOS = claims_about("ratio", "in_hand")
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """What is proved of a design.
+    """The verdicts on a design.
 
     Attributes
     ----------

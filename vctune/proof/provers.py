@@ -1,4 +1,4 @@
-"""What proves each claim of a certificate: a function by the claim's identifier."""
+"""The prover of each claim of a certificate: a function by the claim's identifier."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from vctune.proof.engine.interval import Outcome, Verdict
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """What is to be proved.
+    """The data of a claim's proof.
 
     Attributes
     ----------

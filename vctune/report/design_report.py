@@ -36,7 +36,7 @@ def write_report(record: DesignRecord, folder: Path, simulation: SimulationRecor
 
 
 def report_files(record: DesignRecord, folder: Path, simulation: SimulationRecord | None = None) -> dict[Path, str]:
-    """Return what `write_report` writes, the page last.
+    """Return the files of `write_report`, the page last.
 
     Parameters
     ----------

@@ -245,7 +245,7 @@ window.vctune = (() => {
       if (same) say("strong", "the shipped design: " + given.shipped.word);
       else {
         say("strong", "tried, not proved");
-        say("span", missed.length ? ": " + missed.join(", ") : ": meets the demands where it was sampled; only the shipped design is proved");
+        say("span", missed.length ? ": " + missed.join(", ") : ": meets the constraints at its samples; only the shipped design is proved");
       }
       inputs.forEach(({ output }, k) => {
         const { bounds, unit } = given.variables[k];

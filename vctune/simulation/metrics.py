@@ -1,4 +1,4 @@
-"""What the traces of a run say: rendering, non-overlap, ripple, energies, effort."""
+"""The measures of a run's traces: rendering, non-overlap, ripple, energies, effort."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Fit:
 
 @dataclass(frozen=True, slots=True)
 class Metrics:
-    """The measures of a run; the first cycle does not count if there are more. None is what cannot be measured.
+    """The measures of a run, without the first cycle if there are more. None if a measure does not exist.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ class _Fitted:
 
 
 def _fit(traces: Traces, environment: Environment, counted: NDArray[np.bool_]) -> _Fitted | None:
-    """Return the least squares of the force over what the environment has: position, velocity, acceleration."""
+    """Return the least squares of the force over the environment's terms: position, velocity, acceleration."""
     columns = {"stiffness": traces.position, "damping": traces.velocity}
     if environment.mass > 0:
         columns["mass"] = np.gradient(traces.velocity, traces.time)

@@ -20,7 +20,7 @@ it, and an unstable one passes half and twice it within a few samples of each ot
 
 @dataclass(frozen=True, slots=True)
 class Traces:
-    """What a run recorded at its samples; all arrays have the same length.
+    """The recorded samples of a run; all arrays have the same length.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ def motion_inputs(scene: Scene, first: int, noise: np.random.Generator) -> Float
 
 
 def traces_of(scene: Scene, recorded: Floats, wanted: Floats, *, diverged: bool) -> Traces:
-    """Return what was recorded as traces; of a run that diverged the samples before it did.
+    """Return the record as traces; for a run that diverged, the samples before that.
 
     Parameters
     ----------

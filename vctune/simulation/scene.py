@@ -16,7 +16,7 @@ from vctune.simulation.mechanics.friction import Carriage
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """What a run consists of.
+    """The parts of a run.
 
     Attributes
     ----------

@@ -131,7 +131,7 @@ def quiet_stiffness(device: Device, experiment: Experiment) -> float:
 
 
 def axis(environment: Environment) -> Literal["position", "velocity"]:
-    """Return over what an environment's force is drawn: position for a spring, velocity for the rest."""
+    """Return the horizontal axis of an environment's force: position for a spring, velocity for the rest."""
     return "position" if environment.stiffness > 0 else "velocity"
 
 

@@ -1,4 +1,4 @@
-"""A curve of fewer points that looks the same (Ramer, Douglas and Peucker)."""
+"""A curve with fewer points that looks the same (Ramer, Douglas and Peucker)."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Many designs: the points of a study, workers that solve them, and the file of rows that outlives them."""
+"""Many designs: the points of a study, the workers that solve them, and the file of rows."""

@@ -93,7 +93,7 @@ def worker_pool(choice: str, jobs: int) -> Iterator[WorkerPool]:
 
 
 class _Serial(Executor):
-    """Work done where it is asked for: nothing to start, no script that its workers would have to import."""
+    """An executor that works at once in this process: nothing to start, no script for workers to import."""
 
     def submit(self, work: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         done: Future[Any] = Future()
@@ -186,7 +186,7 @@ def _dask_pool(choice: str, address: str, jobs: int) -> Iterator[WorkerPool]:
 
 @contextmanager
 def _no_logs() -> Iterator[None]:
-    """Keep Dask's tracebacks of lost connections from stderr: what matters of them is said in our own words."""
+    """Keep Dask's tracebacks of lost connections from stderr: our own message covers them."""
     before = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
     try:

@@ -1,4 +1,4 @@
-"""The two trade-offs that a designer asks about, as studies with a name."""
+"""The two trade-offs of a design as predefined studies."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def _front(table: Table, costs: Floats, by: int) -> Table:
 
 
 def _rounded(costs: Floats) -> Floats:
-    """Return costs to `DIGITS` digits: what differs by less than a solver's tolerance is the same design."""
+    """Return costs with `DIGITS` digits: designs within a solver's tolerance are the same."""
     return np.array([[float(f"{cost:.{DIGITS}g}") for cost in row] for row in costs]).reshape(costs.shape)
 
 

@@ -1,4 +1,4 @@
-"""The admissible gains as a set: cells proved feasible throughout, proved infeasible throughout, or undecided."""
+"""The feasible gains as a set: cells proved feasible throughout, proved infeasible throughout, or undecided."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ Progress = Callable[[str], None]
 
 
 class Kind(IntEnum):
-    """What is proved of a cell."""
+    """The verdict on a cell."""
 
     UNDECIDED = 0
     FEASIBLE = 1
@@ -58,7 +58,7 @@ Kinds = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """The cells of a plane, each with what is proved of it.
+    """The cells of a plane, each with its verdict.
 
     Attributes
     ----------
@@ -186,7 +186,7 @@ def with_damping(cells: Cells, damping: Floats) -> Cells:
 
 @np.errstate(all="ignore")
 def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
-    """Return what can be proved of each cell, and the b_c that serves a feasible one if it is free.
+    """Return the verdict on each cell, and the b_c of a feasible one if it is free.
 
     Parameters
     ----------
@@ -237,7 +237,7 @@ def _closer(problem: Problem, cells: Cells, places: Places) -> Places:
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """What is asked of the coupling at the centres of n cells.
+    """The requirement on the coupling at the centres of n cells.
 
     Attributes
     ----------
@@ -318,7 +318,7 @@ def _offered(coupling: AnyCoupling, device: Device, place: Floats) -> Floats:
 
 
 def _asked(problem: Problem, K_v: Floats, K_p: Floats) -> dict[str, _Asked]:
-    """Return what the demands ask for at some gains, arrays of shape (n, 1), by the names of `Places`."""
+    """Return the requirements at some gains, arrays of shape (n, 1), by the names of `Places`."""
     device, factor, found = problem.device, problem.stability.safety_factor, {}
     if problem.passive:
         omega = frequency_grid(*inwards(sampled_span(problem)), POINTS_PER_DECADE)

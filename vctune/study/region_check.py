@@ -1,4 +1,4 @@
-"""`vctune check --region`: what a baseline had proved, proved again with the problem of today."""
+"""`vctune check --region`: proves the content of a baseline again for today's problem."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from vctune.study.world_region import world_plane, world_plane_errors, world_reg
 
 @dataclass(frozen=True, slots=True)
 class Recheck:
-    """What became of a baseline's proofs.
+    """The verdicts of a baseline that is checked again.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ def _feasible(baseline: RegionDocument) -> Squares:
 
 @dataclass(frozen=True, slots=True)
 class RegionFinding:
-    """What became of a baseline.
+    """The result of checking a baseline again.
 
     Attributes
     ----------

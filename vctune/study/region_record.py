@@ -70,7 +70,7 @@ def region_record(
 
 
 def _of_hands(problem: Problem) -> dict[str, Any]:
-    """Return what is asked of hands, if any are to be met."""
+    """Return the constraint in hands, if there is one."""
     if problem.hands_met is None:
         return {}
     low, high = asdict(problem.hands_met.low), asdict(problem.hands_met.high)

@@ -1,4 +1,4 @@
-"""What a row says of a solved point; every number is finite or null."""
+"""The row of a solved point; every number is finite or null."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ONE_AT_A_TIME = threading.Lock()
 
 
 def solve_point(problem: Problem, time_limit: float = inf) -> dict[str, Any]:
-    """Solve a point and return what its row says, the seconds it took last; never raises.
+    """Solve a point and return the values of its row, the seconds it took last; never raises.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def row_without_design(status: str, reason: str) -> dict[str, Any]:
 
 
 def row_of(solved: Solved) -> dict[str, Any]:
-    """Return what a row says of a solved problem."""
+    """Return the row of a solved problem."""
     judgement = solved.judgement
     yardstick = _yardstick(solved.problem)
     if judgement is None:
@@ -86,7 +86,7 @@ def row_of(solved: Solved) -> dict[str, Any]:
 
 
 def _yardstick(problem: Problem) -> dict[str, float]:
-    """Return the columns of what the error is measured on."""
+    """Return the columns of the yardstick."""
     low, high = problem.transparency.band.hz
     impedance = problem.transparency.reference_impedance
     return YardstickRecord(yardstick_low_hz=low, yardstick_high_hz=high, reference_impedance=impedance).model_dump()

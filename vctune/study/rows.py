@@ -1,4 +1,4 @@
-"""The rows of a study: a file that only grows, one line of JSON a finished point.
+"""The rows of a study: a file that only grows, one line of JSON for each finished point.
 
 The first line names the study. A row goes to the kernel in one write, so that a killed run leaves whole lines and at
 most one torn one, the last, which is dropped when the file is opened again. Files of one study may be concatenated.
@@ -32,7 +32,7 @@ Row = dict[str, Any]
 
 
 def key_of(problem: Problem) -> str:
-    """Return the digest of everything that determines a point's row: what the problem means, and the version."""
+    """Return the digest of everything that determines a point's row: the meaning of the problem, and the version."""
     return digest([__version__, problem_digest(problem)])
 
 

@@ -1,4 +1,4 @@
-"""What a sweep found, in a few numbers: the best, the worst, and where there is no design."""
+"""The summary of a sweep: the best, the worst, and where there is no design."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vctune.study.study_table import Table
 
 
 def summary(study: Study, table: Table) -> SweepRecord:
-    """Return what a sweep found: counts by status, yardstick, best and worst design, corner without designs.
+    """Return the summary of a sweep: counts by status, yardstick, best and worst design, corner without designs.
 
     The corner is the smallest box, over the axes, that holds every point without a certified design; `share` is how
     much of it they fill.

@@ -1,4 +1,4 @@
-"""The rows of a study as columns, in the order of its points: what is written, drawn and summed up."""
+"""The rows of a study as columns, in the order of its points, for writing, drawing and summing up."""
 
 from __future__ import annotations
 
@@ -76,11 +76,11 @@ class Table:
         return {heading(name, units.get(name, "")): column for name, column in self.columns().items()}
 
     def row(self, i: int) -> dict[str, Any]:
-        """Return one row; what there is not is None."""
+        """Return one row; absent values are None."""
         return {name: _plain(column[i]) for name, column in self.columns().items()}
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return every row; what there is not is None."""
+        """Return every row; absent values are None."""
         return [self.row(i) for i in range(len(self.status))]
 
     def _repr_html_(self) -> str:
@@ -138,7 +138,7 @@ def _columns(study: Study) -> list[str]:
 
 
 def csv_text(table: Table) -> str:
-    """Return a table as CSV: numbers in their shortest exact decimals, nothing where there is none."""
+    """Return a table as CSV: numbers in their shortest exact decimals, absent ones blank."""
     stream = StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     columns = table.headed()

@@ -1,4 +1,4 @@
-"""The loop of a sweep: points out to the workers, rows back into the file, a bounded number of them under way."""
+"""The loop of a sweep: it sends points to the workers and writes rows to the file, with a bounded number under way."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def _try_alone(state: _Sweep, task: Task) -> None:
 
 
 def _content(pool: WorkerPool, future: Future[dict[str, Any]]) -> dict[str, Any] | None:
-    """Wait for a point and return what came of it, None if its worker died."""
+    """Wait for a point and return its result, None if its worker died."""
     try:
         return future.result()
     except pool.worker_died:

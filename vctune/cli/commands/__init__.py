@@ -1,1 +1,1 @@
-"""One small file a command: read, call, print."""
+"""One small file for each command: read, call, print."""

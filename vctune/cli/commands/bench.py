@@ -11,24 +11,27 @@ import click
 from vctune.cli.printing.options import out_option, output_options
 
 ABOUT = {
-    "solvers": "vctune against other solvers and fixed grids: error against run time.",
-    "stress": "Thousands of devices over ten decades, every verdict checked.",
+    "solvers": "Compare vctune with other solvers and fixed grids: error against run time.",
+    "stress": "Solve thousands of devices over ten decades and check every verdict.",
 }
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
-@click.group(short_help="Measure what answers cost and what they are worth.")
+@click.group(short_help="Measure the cost and the quality of the answers.")
 def bench() -> None:
-    """Measure vctune against its peers and at the extremes; results go to OUT/, as CSV, picture and page.
+    """Measure vctune against its peers and at the extremes.
 
-    The peers need SciPy and mpmath: pip install scipy mpmath.
+    The results go to OUT/ as a CSV file, a picture and a page. The peers need SciPy and mpmath:
+    pip install scipy mpmath.
     """
 
 
 def _command(name: str) -> Any:
     @click.command(name, short_help=ABOUT[name], help=ABOUT[name])
-    @click.option("--quick/--full", default=True, help="Under a minute, or everything.  [default: quick]")
-    @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Of what is random.")
+    @click.option(
+        "--quick/--full", default=True, help="Quick run of less than a minute, or the full run.  [default: quick]"
+    )
+    @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Random seed.")
     @out_option("", "results/bench")
     @output_options()
     def command(quick: bool, seed: int, out: Path, style: str, quiet: bool) -> int:

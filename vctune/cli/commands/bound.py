@@ -14,8 +14,10 @@ from vctune.running import OutOfTimeError, check_time
 @click.command(short_help="Prove how much better any design could be.")
 @problem_argument
 @click.argument("design", type=click.Path(path_type=Path), required=False)
-@click.option("--gap", type=click.FloatRange(*GAPS), default=0.03, show_default=True, help="What to prove, a share.")
-@click.option("--jobs", type=click.IntRange(1, 64), default=1, show_default=True, help="Threads.")
+@click.option(
+    "--gap", type=click.FloatRange(*GAPS), default=0.03, show_default=True, help="Gap to prove, relative to the error."
+)
+@click.option("--jobs", type=click.IntRange(1, 64), default=1, show_default=True, help="Number of threads.")
 @out_option()
 @output_options()
 @time_limited
@@ -28,10 +30,12 @@ def bound(
     style: str,
     quiet: bool,
 ) -> int:
-    """Prove a lower bound on the error of every admissible design of PROBLEM.
+    """Prove a lower bound on the error of every feasible design of PROBLEM.
 
-    DESIGN is a design.json of it; without one the problem is solved first. What is proved is added to design.json and
-    to the report. Ctrl-C and the time limit leave the bound reached so far, exit code 3; the same command goes on. A
+    DESIGN is a design.json of the problem; without one, vctune solves the problem first. The command adds the bound to
+    design.json and to the report.
+
+    Ctrl-C and the time limit keep the bound reached so far and give exit code 3; the same command then continues. A
     second Ctrl-C ends at once.
     """
     from vctune import Status, read_problem

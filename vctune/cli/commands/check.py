@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @click.command(short_help="Prove gains that already exist.")
 @click.argument("paths", type=click.Path(path_type=Path), nargs=-1, required=True, metavar="PROBLEM... [GAINS]...")
 @click.option(
-    "--region", "baseline", type=click.Path(path_type=Path), help="Prove again what this region.json had proved."
+    "--region", "baseline", type=click.Path(path_type=Path), help="Prove the cells and gains of this region.json again."
 )
 @click.option(
     "--axis",
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     multiple=True,
     help="Axis of a ROS 2 file to check.  [default: all selected]",
 )
-@click.option("--strict", is_flag=True, help="A warning fails the check.")
-@out_option("NAME/lost.json and its picture when a region has lost cells")
+@click.option("--strict", is_flag=True, help="Fail the check on a warning.")
+@out_option("NAME/lost.json and its picture, if a region has lost cells")
 @output_options("github", "junit", "sarif")
 @time_limited
 def check(
@@ -47,18 +47,18 @@ def check(
 ) -> int:
     """Prove gains that already exist; the worst exit code of all checks wins.
 
-    PROBLEM files whose numbers are all fixed are checked as they stand. One PROBLEM with GAINS files is checked with
-    each of them. A folder stands for the .toml files in it.
+    A PROBLEM file whose numbers are all fixed is checked as it stands. One PROBLEM with several GAINS files is checked
+    with each of them. A folder stands for the .toml files in it.
 
-    A YAML file in the place of GAINS is a parameter file of a ROS 2 admittance_controller: each of its selected axes is
-    checked with the device of one PROBLEM whose [gains] are fixed. Rotations need a rotary device, translations a
-    linear one: other axes are not looked at, exit code 3, unless --axis selects those that fit.
+    A YAML file in place of GAINS is a parameter file of a ROS 2 admittance_controller. Each of its selected axes is
+    checked with the device of one PROBLEM: a servo, or a device whose [gains] are fixed. Rotations need a rotary
+    device, translations a linear one. Other axes are skipped, with exit code 3, unless --axis selects those that fit.
 
-    With several [[axis]] each is checked: with the numbers that it fixes, with the gains in OUT/NAME, the folder of
-    `vctune solve`, or with the axis of that name of a ROS 2 file.
+    A PROBLEM with several [[axis]] tables is checked axis by axis: with the numbers that the axis fixes, with the gains
+    in OUT/NAME (the folder of `vctune solve`), or with the axis of the same name in a ROS 2 file.
 
-    With --region one PROBLEM is held against a file of `vctune region`: its feasible cells and its gain sets must still
-    be proved.
+    With --region, the feasible cells and the gain sets of a region.json of `vctune region` must still be proved for
+    PROBLEM.
     """
     from dataclasses import replace
     from functools import partial
@@ -98,7 +98,7 @@ def check(
 
 
 def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, said: Said) -> list[Checked]:
-    """Check a region, and the gains files that are named after its problem; draw what the region has lost."""
+    """Check a region, and the gains files after its problem; draw the losses of the region."""
     from vctune import read_problem
     from vctune.api.checking import LOST, check_files, recheck, remove_lost, write_lost
     from vctune.api.folders import folder_name

@@ -9,15 +9,16 @@ import click
 from vctune.cli.printing.options import output_options
 
 
-@click.command(short_help="Set two designs or problems side by side.")
+@click.command(short_help="Show two designs or problems side by side.")
 @click.argument("a", type=click.Path(path_type=Path))
 @click.argument("b", type=click.Path(path_type=Path))
 @output_options()
 def compare(a: Path, b: Path, style: str, quiet: bool) -> int:
-    """Show what differs between A and B, each a design.json or a problem file, which is solved first.
+    """Show the differences between A and B.
 
-    First the keys of the problems that differ, every default written out; then gains, error and its terms, verdicts and
-    margins of both designs. Nothing is written.
+    Each is a design.json or a problem file, which vctune solves first. The command prints the keys in which the
+    problems differ, with every default filled in, then gains, error and its terms, verdicts and margins of both
+    designs. It writes no files.
     """
     from vctune.api.comparing import compare as set_side_by_side
     from vctune.cli.printing.output import answer

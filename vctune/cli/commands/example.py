@@ -10,18 +10,18 @@ from vctune.cli.printing.options import output_options
 
 
 def _names(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Return the names that begin as what is there."""
+    """Return the names that begin with the incomplete one."""
     from vctune.api.examples import example_names
 
     return [name for name in example_names() if name.startswith(incomplete)]
 
 
-@click.command(short_help="Write one of the problems that are shipped with vctune.")
+@click.command(short_help="Write one of the problems that come with vctune.")
 @click.argument("name", required=False, shell_complete=_names)
 @click.option("--out", type=click.Path(path_type=Path), default=".", show_default=True, help="Folder for NAME.toml.")
 @output_options()
 def example(name: str | None, out: Path, style: str, quiet: bool) -> int:
-    """Write the problem file NAME.toml, to be solved, changed and learnt from; without NAME, list what there is."""
+    """Write the example problem NAME.toml; without NAME, list the examples."""
     from vctune.api.examples import ExampleRecord, example_names, write_example
     from vctune.cli.printing.output import answer
     from vctune.exit_codes import ExitCode

@@ -15,24 +15,24 @@ if TYPE_CHECKING:
     from vctune.document.records.printed_json import EntryRecord
 
 WIDEST = 100
-"""Of the lines of a page."""
+"""Width of a page, in characters."""
 
 
 def _names(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Return the names that begin as what is there."""
+    """Return the names that begin with the incomplete one."""
     from vctune.api.explaining import entries
 
     return sorted({name for entry in entries() for name in entry.names if name.startswith(incomplete)})
 
 
-@click.command(short_help="Say what a code, a key of a file, a word or a claim means.")
+@click.command(short_help="Explain a code, a key, a term or a claim.")
 @click.argument("name", required=False, metavar="[CODE|KEY|TERM|CLAIM]", shell_complete=_names)
 @output_options()
 def explain(name: str | None, style: str, quiet: bool) -> int:
-    """Say what NAME means, from the guides of the project; without it, list what can be explained.
+    """Explain a name, from the guides of the project; without one, list all names.
 
-    NAME is a code, as it stands in brackets behind an error, a warning or what was left out; a key of a problem or log
-    file; a word or symbol of the glossary; or a claim of a certificate, by its id in design.json.
+    A name is one of these: a code, which stands in brackets after an error or a warning; a key of a problem or log
+    file; a term or symbol of the glossary; or a claim of a certificate, by its id in design.json.
     """
     from vctune.api.explaining import contents
     from vctune.api.explaining import explain as found_in_guides
@@ -49,14 +49,14 @@ def explain(name: str | None, style: str, quiet: bool) -> int:
 
 
 def _contents(every: list[EntryRecord]) -> str:
-    """Return what can be explained, by its kind."""
+    """Return all names that can be explained, by kind."""
     titles = {"code": "Codes", "key": "Keys of files", "term": "Words", "claim": "Claims"}
     lists = {kind: ", ".join(dict.fromkeys(each.name for each in every if each.kind == kind)) for kind in titles}
     return "\n\n".join(f"{titles[kind]}\n{_filled(names, '  ')}" for kind, names in lists.items())
 
 
 def _page(entry: EntryRecord) -> str:
-    """Return an entry as plain text: its name, what the guide says, where it stands."""
+    """Return an entry as plain text: its name, the text of the guide, and which guide."""
     blocks = re.split(r"(```.*?```)", entry.text, flags=re.DOTALL)
     parts = [_verbatim(block) if block.startswith("```") else _paragraphs(block) for block in blocks]
     return "\n\n".join([f"{entry.name} ({entry.kind})", *filter(None, parts), f"from {entry.guide}"])

@@ -15,18 +15,20 @@ if TYPE_CHECKING:
     from vctune.api.exporting import Precision
 
 
-@click.command(short_help="Make firmware of a design, or the data for it.")
+@click.command(short_help="Export a design as firmware, or as data for it.")
 @click.argument("source", type=click.Path(path_type=Path), metavar="DESIGN.json|PROBLEM.toml")
 @click.argument("gains", type=click.Path(path_type=Path), required=False)
-@click.option("--to", type=click.Choice(get_args(Format)), default="c", show_default=True, help="What to make.")
+@click.option("--to", type=click.Choice(get_args(Format)), default="c", show_default=True, help="Output format.")
 @click.option(
     "--precision",
     type=click.Choice(["double", "single"]),
     default="double",
     show_default=True,
-    help="Of the firmware's numbers; the constants are proved again as they are rounded.",
+    help="Precision of the firmware; the rounded constants are proved again.",
 )
-@click.option("--unproved", is_flag=True, help="Export what is not proved too; every file says so at its top.")
+@click.option(
+    "--unproved", is_flag=True, help="Export even a design that is not proved; every file says so at its top."
+)
 @out_option("NAME/firmware/")
 @output_options()
 def export(
@@ -39,13 +41,14 @@ def export(
     style: str,
     quiet: bool,
 ) -> int:
-    """Make firmware of a design.json of `vctune solve`, of PROBLEM with GAINS, or of a PROBLEM whose numbers are fixed.
+    """Export a design as firmware.
 
-    ros2 makes the parameter file of an admittance_controller before a servo. With several [[axis]] GAINS is OUT/NAME,
-    the folder that `vctune solve` made.
+    The design is a DESIGN.json of `vctune solve`, a PROBLEM with GAINS, or a PROBLEM whose numbers are all fixed. For a
+    PROBLEM with several [[axis]] tables, GAINS is OUT/NAME, the folder of `vctune solve`. `--to ros2` writes the
+    parameter file of an admittance_controller before a servo.
 
-    The design is proved again, with the constants that the firmware will have. Exit code 1 or 3 if that refutes it or
-    leaves it undecided; nothing is written then, unless --unproved is given.
+    vctune proves the design again, with the constants of the firmware. If the proof refutes it or leaves it undecided,
+    the exit code is 1 or 3, and nothing is written without --unproved.
     """
     from vctune import read_axes
     from vctune.api.exporting import NotCertifiedError, export_record, read_gains, write_export

@@ -11,7 +11,7 @@ import click
 from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limit_option, worker_options
 
 
-@click.command(short_help="Draw the two trade-offs that a designer asks about.")
+@click.command(short_help="Draw the trade-offs between the terms of the error, and of error against band.")
 @problem_argument
 @out_option("NAME/front/")
 @worker_options
@@ -20,9 +20,10 @@ from vctune.cli.printing.options import out_option, output_options, problem_argu
 def front(problem: Path, out: Path, jobs: int | None, executor: str, time_limit: float, style: str, quiet: bool) -> int:
     """Find the Pareto fronts of PROBLEM: between the three terms of the error, and of error against band.
 
-    Two sweeps with a name: K_p over its range with the coupling's weight over six decades, and the stability band's
-    upper edge up to the Nyquist frequency. OUT/NAME/front/ then holds terms.csv and band.csv with their pictures; an
-    interrupted run goes on. Where hands are to be met, and no others, there is no band to trade.
+    The command runs two sweeps. The first varies K_p over its range and the coupling's weight over six decades. The
+    second varies the upper edge of the stability band up to the Nyquist frequency; the criterion "hands" has no band,
+    so this sweep is left out. OUT/NAME/front/ then holds terms.csv and band.csv with their pictures. An interrupted run
+    continues where it stopped.
     """
     from vctune import read_problem
     from vctune.api.bounding import require_free

@@ -9,12 +9,14 @@ import click
 from vctune.cli.printing.options import out_option, output_options
 
 
-@click.command(short_help="Identify a device from recordings of it.")
+@click.command(short_help="Identify a device from its recordings.")
 @click.argument("logs", type=click.Path(path_type=Path), nargs=-1, required=True, metavar="LOG...")
-@click.option("--config", type=click.Path(path_type=Path), help="A log.toml: which column is what, in which unit.")
-@click.option("--servo", is_flag=True, help="The device follows a command: LOG has that command and the position.")
+@click.option("--config", type=click.Path(path_type=Path), help="A log.toml that names the columns and their units.")
+@click.option("--servo", is_flag=True, help="Identify a servo; LOG has its command and its position.")
 @out_option()
-@click.option("--excitation", is_flag=True, help="Suggest a multisine for what is uncertain: excitation.csv, a period.")
+@click.option(
+    "--excitation", is_flag=True, help="Write a multisine for the next recording: excitation.csv, one period."
+)
 @click.option("--no-report", is_flag=True, help="Write no report and no figures.")
 @output_options()
 def identify(
@@ -27,10 +29,11 @@ def identify(
     style: str,
     quiet: bool,
 ) -> int:
-    """Identify a device from LOG..., CSV files (also .gz) of its motion, all of the same device.
+    """Identify a device from LOG...: CSV files (also .gz) of its motion, all from the same device.
 
-    Writes device.toml, which `vctune solve` takes as it is: the device, how well each number is known, and what no log
-    tells. Beside it identification.json and, unless --no-report, report.html with figures.
+    The command writes device.toml, a problem file for `vctune solve`. It states the device, the uncertainty of each
+    number, and which numbers no log shows. The command also writes identification.json and, unless you give
+    --no-report, report.html with figures.
     """
     from vctune.api.folders import folder_name
     from vctune.api.identifying import identify as run

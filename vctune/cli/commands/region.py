@@ -12,17 +12,17 @@ from vctune.cli.printing.options import out_option, output_options, problem_argu
 SHOWN = "gains.velocity, or coupling.damping", "gains.position, or coupling.stiffness"
 
 
-@click.command(short_help="Find the whole set of admissible gains, cell by cell.")
+@click.command(short_help="Find the whole set of feasible gains, cell by cell.")
 @problem_argument
 @click.argument("gains", type=click.Path(path_type=Path), required=False)
-@click.option("--x", type=click.Choice(AXES_OF_REGIONS), show_default=SHOWN[0], help="Across.")
-@click.option("--y", type=click.Choice(AXES_OF_REGIONS), show_default=SHOWN[1], help="Up.")
+@click.option("--x", type=click.Choice(AXES_OF_REGIONS), show_default=SHOWN[0], help="Variable on the horizontal axis.")
+@click.option("--y", type=click.Choice(AXES_OF_REGIONS), show_default=SHOWN[1], help="Variable on the vertical axis.")
 @click.option(
     "--resolution",
     type=click.FloatRange(*RESOLUTIONS),
     default=1 / 256,
     show_default="1/256",
-    help="Side of the smallest cell as a share of the plane's.",
+    help="Side of the smallest cell, relative to the side of the plane.",
 )
 @out_option()
 @output_options()
@@ -37,18 +37,19 @@ def region(
     style: str,
     quiet: bool,
 ) -> int:
-    """Find the gains of PROBLEM for which its demands hold.
+    """Find the gains of PROBLEM that meet its constraints.
 
-    The plane of two variables is divided into cells that are proved feasible throughout, proved infeasible throughout,
-    or undecided at the resolution. Where the coupling is free, feasible means that some coupling within its bounds will
-    do. Writes OUT/NAME/region.json, a baseline for `vctune check --region`, and region.svg.
+    The command divides the plane of two variables into cells that are proved feasible throughout, proved infeasible
+    throughout, or undecided at the resolution. If the coupling is free, feasible means that some coupling within its
+    bounds meets the constraints. The command writes OUT/NAME/region.json, a baseline for `vctune check --region`, and
+    region.svg.
 
-    With numbers of an environment as axes, environment.stiffness and environment.mass, the cells are what may be
-    rendered with GAINS, or else with the best design: proved in every hand, or holding a pole on the unit circle in
-    some. Writes z-width.json and z-width.svg.
+    With the axes environment.stiffness and environment.mass the cells are environments. A feasible cell may be rendered
+    with GAINS, or else with the best design, in every hand; an infeasible one is refused in some hand. Writes
+    z-width.json and z-width.svg.
 
-    Exit code 0 if there are admissible gains, 1 if there are none, 3 if neither is proved. Ctrl-C and the time limit
-    leave what was decided before it, exit code 3; a second Ctrl-C ends at once.
+    The exit code is 0 if feasible gains exist, 1 if none exist, 3 if neither is proved. Ctrl-C and the time limit keep
+    the cells decided so far and give exit code 3; a second Ctrl-C ends at once.
     """
     from vctune import read_problem
     from vctune.api.folders import design_folder

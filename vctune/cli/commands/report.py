@@ -11,12 +11,12 @@ from vctune.cli.printing.options import out_option, output_options
 
 @click.command(short_help="Make a design's report again, without solving.")
 @click.argument("design", type=click.Path(path_type=Path))
-@out_option("report.html; where it is not given, the folder of DESIGN", None)
+@out_option("report.html; by default the folder of DESIGN", None)
 @output_options()
 def report(design: Path, out: Path | None, style: str, quiet: bool) -> int:
-    """Make the report of DESIGN, a design.json, again: report.html and its figures. Nothing is solved.
+    """Make the report of DESIGN, a design.json, again: report.html and its figures.
 
-    A simulation.json of the same design beside it is drawn too.
+    The command does not solve. If a simulation.json of the same design is in its folder, the report includes it.
     """
     from vctune.api.design_files import ReportRecord, write_report
     from vctune.cli.printing.output import answer

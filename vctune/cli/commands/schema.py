@@ -15,9 +15,9 @@ KINDS = (
 def schema(kind: str) -> None:
     """Print the JSON Schema of the problem file, for completion in editors, or of another KIND of document.
 
-    Files that are read: problem, gains, study, log. Files that are written: design, region, rows (each line of
-    rows.jsonl), simulation, identification. What --format json prints beside these: check, sweep, front, comparison,
-    export, report, bench, explanation, example.
+    vctune reads these files: problem, gains, study, log. It writes these: design, region, rows (each line of
+    rows.jsonl), simulation, identification. The others are only printed, by --format json: check, sweep, front,
+    comparison, export, report, bench, explanation, example.
     """
     import json
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from vctune.model.gains import AnyCoupling, Gains
 
 IN_THE_LOOP = "in-the-loop"
-"""The folder of what a compiled controller came to, in that of the design."""
+"""The folder of the results of a compiled controller, inside that of the design."""
 
 
 @click.command(short_help="Simulate a design in the problem's experiments.")
@@ -26,13 +26,13 @@ IN_THE_LOOP = "in-the-loop"
 @click.option(
     "--controller",
     type=click.Path(path_type=Path),
-    help="A compiled controller of `vctune export`, or its folder, to run in the place of the design's own.",
+    help="A compiled controller of `vctune export`, or its folder, to run instead of the design's own.",
 )
 @click.option(
     "--tolerance",
     type=click.FloatRange(min=0.0),
     metavar="FORCE",
-    help="Greatest difference, N or N m, of its commands from the design's.  [default: what rounding explains]",
+    help="Greatest difference between its commands and the design's, N or N m.  [default: the effect of rounding]",
 )
 @output_options()
 def simulate(
@@ -47,15 +47,16 @@ def simulate(
 ) -> int:
     """Simulate the design in GAINS, or else the one that solving finds, in the [[experiment]] tables of PROBLEM.
 
-    Writes simulation.json, traces.npz and the figure `simulation`, which becomes part of the design's report. Exit
-    code 1 if the design diverges or is unstable with an experiment's hand and environment, or if there is none.
+    The command writes simulation.json, traces.npz and the figure `simulation`, which becomes part of the design's
+    report. The exit code is 1 if there is no design, or if it diverges or is unstable with an experiment's hand and
+    environment.
 
-    With --controller a compiled firmware runs in the place of the design's own, and its commands are compared with the
-    design's on the same measurements: exit code 1 if they differ by more than the tolerance. The files then are in the
-    folder `in-the-loop` beside the design's.
+    With --controller, a compiled firmware runs instead of the design's own. vctune compares its commands with the
+    design's on the same measurements; the exit code is 1 if they differ by more than the tolerance. The files are then
+    in the folder `in-the-loop` of the design's folder.
     """
     if tolerance is not None and controller is None:
-        raise click.UsageError("--tolerance is of a firmware; name it by --controller")
+        raise click.UsageError("--tolerance applies to a firmware; name it with --controller")
     from vctune import read_problem
     from vctune.api.experiments import CompiledController, chosen_experiments, design_for, write_simulation
     from vctune.api.experiments import simulate as run
@@ -97,7 +98,7 @@ def simulate(
 
 
 def _solved(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains, AnyCoupling] | None:
-    """Solve the problem and write its design, as `vctune solve` does; say why if there is none."""
+    """Solve the problem and write its design, as `vctune solve` does; print the reason if there is none."""
     from vctune.api.design_files import write_solved
     from vctune.api.experiments import solve_to_simulate
     from vctune.cli.commands.solve import say_renamed

@@ -20,15 +20,15 @@ if TYPE_CHECKING:
 @click.command(short_help="Find the most transparent gains and prove them stable.")
 @problem_argument
 @out_option()
-@click.option("--no-report", is_flag=True, help="Write only gains.toml and design.json; an earlier report is removed.")
+@click.option("--no-report", is_flag=True, help="Write only gains.toml and design.json; remove an earlier report.")
 @click.option("--strict", is_flag=True, help="Exit code 1 if there is a warning.")
-@click.option("--watch", is_flag=True, help="Solve again each time that PROBLEM is saved, until Ctrl-C.")
+@click.option("--watch", is_flag=True, help="Solve again each time PROBLEM is saved, until Ctrl-C.")
 @click.option(
     "--prove-gap",
     "gap",
     type=click.FloatRange(*GAPS),
     metavar="GAP",
-    help="Prove that no design has an error lower by more than this share, 0.03 for 3 %.",
+    help="Also prove that no design has an error lower by more than this share (0.03 is 3 %).",
 )
 @time_limit_option()
 @output_options()
@@ -45,8 +45,8 @@ def solve(
 ) -> int:
     """Find the most transparent gains of PROBLEM and prove them stable.
 
-    PROBLEM is a TOML file, or - for standard input; only [device] mass, damping and sample_time are required in it.
-    With several [[axis]] each is solved, and its files are in OUT/NAME/AXIS/; the worst exit code wins.
+    PROBLEM is a TOML file, or - for standard input. It requires only mass, damping and sample_time of [device]. If it
+    has several [[axis]] tables, each axis is solved, and its files are in OUT/NAME/AXIS/; the worst exit code wins.
     """
 
     def once() -> int:
@@ -144,6 +144,6 @@ def _solve_axes(
 
 
 def say_renamed(renamed: dict[Path, Path]) -> None:
-    """Say what of an earlier design was renamed."""
+    """Print which files of an earlier design were renamed."""
     for place, kept in renamed.items():
         click.echo(f"{place}: of an earlier design, renamed to {kept.name}", err=True)

@@ -9,16 +9,18 @@ import click
 from vctune.cli.printing.options import out_option, output_options, time_limit_option, worker_options
 
 MANY = 100_000
-"""So many points are solved only when asked for with --yes."""
+"""From this many points on, a sweep requires --yes."""
 
 
 @click.command(short_help="Solve a problem at many points.")
 @click.argument("study", type=click.Path(path_type=Path))
 @out_option("STUDY/")
 @worker_options
-@click.option("--resume/--restart", default=True, help="Go on with the rows that are there, or begin anew.")
+@click.option(
+    "--resume/--restart", default=True, help="Continue with the existing rows, or start again.  [default: resume]"
+)
 @time_limit_option(" each point")
-@click.option("--yes", is_flag=True, help=f"Solve {MANY:,} points or more.")
+@click.option("--yes", is_flag=True, help=f"Confirm a study of {MANY:,} points or more.")
 @output_options()
 def sweep(
     study: Path,
@@ -33,11 +35,11 @@ def sweep(
 ) -> int:
     """Solve a problem at every point of STUDY, a TOML file with a grid, a Latin hypercube or a list of points.
 
-    Each finished point is a line of OUT/STUDY/rows.jsonl; an interrupted sweep goes on where it was. At the end
-    table.csv (and table.parquet where pyarrow is installed) and, for one or two axes, error.svg.
+    Each finished point becomes a line of OUT/STUDY/rows.jsonl; an interrupted sweep continues where it stopped. At the
+    end the command writes table.csv (and table.parquet if pyarrow is installed) and, for one or two axes, error.svg.
 
-    Exit code 0 if there is a certified design and no point was left without an answer, 3 if the time limit cut a point
-    short, else 1.
+    The exit code is 0 if there is a certified design and every point has an answer, 3 if the time limit cut a point
+    short, and 1 otherwise.
     """
     from vctune.api.folders import folder_name
     from vctune.api.messages import InputError

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def print_axes(name: str, designs: Mapping[str, DesignRecord], folder: Path) -> None:
-    """Print what is proved, a line for each axis, what should be known of it, and where the files are.
+    """Print the verdict on each axis in a line, the warnings, and where the files are.
 
     Parameters
     ----------

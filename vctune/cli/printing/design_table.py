@@ -87,7 +87,7 @@ def print_design(record: DesignRecord, folder: Path) -> None:
 
 
 def print_simulation(record: SimulationRecord, folder: Path) -> None:
-    """Print what was measured and where the files are.
+    """Print the measures of a simulation and where the files are.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def _least(least: LeastVirtualRecord, units: Units) -> str:
 
 
 def _repairs(repairs: list[RepairRecord]) -> str:
-    """Return a line a repair: what the file needs, instead of what, what that means, and the error that it buys."""
+    """Return a line for each repair: the new text in the file, the old value, its meaning, and the resulting error."""
     width = max(len(repair.needs) for repair in repairs)
     lines = []
     for repair in repairs:
@@ -178,7 +178,7 @@ def _table(record: DesignRecord) -> Table:
 
 
 def print_sweep(found: SweepRecord, folder: Path) -> None:
-    """Print what a sweep found and where the files are.
+    """Print the results of a sweep and where the files are.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def _design_line(row: Cells) -> str:
 
 
 def _yardstick_line(found: SweepRecord) -> str:
-    """Return what the errors of a sweep are measured on."""
+    """Return the yardstick of a sweep's errors as a line."""
     on, unit = found.yardstick, found.units["reference_impedance"]
     shared = f"{text(on.band_hz)} Hz with Z_0 = {text(on.reference_impedance)} {unit}"
     if not on.varied:
@@ -231,7 +231,7 @@ def _corner_line(corner: CornerRecord) -> str:
 
 
 def print_comparison(found: ComparisonRecord) -> None:
-    """Print two designs side by side: the keys of the problems that differ, then what came of either.
+    """Print two designs side by side: the keys of the problems that differ, then both results.
 
     Parameters
     ----------

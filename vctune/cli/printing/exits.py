@@ -13,16 +13,16 @@ if TYPE_CHECKING:
 
 
 def of_status(status: Status) -> ExitCode:
-    """Return what is told of a problem or a design."""
+    """Return the exit code of a problem or a design."""
     return {"certified": ExitCode.OK, "undecided": ExitCode.UNDECIDED}.get(status, ExitCode.FAILED)
 
 
 def worst(codes: Iterable[ExitCode]) -> ExitCode:
-    """Return what is told of several."""
+    """Return the worst of several exit codes."""
     return max(codes, key=[ExitCode.OK, ExitCode.UNDECIDED, ExitCode.FAILED, ExitCode.BAD_INPUT].index)
 
 
 def of_check(result: CheckVerdict) -> ExitCode:
-    """Return what is told of a check."""
+    """Return the exit code of a check."""
     codes = {"passed": ExitCode.OK, "undecided": ExitCode.UNDECIDED, "bad input": ExitCode.BAD_INPUT}
     return codes.get(result, ExitCode.FAILED)

@@ -38,7 +38,7 @@ def text(checks: list[Checked]) -> str:
 
 
 def as_json(checks: list[Checked]) -> str:
-    """Return a list of the objects of design.json, or of what became of a region, or of why there is none."""
+    """Return a list of the checks as objects: of design.json, of a region, or of the reason why there is none."""
     return json.dumps([check_object(checked) for checked in checks], indent=2, allow_nan=False)
 
 
@@ -134,7 +134,7 @@ _RULES = [*RULES.values(), WARNING]
 
 
 def sarif(checks: list[Checked]) -> str:
-    """Return a SARIF 2.1.0 log with what GitHub code scanning requires: a result for each refusal and each warning."""
+    """Return a SARIF 2.1.0 log with the fields that GitHub requires: a result for each refusal and each warning."""
     results = []
     for checked in checks:
         if rule := RULES.get(checked.verdict):

@@ -1,4 +1,4 @@
-"""Arguments and options that several commands have."""
+"""Arguments and options that several commands share."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ import click
 from vctune.running import time_limit_of_command
 
 Added = Callable[[Any], Any]
-"""Adds an argument or an option to a command."""
+"""A decorator that adds an argument or an option to a command."""
 SHORT = "vctune.json"
-"""Where click keeps whether --json was given."""
+"""Key under which click stores whether --json was given."""
 
 problem_argument: Added = click.argument("problem", type=click.Path(path_type=Path))
 
@@ -26,9 +26,9 @@ def out_option(holds: str = "NAME/", default: str | None = "results") -> Added:
     Parameters
     ----------
     holds : what the folder holds
-    default : the folder; None where the command says which it is
+    default : the folder; None if the command determines it
     """
-    path, text = click.Path(path_type=Path), f"Folder for OUT/{holds}." if holds else "Folder."
+    path, text = click.Path(path_type=Path), f"Folder for OUT/{holds}." if holds else "Output folder."
     return click.option("--out", type=path, default=default, show_default=default is not None, help=text)
 
 
@@ -47,12 +47,12 @@ def output_options(*more: str) -> Added:
             default="text",
             show_default=True,
             callback=_style,
-            help="What to print.",
+            help="Output format on stdout.",
         ),
         click.option(
             "--json", is_flag=True, is_eager=True, expose_value=False, callback=_short, help="Short for --format json."
         ),
-        click.option("--quiet", is_flag=True, help="No progress and no text; what --format asks for is printed."),
+        click.option("--quiet", is_flag=True, help="Print no progress and no text; --format still prints its output."),
     )
 
     def add(command: Any) -> Any:
@@ -80,9 +80,9 @@ def time_limit_option(of: str = "") -> Added:
 
     Parameters
     ----------
-    of : what is to end, where it is not the command
+    of : what ends, if it is not the command
     """
-    text = f"Stop{of} after so many seconds with what is known by then, exit code 3."
+    text = f"Stop{of} after S seconds; keep the result so far, exit code 3."
     return click.option(
         "--time-limit",
         type=click.FloatRange(0),
@@ -94,7 +94,7 @@ def time_limit_option(of: str = "") -> Added:
 
 
 def time_limited(command: Any) -> Any:
-    """Add the option `--time-limit` to a command, which then ends in time without knowing of it."""
+    """Add the option `--time-limit` to a command, whose code need not handle it."""
 
     @time_limit_option()
     @wraps(command)
@@ -113,11 +113,9 @@ def worker_options(command: Any) -> Any:
             default="processes",
             show_default=True,
             metavar="processes|serial|dask|dask:ADDRESS",
-            help="Who does the work: processes, this process alone, a local Dask cluster, or a running one.",
+            help="Where points are solved: worker processes, this process, a local Dask cluster, or a running one.",
         ),
-        click.option(
-            "--jobs", type=click.IntRange(1, 512), help="Number of workers.  [default: the cores that there are]"
-        ),
+        click.option("--jobs", type=click.IntRange(1, 512), help="Number of workers.  [default: number of cores]"),
     ):
         command = option(command)
     return command

@@ -1,4 +1,4 @@
-"""Data for stdout. A reader that has gone away is no failure of the command."""
+"""Output of data to stdout; a reader that goes away is not a failure of the command."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def emit(text: str) -> None:
 
 
 def warn(code: Code, text: str) -> None:
-    """Say on stderr what the user should know beside the answer.
+    """Print a warning on stderr.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def warn(code: Code, text: str) -> None:
 
 
 def warn_of_doubts(*problems: Problem | ProblemFile, quiet: bool) -> None:
-    """Say before the work what in problems is probably not meant: what is meant otherwise need not be solved.
+    """Print probable mistakes of problems on stderr before the work, so that nobody waits for a wrong problem.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def warn_of_doubts(*problems: Problem | ProblemFile, quiet: bool) -> None:
 
 
 def answer(style: str, quiet: bool, data: Callable[[], Any], people: Callable[[], object]) -> None:
-    """Print what came of a command.
+    """Print the result of a command.
 
     Parameters
     ----------

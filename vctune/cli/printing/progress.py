@@ -1,4 +1,4 @@
-"""Progress on stderr, for people: only on a terminal, and gone when the work is done.
+"""Progress on stderr, for people: only on a terminal, and erased when the work is done.
 
 The line says what is being done, what is known by now and, where the work itself tells, how far it is.
 """

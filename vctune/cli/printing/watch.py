@@ -1,4 +1,4 @@
-"""A command that is run again whenever a file is saved."""
+"""Running a command again each time a file is saved."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PAUSE = 0.2
 
 
 def on_every_save(path: Path, run: Callable[[], object]) -> NoReturn:
-    """Run at once, and again each time that a file is saved, until Ctrl-C; what is wrong with the file is shown.
+    """Run at once, and again each time a file is saved, until Ctrl-C; show the mistakes of the file.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def on_every_save(path: Path, run: Callable[[], object]) -> NoReturn:
 
 
 def _stamp(path: Path) -> tuple[int, int] | None:
-    """Return what changes when a file is saved; None while an editor has it away."""
+    """Return a value that changes when a file is saved; None while an editor has moved it away."""
     try:
         found = path.stat()
     except OSError:

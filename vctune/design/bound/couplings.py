@@ -1,4 +1,4 @@
-"""What the bound knows of a display's coupling: what it offers, how large it may be, what is felt of it.
+"""The coupling of a display in the bound: its response, its greatest values, and what the hand feels of it.
 
 A coupling has two elements of which more is safer and more is felt, b_c and m_c, or of an impedance display 1/k_c and
 1/b_c. Demands and bounds leave a least value of both to each box (design/bound/README.md, section 1).
@@ -25,7 +25,7 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 
 @dataclass(frozen=True, slots=True)
 class LeastCoupling:
-    """What the conditions leave to the couplings of each box; arrays of shape (boxes,).
+    """Lower bounds on the couplings of each box from the conditions; arrays of shape (boxes,).
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class LeastCoupling:
 
 
 class Offer(Protocol):
-    """What couplings offer at some places."""
+    """The offer of couplings at some places."""
 
     def least_elements(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
         """Return the least first and second element that offer 1 without drag, both of shape (boxes, places)."""
@@ -138,7 +138,7 @@ class SeriesCouplings:
 
 @dataclass(frozen=True, slots=True)
 class SeriesOffer:
-    """What Re Z_c is, at omega; in hands at (2/T) tan(theta/2).
+    """Re Z_c at omega; in hands at (2/T) tan(theta/2).
 
     Attributes
     ----------
@@ -215,7 +215,7 @@ def _inverse(range_: Range) -> Range:
 
 @dataclass(frozen=True, slots=True)
 class SpringOffer:
-    """What Re(1/Z_c)/s^2 is, at some angles: (a_0 + a_1 tau)/(b_0 + b_1 tau + b_2 tau^2) over k_c, tau = b_c/k_c.
+    """Re(1/Z_c)/s^2 at some angles: (a_0 + a_1 tau)/(b_0 + b_1 tau + b_2 tau^2) over k_c, tau = b_c/k_c.
 
     Attributes
     ----------
@@ -228,7 +228,7 @@ class SpringOffer:
     best_time_constant: Floats
 
     def least_elements(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
-        """Return the least 1/k_c and 1/b_c that offer 1; inf where nothing is offered."""
+        """Return the least 1/k_c and 1/b_c that offer 1; inf if the box offers nothing."""
         low, high = boxes.low[TAU_C], boxes.high[TAU_C]
         of_tau = DesignBoxes(np.stack((low, 0 * low)), np.stack((high, 0 * high)))
         nearest = np.clip(self.best_time_constant, low[:, None], high[:, None])

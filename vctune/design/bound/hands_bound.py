@@ -1,4 +1,5 @@
-"""What hands ask of the coupling in the sampled loop, bounded over boxes of gains (design/bound/README.md, section 1).
+"""The requirement of hands on the coupling in the sampled loop, bounded over boxes of gains (design/bound/README.md,
+section 1).
 
 In a hand F and P are affine in the gains with constants of the angle and the hand (`vctune.model.sampled.hand_loop`).
 So both sides of |F|^2 Re Z_c >= factor (-o/2) are quadratic in them; in any passive hand on an impedance display both

@@ -1,4 +1,4 @@
-"""The least that the designs of a box cost, from a relaxation of their problem.
+"""Lower bounds on the error of the designs of a box, from a relaxation of their problem.
 
 See model/README.md, section 8; design/bound/README.md, section 1.
 """
@@ -22,7 +22,7 @@ from vctune.proof.enclosures.array_intervals import Flags, Floats
 
 @dataclass(frozen=True, slots=True)
 class LowerBounds:
-    """What the designs of each box at least come to; arrays of shape (boxes,).
+    """Lower bounds on the error of the designs of each box; arrays of shape (boxes,).
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""A design problem made easier, so that boxes of designs can be judged at once.
+"""A relaxed design problem, so that boxes of designs can be judged at once.
 
 See model/README.md, section 8; design/bound/README.md, section 1.
 
@@ -34,7 +34,7 @@ class Conditions(Protocol):
 
     @property
     def offer(self) -> Offer:
-        """What couplings offer there."""
+        """The offer of couplings there."""
 
     def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
         """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes that meet none."""

@@ -1,4 +1,4 @@
-"""What a search for a bound needs to go on, and the file that keeps it."""
+"""The state that a search for a bound needs to continue, and its file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vctune.version import __version__
 
 @dataclass(frozen=True, slots=True)
 class ResumeState:
-    """What a search needs to go on.
+    """The state that a search needs to continue.
 
     Attributes
     ----------

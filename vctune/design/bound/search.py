@@ -1,4 +1,4 @@
-"""How much better any design could be: a lower bound on the error of all of them, by branch and bound.
+"""A lower bound on the error of all designs, by branch and bound.
 
 See design/bound/README.md.
 
@@ -85,7 +85,7 @@ class SearchState:
 
 @dataclass(frozen=True, slots=True)
 class Optimality:
-    """What is proved of the error of every admissible design.
+    """The proved bound on the error of every feasible design.
 
     The error is that of the terms that can differ between designs, mostly all of it.
 
@@ -116,7 +116,7 @@ class Optimality:
 
 @dataclass(slots=True)
 class _Search:
-    """What changes as the search goes on.
+    """The state that changes during the search.
 
     Attributes
     ----------
@@ -218,7 +218,7 @@ def bound(
 
 
 def _stands(search: _Search) -> bool:
-    """Return whether the last round has raised no bound, which no further one will where there is but one box."""
+    """Return whether the last round has raised no bound; if there is only one box, no further round will."""
     return len(search.history) > 2 and search.history[-1].bound == search.history[-2].bound
 
 
@@ -269,7 +269,7 @@ def _devices(cases: tuple[Problem, ...]) -> list[Device]:
 
 
 def _pruned(nodes: OpenNodes, search: _Search, gap: float) -> OpenNodes:
-    """Drop what cannot hold a design better than the incumbent by more than the gap."""
+    """Drop the boxes that cannot contain a design better than the incumbent by more than the gap."""
     open_ = nodes.bound < search.incumbent / (1 + gap)
     search.pruned_bound = min(search.pruned_bound, nodes.subset(~open_).lowest)
     return nodes.subset(open_)

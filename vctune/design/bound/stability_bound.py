@@ -1,4 +1,4 @@
-"""Which boxes of designs have only stable loops, and which have none: proved, many at once."""
+"""Boxes of designs that have only stable loops, and boxes that have none: proved, many at once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Strong branching: boxes are halved along every axis, and the halves of the axis that gains most are kept.
+"""Strong branching: it halves boxes along every axis and keeps the halves of the axis that gains most.
 
 The rule is that of Achterberg, Koch, Martin (2005), section 2: an axis is worth a weighted sum of what its worse and
 its better half gain,
@@ -54,7 +54,7 @@ class Halved:
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """An axis along which all boxes are tried to be halved, and what its lower and upper halves come to."""
+    """An axis along which all boxes are halved on trial, and the bounds of the lower and upper halves."""
 
     row: int
     halves: tuple[DesignBoxes, DesignBoxes]

@@ -1,4 +1,4 @@
-"""IPOPT on a compiled NLP: numbers for its parameters, bounds for its demands, its answer as plain data."""
+"""IPOPT on a compiled NLP: sets its parameters and bounds, and returns its answer as plain data."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The parameters of an NLP by name: the one layout of what CasADi's symbols are taken from and numbers are put into.
+"""The parameters of an NLP by name: one layout for CasADi's symbols and for the numbers.
 
 The parameters are tables, one after another, each column by column: `common` with one column, and one table for each
 kind of frequency with a column for each. A layout gives the rows of a table their names.
@@ -64,7 +64,7 @@ def in_hand_layout(structure: NlpStructure) -> Layout:
 
 
 def common_layout(structure: NlpStructure) -> Layout:
-    """Return the rows of what all frequencies have in common.
+    """Return the rows of the parameters that all frequencies share.
 
     The device's mass and damping, the variables' scales, their values where they are not free, the weights, and,
     where an operator eases the conditions, its damping and the safety factor.
@@ -92,7 +92,7 @@ def plant_layout(structure: NlpStructure) -> Layout:
 
 
 def device_numbers(at: DeviceResponse) -> dict[str, Any]:
-    """Return what a device contributes at frequencies by the names of `frequency_layout`, what is not there left out.
+    """Return a device's constants at frequencies by the names of `frequency_layout`, without those of absent parts.
 
     A handle's own damping is 0, since no device whose demands are posed has a hand as a part of it.
     """

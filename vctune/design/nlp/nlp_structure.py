@@ -1,4 +1,4 @@
-"""What the NLP of a problem contains: plain data, known without CasADi."""
+"""The structure of the NLP of a problem: plain data that does not need CasADi."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ twice, twice makes every iteration slower."""
 
 @dataclass(frozen=True, slots=True)
 class NlpStructure:
-    """What an NLP contains; two problems of one structure share one compiled solver.
+    """The content of an NLP; two problems of one structure share one compiled solver.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class NlpStructure:
 def nlp_structure(
     posed: Posed, free: tuple[Coordinate, ...], working_set: WorkingSet, panels: int, *, integrator: bool
 ) -> NlpStructure:
-    """Return what the NLP of a problem on a working set contains; what cannot act is not in it.
+    """Return the structure of the NLP of a problem on a working set; it omits parts that cannot act.
 
     Parameters
     ----------

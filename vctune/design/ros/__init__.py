@@ -1,1 +1,1 @@
-"""ROS 2 parameter files: what they state, whether it is stable, and what would help."""
+"""ROS 2 parameter files: their content, their stability, and repairs."""

@@ -1,4 +1,6 @@
-"""A ROS 2 parameter file: is each selected axis stable in every hand of the box, and what would help?"""
+"""The check of a ROS 2 parameter file: is each selected axis stable in every hand of the box, and if not, how to repair
+it?
+"""
 
 from __future__ import annotations
 
@@ -206,7 +208,7 @@ def _explicit(axis: Admittance, T: float, units: Units) -> str:
 
 
 def _traps(axis: Admittance, coefficient: float, device: Device) -> list[Note]:
-    """Return what is easily overlooked in such a file."""
+    """Return warnings of common traps in such a file."""
     found, T = [], device.sample_time
     if axis.damping == 0:
         said = (

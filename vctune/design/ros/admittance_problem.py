@@ -1,4 +1,4 @@
-"""A ROS 2 admittance in the place of the coupling: the problem that a device and a parameter file state together.
+"""A ROS 2 admittance in place of the coupling: the problem of a device and a parameter file together.
 
 The controller steps M dv/dt + D v + S x = f explicitly: (M/T) (v - v_before) + D v_before + S x_before = f. That is a
 mass M - D T by backward Euler, a drag D - S T/2 and a lossless spring S: the first is the coupling of the trapezoidal
@@ -71,7 +71,7 @@ def as_problem(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def _as_servo(device: dict[str, Any], axis: Admittance, coefficient: float) -> dict[str, Any]:
-    """Return the table of a servo with what the controller adds to it."""
+    """Return the table of a servo with the parts that the controller adds to it."""
     servo = {key: value for key, value in device["servo"].items() if key != "command"}
     if axis.stiffness > 0:
         servo["stiffness"] = axis.stiffness

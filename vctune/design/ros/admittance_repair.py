@@ -1,4 +1,4 @@
-"""What would help a refuted axis of a ROS 2 parameter file: first its own numbers, then those of the problem.
+"""Repairs of a refuted axis of a ROS 2 parameter file: first of its own numbers, then of the problem's.
 
 The file has no coupling. Each change is one that its user can make, and is tried as the file would then state it.
 """
@@ -51,7 +51,7 @@ def repairs_of_axis(
 
 
 def remedy(repairs: Sequence[Repair], source: str) -> str:
-    """Return in words what would help.
+    """Return the repair in words.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def _in_yaml(repair: Repair) -> Repair:
 
 
 def _of_file(document: dict[str, Any]) -> Iterator[ParameterChange]:
-    """Yield what may be changed about the axis, as far as its explicit step stays passive."""
+    """Yield the possible changes of the axis, as far as its explicit step stays passive."""
     axis = Admittance(axis="", line=0, **document["admittance"])
     T, coefficient = float(document["device"]["sample_time"]), document["ft_sensor"]["filter_coefficient"]
     yield ParameterChange(("admittance", "mass"), "a heavier axis", axis.mass, HEAVIEST)

@@ -1,4 +1,5 @@
-"""IPOPT on a few frequencies; where its answer fails joins the few (an exchange method, design/README.md, section 6).
+"""The exchange method: IPOPT on a few frequencies, to which it adds those where the answer fails (design/README.md,
+section 6).
 
 Everything is local to a start: each NLP is confined to a box in log coordinates around the last point whose loop is
 stable, because the demands on single frequencies are also met by unstable loops that lie beyond |S| = inf.
@@ -161,7 +162,7 @@ class _Search:
 
 
 def _step(posed: Posed, search: _Search) -> None:
-    """Solve one NLP, see what its answer is worth, and prepare the next."""
+    """Solve one NLP, evaluate its answer, and prepare the next."""
     problem, working_set, integrator = posed.problem, search.working_set, search.start.gains.position > 0
     tolerance = OBJECTIVE_TOLERANCE[problem.transparency.norm]
     free = coordinates(problem, integrator=integrator)
@@ -209,7 +210,7 @@ def _step(posed: Posed, search: _Search) -> None:
 
 
 def _examine_start(posed: Posed, search: _Search, error: float) -> None:
-    """Get to know the start, its coupling raised by what it lacks, if it may be better than an admissible answer.
+    """Evaluate the start, its coupling scaled up by what it lacks, if it may be better than a feasible answer.
 
     IPOPT begins by moving away from bounds, and from a start on one it may come down in another basin, above the start.
     """

@@ -1,4 +1,4 @@
-"""What loops are worth by themselves, on fixed frequencies: an estimate."""
+"""Estimated quality of velocity loops without a coupling, on fixed frequencies."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class LoopFeasibility:
 
 
 def loop_feasibility(problem: Problem, samples: Samples, gains: Gains, bands: list[LoopResponse]) -> LoopFeasibility:
-    """Return what loops miss on the device on which they miss most.
+    """Return the constraints that loops violate on their worst device.
 
     Parameters
     ----------

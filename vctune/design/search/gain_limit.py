@@ -1,4 +1,4 @@
-"""The greatest feasible K_v of each corner, where most good designs lie and where a grid of K_v sees only a step.
+"""The greatest feasible K_v at each corner frequency, where most good designs lie.
 
     K_v |     infeasible
         |  _____

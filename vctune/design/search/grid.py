@@ -1,4 +1,4 @@
-"""The demands and the error over a grid of designs, the coupling in closed form.
+"""The constraints and the error over a grid of designs, with the coupling in closed form.
 
 For given K_v, K_p, b_0 and tau_c = m_c/b_c the least admissible b_c is a maximum over frequency,
 
@@ -70,7 +70,7 @@ class Axes:
 
 @dataclass(frozen=True, slots=True)
 class Scores:
-    """What designs are worth, in lexicographic order: what they miss, by how much, their error, their coupling.
+    """The scores of designs in lexicographic order: violated constraint, violation, error, coupling.
 
     Arrays of one shape; on a grid its axes are K_v, corner, tau_c, b_0.
 
@@ -92,7 +92,7 @@ class Scores:
         return Scores(self.missed[index], self.violation[index], self.error[index], self.damping[index])
 
     def rank(self, at: tuple[int, ...]) -> tuple[int, float, float]:
-        """Return what one design is compared by, except for its coupling."""
+        """Return the sort key of one design, except for its coupling."""
         return int(self.missed[at]), float(self.violation[at]), float(self.error[at])
 
     def lowest(self) -> tuple[NDArray[np.intp], ...]:
@@ -106,7 +106,7 @@ class Scores:
         return np.arange(len(missed)), *np.unravel_index(among.argmax(axis=1), self.error.shape[1:])
 
     def ranks(self) -> Floats:
-        """Return one number for each design: its error, or where nothing is admissible its place in the order."""
+        """Return one number for each design: its error or, if nothing is feasible, its place in the order."""
         if np.isfinite(self.error).any():
             return self.error
         missed, violation = self.missed.ravel(), self.violation.ravel()
@@ -170,7 +170,7 @@ def _axis(bounds: Range, count: int, floor: float) -> Floats:
 
 
 def position_gain(problem: Problem, K_v: Floats, corner: Floats) -> Floats:
-    """Return K_p of a corner frequency, within its bounds; 0 where there is no integrator.
+    """Return K_p of a corner frequency, within its bounds; 0 without an integrator.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ def _evaluated(problem: Problem, samples: Samples, at: Axes) -> tuple[Scores, Lo
 
 
 def least_errors(posed: Posed, gains: Gains) -> Floats:
-    """Return the least error of any admissible coupling, inf where there is none.
+    """Return the least error of any feasible coupling, inf if there is none.
 
     Parameters
     ----------
@@ -348,7 +348,7 @@ def _places(samples: Samples) -> Iterator[LoopsInHands]:
 def _forbidding(
     met: WorldsMet, sample_time: float, held: LoopsInHands, gains: Gains
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return angles, and what is forbidden there: less resistance, a reactance times s c from one to another.
+    """Return angles, and the forbidden region there: less resistance, and a reactance times s c in an interval.
 
     Parameters
     ----------

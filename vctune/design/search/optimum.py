@@ -1,4 +1,6 @@
-"""The best proved design that the optimiser finds: starts polished, rounded, proved (design/README.md, section 8)."""
+"""The best proved design that the optimiser finds: it polishes starts, rounds and proves them (design/README.md,
+section 8).
+"""
 
 from __future__ import annotations
 
@@ -65,7 +67,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class Optimum:
-    """What the optimiser finds.
+    """The result of the optimiser.
 
     Attributes
     ----------
@@ -112,13 +114,13 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
 
 
 def _best_known(optima: Sequence[Polished], unit: float) -> str:
-    """Return what is known of the best optimum so far, in words; its error is in units of `unit`."""
+    """Return the best optimum so far, in words; its error is in units of `unit`."""
     return f", best error {min(each.error for each in optima) * unit:.4g}" if optima else ""
 
 
 @np.errstate(all="ignore")
 def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
-    """Return the best design of a problem, SI units; the demands are met in double precision, nothing is proved.
+    """Return the best design of a problem, SI units; it meets the constraints in double precision, without a proof.
 
     Parameters
     ----------
@@ -168,7 +170,7 @@ def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
 
 @np.errstate(all="ignore")
 def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | None:
-    """Return a certified design that compares better than the incumbent, found from given gains; None if there is none.
+    """Return a certified design that is better than the incumbent, found from given gains; None if there is none.
 
     Parameters
     ----------
@@ -297,7 +299,7 @@ def _start_at(polished: Polished) -> Start:
 
 
 def _new_hand(prepared: Prepared, judgement: Judgement, witnesses: WorkingSet, tightening: float) -> bool:
-    """Add the worst hand near the one that a proof refused, if it asks for more than what was sharpened."""
+    """Add the worst hand near the one that a proof refused, if it requires more than the tightening gives."""
     problem, outcomes = prepared.problem, judgement.certificate.outcomes
     found = False
     for outcome in (outcomes[claim] for claim in IN_HANDS if claim in outcomes):

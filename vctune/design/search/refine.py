@@ -1,4 +1,4 @@
-"""Local minima of a grid of designs, refined between their neighbours."""
+"""Refinement of the local minima of a grid of designs between their neighbours."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Index = tuple[int, ...]
 
 
 def minima_of(problem: Problem, scores: Scores) -> list[Index]:
-    """Return the local minima of a grid, best first: of the admissible designs, or if there are none of all.
+    """Return the local minima of a grid, best first: of the feasible designs or, without any, of all.
 
     Where the coupling costs nothing, every coupling of a loop is as good, and minima are sought over the loops only.
 

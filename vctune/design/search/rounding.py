@@ -1,4 +1,4 @@
-"""From the optimiser's doubles in its own units to the decimals that are written, judged and used."""
+"""From the optimiser's doubles in its own units to the decimals that vctune writes, judges and uses."""
 
 from __future__ import annotations
 

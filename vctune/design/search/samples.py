@@ -1,4 +1,4 @@
-"""Where a scan looks, and what does not depend on the gains there: worked out once a scan, used by all of its grids."""
+"""The frequencies of a scan and the numbers that do not depend on the gains; computed once for all grids of a scan."""
 
 from __future__ import annotations
 

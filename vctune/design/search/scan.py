@@ -1,4 +1,4 @@
-"""A cheap global scan: starts for the optimiser in every basin it can see (design/README.md, section 3)."""
+"""A cheap global scan: starts for the optimiser in every basin that it can see (design/README.md, section 3)."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ may lose between the points of the grid. All are refined together, so that more 
 
 @dataclass(frozen=True, slots=True)
 class ScanResult:
-    """Starts, best first, and what the scan saw of the demands.
+    """Starts, best first, and the constraints that the scan saw.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""A coupling as a scale times a shape, of which the search knows the least scale in closed form (README, section 3).
+"""A coupling as a scale times a shape; the least feasible scale has a closed form (README, section 3).
 
 Of an admittance display the scale is b_c, the time constant m_c/b_c and Z_c = b_0 + b_c (u + j v). Of an impedance
 display, the dual, the scale is 1/k_c, the time constant b_c/k_c and 1/Z_c = (u + j v)/k_c. A rigid coupling of an

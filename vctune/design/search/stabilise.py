@@ -1,4 +1,4 @@
-"""Stable loops to begin an exchange with, and tangents that keep its answers stable (design/README.md, section 6)."""
+"""Stable loops to start an exchange, and tangents that keep its answers stable (design/README.md, section 6)."""
 
 from __future__ import annotations
 

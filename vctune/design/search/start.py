@@ -1,4 +1,4 @@
-"""A design to begin a local optimisation from, and what it misses."""
+"""A start of a local optimisation, and the constraints that it violates."""
 
 from __future__ import annotations
 
@@ -53,5 +53,5 @@ class Start:
 
     @property
     def rank(self) -> tuple[Missed, float, float]:
-        """What starts are ordered by: first what is missed, then by how much, then the error."""
+        """The order of starts: the violated constraint, the violation, then the error."""
         return self.missed, self.violation, self.error

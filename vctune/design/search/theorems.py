@@ -1,4 +1,4 @@
-"""Requests that no design can meet, known beforehand: theorems with their numbers filled in.
+"""Requirements that no design can meet: theorems with their numbers filled in.
 
 Each limit is taken at the corner of the bounds that is kindest to it: a request is refused only where even that fails.
 """
@@ -226,5 +226,5 @@ def _at_infinity(problem: Problem) -> tuple[str, str] | None:
 
 
 def _met(limit: EndLimit, factor: float) -> bool:
-    """Return whether Re Z_c is enough at an end; a required R of 0 or less asks for nothing."""
+    """Return whether Re Z_c is enough at an end; a required R of 0 or less is always met."""
     return limit.required <= 0 or limit.coupling >= factor * limit.required

@@ -1,4 +1,4 @@
-"""Where a point of the search does not meet the demands, on any of the devices at which they are posed."""
+"""Points at which a design violates the constraints, on any of their devices."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def violations(
 
 
 def of_own_loops(cases: list[Problem]) -> list[Problem]:
-    """Return the problems without those whose device differs from another's by what is not modelled alone."""
+    """Return the problems without those whose device differs from another's only by its unmodelled response."""
     return list({case.device.modelled: case for case in reversed(cases)}.values())[::-1]
 
 

@@ -1,4 +1,4 @@
-"""Where an exchange poses the demands: frequencies and devices."""
+"""The points at which an exchange imposes the constraints: frequencies and devices."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vctune.proof.claims.registry import Quantity
 
 @dataclass(frozen=True, slots=True)
 class ConstraintPoint:
-    """Where a demand is posed: a frequency, rad/s, a device, and of some demands a hand."""
+    """A point at which a constraint is imposed: a frequency, rad/s, a device, and for some constraints a hand."""
 
     omega: float
     device: Device
@@ -48,7 +48,7 @@ The error grows by about as much."""
 
 @dataclass(frozen=True, slots=True)
 class WorkingSet:
-    """Points at which the demands are posed, and half planes that keep the gains stable.
+    """Points at which the constraints are imposed, and half planes that keep the gains stable.
 
     Attributes
     ----------

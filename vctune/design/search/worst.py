@@ -1,4 +1,5 @@
-"""The devices of an uncertain box on which a design's ratio Re Z_c / R is least, or |S| greatest: estimates, no proof.
+"""The devices of an uncertain box on which the ratio Re Z_c / R of a design is least, or |S| greatest: estimates, no
+proof.
 
 At a frequency omega the delay d counts only by the phase omega d, which turns fully within 2 pi/omega: the delays of
 one turn stand for all longer ones.
@@ -135,7 +136,7 @@ def _reach(box: DeviceBox, name: str, omega: Floats) -> Floats:
 
 
 def _shares(box: DeviceBox) -> dict[str, int]:
-    """Return how many values of each uncertain number are looked at."""
+    """Return how many values of each uncertain number to try."""
     counts = {name: DELAY_SHARES if name in (*DELAYS, DIRECTION) else SHARES for name in box.uncertain}
     for fewer in (3, 2):
         if prod(counts.values()) > MOST_DEVICES:

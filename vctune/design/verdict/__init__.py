@@ -1,1 +1,1 @@
-"""What a design is worth: judged, recorded, priced, repaired, checked."""
+"""The verdict on a design: judged, recorded, priced, repaired, checked."""

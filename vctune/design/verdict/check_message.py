@@ -1,4 +1,4 @@
-"""What a check says in one line, and the line of the file that it is about."""
+"""The result of a check in one line, and the line of the file that it refers to."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def check_message(
     changed: Sequence[ParameterChange],
     together: Sequence[ParameterChange],
 ) -> str:
-    """Return what is proved of a design, or what fails and what would pass.
+    """Return the proved claims of a design, or those that fail and the changes that would pass.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a check found: the verdict in one line, and everything that is known of the design behind it."""
+"""The result of a check: the verdict in one line, and the full record of the design."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SOLVE_INSTEAD = Note("warn-solve-instead", "solving the problem finds a design t
 
 
 class CheckVerdict(StrEnum):
-    """What a check comes to."""
+    """The verdict of a check."""
 
     PASSED = "passed"
     FAILED = "failed"
@@ -41,7 +41,7 @@ VERDICTS = {
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """What a check found.
+    """The result of a check.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Checked:
 
     @property
     def warnings(self) -> list[str]:
-        """What the user should know beside the verdict."""
+        """Warnings beside the verdict."""
         return self.finding.warnings if self.finding else []
 
     @property
@@ -83,7 +83,7 @@ class Checked:
 
 
 class Finding(Protocol):
-    """What is known when the input could be used: warnings, the seconds it took, and all of it as a JSON object."""
+    """The details of a check of usable input: warnings, the seconds it took, and the JSON object."""
 
     @property
     def warnings(self) -> list[str]: ...
@@ -94,7 +94,7 @@ class Finding(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class DesignFinding:
-    """What is known of gains that could be judged.
+    """The details of gains that could be judged.
 
     Attributes
     ----------
@@ -125,7 +125,7 @@ def finding_of(
     repairing: float,
     proving: float,
 ) -> DesignFinding:
-    """Return what is known of gains that were judged, with all that their user should know.
+    """Return the details of judged gains, with all warnings.
 
     Parameters
     ----------

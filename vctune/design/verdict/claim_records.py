@@ -1,4 +1,4 @@
-"""What the record says of each claim: where it fails, and the hand and environment with which a design grows there."""
+"""The record of each claim: where it fails, and the hand and environment with which the design grows there."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from vctune.proof.engine.interval import Outcome, Verdict
 
 
 def claim_records(problem: Problem, judgement: Judgement) -> list[ClaimRecord]:
-    """Return what is said of each claim.
+    """Return the record of each claim.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def _claim(problem: Problem, judgement: Judgement, claim: ClaimId, outcome: Outc
 
 
 def _environment(problem: Problem, judgement: Judgement, outcome: Outcome) -> dict[str, EnvironmentRecord]:
-    """Return what a design grows with, in the hand that refutes it or in the worst; nothing if it is not known to.
+    """Return the environment with which a design grows, in the refuting or the worst hand; None if it is not known.
 
     A hand that only misses the safety factor makes nothing grow.
     """
@@ -73,7 +73,7 @@ def _environment(problem: Problem, judgement: Judgement, outcome: Outcome) -> di
 
 
 def _environment_of_any_hand(problem: Problem, judgement: Judgement, outcome: Outcome) -> dict[str, EnvironmentRecord]:
-    """Return the lossless hand and what a design grows with in it; nothing if none is found."""
+    """Return the lossless hand and the environment with which a design grows in it; None if there is none."""
     device = outcome.device or problem.device
     assert isinstance(judgement.coupling, SpringDamper)
     found = growing_in_any_hand(device, judgement.gains, judgement.coupling)

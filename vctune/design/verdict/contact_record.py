@@ -1,4 +1,4 @@
-"""What a design's record says of a servo's latency, and of the contacts that its coupling bears."""
+"""The record of a servo's latency and of the contacts that its coupling bears."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ DIGITS = 4
 
 
 def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | None:
-    """Return what contacts ask of a servo's drag, and the stiffest that a design bears; None for any other display.
+    """Return the drag that contacts require of a servo, and the stiffest contact that a design bears; else None.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def _latency(device: Device) -> float:
 
 
 def _own_spring(device: Device) -> float:
-    """Return the drag that the firmware's own spring asks for at rest, N s/m: no force sensor is in its way."""
+    """Return the drag that the firmware's own spring requires at rest, N s/m, without the force sensor's delay."""
     assert device.servo is not None
     return (device.servo.stiffness or 0.0) * _latency(replace(device, force_sensor=None))
 
@@ -88,7 +88,7 @@ def _own_spring(device: Device) -> float:
 def _stiffest(
     problem: Problem, judgement: Judgement, hands: Hands, bears: float
 ) -> tuple[float | None, Literal["proved", "undecided"] | None]:
-    """Return the stiffest contact in few digits, and whether it is proved; None where there is none.
+    """Return the stiffest contact in few digits, and whether it is proved; None if there is none.
 
     Parameters
     ----------

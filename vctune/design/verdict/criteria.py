@@ -1,4 +1,4 @@
-"""What a design would be under one of two criteria alone: so that the price of asking for both is seen."""
+"""The error under one of two criteria alone, which shows the price of requiring both."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ COMPARISON = "the comparison of criteria"
 
 
 def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:
-    """Return a solved problem with what either criterion alone would allow; unchanged where it has one anyway.
+    """Return a solved problem with the error that either criterion alone would allow; unchanged if it has one
+    criterion.
 
     That is what its file would give with the other criterion, defaults that depend on it included, measured on the same
     band and Z_0.
@@ -48,7 +49,7 @@ def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:
 
 
 def _under(criterion: Criterion, tables: dict[str, Any], problem: Problem) -> Problem | None:
-    """Return the problem of a file that asks for one criterion; None if it contradicts the rest of it."""
+    """Return the problem of a file with one criterion; None if it contradicts the rest of the file."""
     stability = {**tables.get("stability", {}), "criterion": criterion}
     return reading.pose({**tables, "stability": stability}, problem.name, problem.transparency)[0]
 

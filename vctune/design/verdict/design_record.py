@@ -97,7 +97,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
 
 
 def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date: str | None = None) -> DesignRecord:
-    """Return the record of a solved problem, of what `design_record` takes.
+    """Return the record of a solved problem, as `design_record` does.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ def _touched(problem: Problem, values: Point) -> list[tuple[str, str]]:
 
 
 def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | None = None) -> list[Note]:
-    """Return what the designer should know about a design that is otherwise in order.
+    """Return warnings about a design that is otherwise in order.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def _cured(cures: Sequence[Repair] | None) -> str:
 
 @np.errstate(all="ignore")
 def _proved(problem: Problem, judgement: Judgement) -> dict[str, Any]:
-    """Return what takes proofs of its own, as far as the time limit leaves time for them."""
+    """Return the records that need proofs of their own, as far as the time limit allows."""
     proved = judgement.certificate.proved_band_hz
     return {
         "proved_band_hz": list(proved) if proved else None,
@@ -288,12 +288,12 @@ def _judged(problem: Problem, judgement: Judgement, proved: dict[str, Any]) -> d
 
 
 def _display(problem: Problem) -> dict[str, Any]:
-    """Return what a record says of the display: nothing of an admittance display."""
+    """Return the display for the record; None for an admittance display."""
     return {"display": problem.device.display} if problem.device.kind is not ADMITTANCE else {}
 
 
 def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
-    """Return what is proved of the hands that are to be met; nothing if there are none."""
+    """Return the record of the hands of the criterion; None if there are none."""
     held, hands = judgement.in_hand, problem.hands_met
     if held is None or hands is None:
         return {}
@@ -323,7 +323,7 @@ def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
 
 
 def _in_any_hand(problem: Problem, judgement: Judgement) -> dict[str, AnyHandRecord]:
-    """Return what is proved of any passive hand on an impedance display; nothing if none is to be met."""
+    """Return the record of any passive hand on an impedance display; None if the problem does not require it."""
     held = judgement.in_any_hand
     if held is None:
         return {}
@@ -340,7 +340,7 @@ def _in_any_hand(problem: Problem, judgement: Judgement) -> dict[str, AnyHandRec
 
 
 def _at_whole_sample(problem: Problem, judgement: Judgement) -> dict[str, WholeSampleRecord]:
-    """Return what is proved about a whole number of samples of delay; nothing if the delay is not near one."""
+    """Return the record at a whole number of samples of delay; None if the delay is not near one."""
     beside = judgement.certificate.beside
     if not beside:
         return {}
@@ -351,7 +351,7 @@ def _at_whole_sample(problem: Problem, judgement: Judgement) -> dict[str, WholeS
 
 
 def _without_operator(problem: Problem, gains: Gains, coupling: AnyCoupling) -> dict[str, WithoutOperatorRecord]:
-    """Return what the design is worth to hands that do not contain the least operator; nothing if there is none."""
+    """Return the record of the design without the least operator; None if there is no operator."""
     if problem.device.operator is None:
         return {}
     bare = judge(replace(problem, device=problem.device.bare), gains, coupling)
@@ -378,7 +378,7 @@ def _inner_loop(problem: Problem, judgement: Judgement) -> InnerLoopRecord:
 
 
 def optimality_record(found: Optimality) -> OptimalityRecord:
-    """Return what is proved of every design: bound, gap, history, and the boxes that are open."""
+    """Return the record of the bound on every design: bound, gap, history, and open boxes."""
     nodes = found.resume.nodes
     lowest = np.argsort(nodes.bound, kind="stable")[:SHOWN]
     every = max(1, len(found.history) // SHOWN)

@@ -1,4 +1,4 @@
-"""What a design does, as the record that stands beside its error."""
+"""The record of how a design feels, which stands beside its error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which number of a refuted design to change: one that was edited since it was solved, or the one that then errs least.
+"""Which number of a refuted design to change: an edited one, or the one with the least error afterwards.
 
 Nothing here solves or judges by itself: the caller says how (`RepairTest`).
 """
@@ -129,7 +129,7 @@ def _solved(free: dict[str, Problem], judgement: Judgement, test: RepairTest) ->
 
 
 def _with_one_free(stated: dict[str, Any], judgement: Judgement, key: str) -> Problem | None:
-    """Return a problem whose design is fixed but for one number; a drag is free where by default there is none, too."""
+    """Return a problem whose design is fixed except for one number, including a drag that is 0 by default."""
     problem = _with_free(stated, judgement, key)
     if problem is None or key != "coupling.drag" or not problem.bounds.fixed:
         return problem

@@ -1,4 +1,4 @@
-"""Gains that already exist, judged: the gate for continuous integration. Needs no optimiser.
+"""The check of existing gains for continuous integration. Needs no optimiser.
 
 See cli/README.md, section 2.
 """

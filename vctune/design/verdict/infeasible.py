@@ -1,4 +1,4 @@
-"""Why a problem has no design: the demand that the nearest miss fails, and where."""
+"""Why a problem has no design: the constraint that the nearest miss violates, and where."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def _on(case: Problem, problem: Problem) -> str:
 
 
 def _first_failure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[str, str] | None:
-    """Return the gravest failure of a design on one device and what may repair it; None where it fails nothing."""
+    """Return the most serious failure of a design on one device and its possible repair; None if it fails nothing."""
     device, stability = problem.device, problem.stability
     looped = device.kind.own_loop
     if looped and gains.velocity == 0 and gains.position == 0 and device.damping == 0:
@@ -145,7 +145,7 @@ def _first_failure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tup
 
 
 def _short_of_drag(problem: Problem, ratio: float, place: str) -> tuple[str, str]:
-    """Return by how much less a servo's drag is than stiffness times latency, and what may repair it."""
+    """Return by how much a servo's drag is less than stiffness times latency, and the possible repair."""
     factor, late = problem.stability.safety_factor, latency(problem.device, FLOATS)
     longest = max(QUICKER, key=lambda part: float(getattr(late, part)))
     missed = f", short of the safety factor {factor:.4g} by a factor of {factor / ratio:.4g}" if ratio > 0 else ""
@@ -157,7 +157,7 @@ def _short_of_drag(problem: Problem, ratio: float, place: str) -> tuple[str, str
 
 
 def _shortfall(problem: Problem, coupling: AnyCoupling, ratio: float, place: str) -> tuple[str, str]:
-    """Return by how much Re Z_c is less than what is asked for, and what may repair it."""
+    """Return by how much Re Z_c is less than required, and the possible repair."""
     factor, narrower = problem.stability.safety_factor, "stability.band_hz"
     if not problem.passive:
         narrower = "the hands of [operator]"

@@ -1,4 +1,4 @@
-"""What decides about given gains: error, least ratio, greatest |S|, certificate. Knows nothing of the optimiser."""
+"""The judgement of given gains: error, least ratio, greatest |S|, certificate. Does not import the optimiser."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from vctune.running import in_time, seconds_left, time_limit, unlimited
 
 
 class Status(StrEnum):
-    """What became of a problem."""
+    """The status of a problem."""
 
     CERTIFIED = "certified"
     VIOLATED = "violated"
@@ -66,7 +66,7 @@ CUT = " (the time limit cut its proof)"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judgement:
-    """A design and what is known of it.
+    """A design and its judgement.
 
     Attributes
     ----------
@@ -120,12 +120,12 @@ class Judgement:
 
     @property
     def ratio_name(self) -> str:
-        """What is called the least ratio: of the impedances, or of an impedance display of the admittances."""
+        """The name of the least ratio: of the impedances, or for an impedance display of the admittances."""
         return f"least {self.tightest.kind.ratio}"
 
     @property
     def facts(self) -> dict[str, float | str | None]:
-        """The design and what is proved of it, by name and unit."""
+        """The design and its proved claims, by name and unit."""
         values, units = astuple(self.gains) + astuple(self.coupling), UNITS[self.tightest.units]
         kind = self.kind
         return {
@@ -157,7 +157,7 @@ class Judgement:
 
     @property
     def reserve_missed(self) -> str | None:
-        """What is proved of a design that is absolutely stable but misses the safety factor; None for any other."""
+        """The proved claims of a design that is absolutely stable but misses the safety factor; None for any other."""
         if self.certificate.without_factor is None or self.certificate.proved_ratio is None:
             return None
         return (
@@ -233,7 +233,7 @@ def judge_all(problem: Problem, designs: Sequence[tuple[Gains, AnyCoupling]]) ->
 
 
 def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: Certificate) -> Judgement:
-    """Add to a certificate what double precision gives, in hands on as many devices of a box as there is time for."""
+    """Add double-precision values to a certificate, in hands on as many devices of a box as time allows."""
     in_hand = posed.demands.hands is not None or posed.demands.any_hand
     at: list[_InHands] = []
     for case in in_time(posed.hand_cases if in_hand else ()):

@@ -1,4 +1,4 @@
-"""What the NLP of a solved problem contained, what was left out of it, and what holds the design: plain data."""
+"""The record of a solved problem's NLP: its content, the parts left out, and the active constraints."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def active(solved: Solved) -> list[ActiveRecord]:
     where += [("|S| <= max_sensitivity", at) for at in posed.sensitivity]
     where += [("stability of the sampled loop", None) for _ in posed.stability]
     where += [("greatest error", at) for at in posed.peak]
-    where += [("|1 - S| r < 1 of what is not modelled", at) for at in posed.unmodelled]
+    where += [("|1 - S| r < 1 of the unmodelled dynamics", at) for at in posed.unmodelled]
     where += [
         (f"{coupled} >= safety_factor R in {'any passive' if at.hand is None else 'a'} hand", at)
         for at in posed.in_hand
@@ -83,7 +83,7 @@ def _priced(polished: Polished) -> Floats:
 
 
 def left_out(solved: Solved) -> list[Note]:
-    """Return what is not in the NLP, each with the reason."""
+    """Return the parts that are not in the NLP, each with the reason."""
     problem = solved.problem
     found = []
     for key, bounds in zip(keys_for(problem), ranges(problem), strict=True):
@@ -121,7 +121,7 @@ def left_out(solved: Solved) -> list[Note]:
 
 
 def solver_record(solved: Solved) -> dict[str, Any]:
-    """Return how the NLP was solved; nothing where none was."""
+    """Return how the NLP was solved; empty if there was no NLP."""
     if solved.polished is None or solved.scanned is None:
         return {}
     polished = solved.polished

@@ -1,4 +1,4 @@
-"""The numbers of a problem file that may be changed, one at a time, until there is a design."""
+"""The numbers of a problem file that a repair may change, one at a time."""
 
 from __future__ import annotations
 
@@ -71,7 +71,8 @@ class ParameterChange:
 
     @property
     def eases(self) -> bool:
-        """Whether more of it asks for less or leaves more to choose: fewer hands, a narrower band, wider bounds."""
+        """Whether a larger change only eases constraints or widens the choice: fewer hands, a narrower band, wider
+        bounds."""
         if self.path[0] in ("operator", "environment"):
             return self.path[-1] != "max" or self.limit < self.old
         return self.path[0] == "stability" or self.path[-1] in ("min", "max") or self.key in ONLY_UPWARDS
@@ -147,7 +148,7 @@ class ParameterChange:
         return exact
 
     def line(self, new: float) -> str:
-        """Return what the file has to say after the change: a line of TOML."""
+        """Return the new line of TOML after the change."""
         if self.other is None:
             return f"{self.key} = {new!r}"
         low, high = sorted((new, self.other))
@@ -167,7 +168,7 @@ class ParameterChange:
 
 
 def parameter_changes(document: dict[str, Any], problem: Problem) -> list[ParameterChange]:
-    """Return what may be changed about a problem: the device, the demands, and the bounds or gains that it states.
+    """Return the possible changes of a problem: of the device, the constraints, and the stated bounds or gains.
 
     Parameters
     ----------
@@ -178,7 +179,7 @@ def parameter_changes(document: dict[str, Any], problem: Problem) -> list[Parame
 
 
 def changes_of_demands(document: dict[str, Any], problem: Problem) -> list[ParameterChange]:
-    """Return what may be changed about a problem while its device stays as it is.
+    """Return the possible changes of a problem that keep its device.
 
     Parameters
     ----------
@@ -295,7 +296,7 @@ def _of_demands(problem: Problem) -> Iterator[ParameterChange]:
 
 
 def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:
-    """Yield other values of what the file fixes and wider bounds of what it bounds; default bounds are wide enough."""
+    """Yield other values of fixed numbers and wider bounds of stated ranges; default bounds are wide enough."""
     natural = _natural_sizes(problem)
     for key in problem.device.kind.stated:
         table, name = key.split(".")

@@ -1,4 +1,4 @@
-"""What a better device would be worth: how much the least error changes with each of its numbers.
+"""The value of a better device: the change of the least error with each of its numbers.
 
 By the envelope theorem that is the derivative of the Lagrangian at the optimum. See design/README.md, section 11.
 """
@@ -36,7 +36,7 @@ BETTER = 0.01
 
 @np.errstate(all="ignore")
 def with_prices(solved: Solved) -> Solved:
-    """Return what came of a problem with what each better number of its device is worth, if its design is optimal.
+    """Return the result of a problem with the price of each number of its device, if its design is optimal.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ class _OfDevice:
 
 @dataclass(frozen=True, slots=True)
 class _OfHands:
-    """An end of what the hands have: the least or the greatest mass, damping or stiffness, or both where they are one.
+    """An end of the hands' ranges: the least or greatest mass, damping or stiffness, or both if they are equal.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class _OfHands:
 
 
 def _numbers(problem: Problem) -> list[_OfDevice | _OfHands]:
-    """Return what has a price: each number of the device and, where no loop of its own is designed, of the hands."""
+    """Return the numbers that have a price: those of the device and, without a loop of its own, those of the hands."""
     found: list[_OfDevice | _OfHands] = [_OfDevice(name) for name, old in problem.device.numbers().items() if old > 0]
     if problem.device.kind.own_loop:
         return found
@@ -143,7 +143,7 @@ def _price(prepared: Prepared, polished: Polished, here: _Changed, number: _OfDe
 
 @dataclass(frozen=True, slots=True)
 class _Changed:
-    """What a number of the device changes.
+    """The parts that depend on a number of the device.
 
     Attributes
     ----------
@@ -156,7 +156,7 @@ class _Changed:
 
 
 def _changed(prepared: Prepared, polished: Polished, number: _OfDevice | _OfHands, factor: float) -> _Changed:
-    """Return what there is where a number of devices or hands is changed, all else the same in SI units."""
+    """Return those parts after a change of a number of devices or hands, all else the same in SI units."""
 
     def changed(device: Device) -> Device:
         return number.changed(device, factor)

@@ -1,4 +1,4 @@
-"""What would make a design possible: changes of one number, each alone sufficient, the least error first.
+"""Repairs that make a design possible: changes of one number, each sufficient on its own, the least error first.
 
 Numbers of the problem are changed as little as will do; a number of a design takes the value with the least error, or
 the one that it had when it was solved. Nothing here imports the optimiser before it is needed.
@@ -125,7 +125,7 @@ OF_FREE_IN_USE = RepairTest(_seems_solvable_in_use, lambda problem: _in_use(_sol
 
 
 def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda stage: None) -> Solved:
-    """Return what came of a problem with its repairs, where it has no design, its own is refuted, or is idle.
+    """Return the result of a problem with its repairs, if it has no design, or its design is refuted or idle.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How a changed problem is tried while a repair is looked for."""
+"""How the search for repairs tries a changed problem."""
 
 from __future__ import annotations
 

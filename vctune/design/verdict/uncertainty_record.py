@@ -1,4 +1,4 @@
-"""What a design comes to on the devices of its box, and what that costs: plain data for the record."""
+"""The record of a design on the devices of its box, and of the cost of the uncertainty."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vctune.model.problem import Problem
 
 
 def device_record(device: Device, problem: Problem) -> DeviceRecord:
-    """Return mass, damping and delay of a device, and what else is uncertain about the problem's.
+    """Return mass, damping and delay of a device, and the other uncertain numbers of the problem's.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def device_record(device: Device, problem: Problem) -> DeviceRecord:
 
 
 def uncertainty_record(problem: Problem, judgement: Judgement, nominal_error: float | None) -> UncertaintyRecord:
-    """Return the box, the errors that say what robustness costs, and the devices on which the design is worst.
+    """Return the box, the errors that show the cost of robustness, and the devices on which the design is worst.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""What vctune writes and reads back: each key of each JSON file once."""
+"""The documents that vctune writes and reads back: each key of each JSON file once."""

@@ -1,4 +1,4 @@
-"""The records of what is proved of a design, and of its velocity loop."""
+"""The records of the claims about a design and its velocity loop."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class EnvironmentRecord(Part):
     stiffness: float = 0.0
 
     def in_words(self, units: Units) -> str:
-        """Return what it is and how the design grows with it."""
+        """Return the environment in words, and how the design grows with it."""
         kind = units.translated(f"a {self.kind}") if self.damping else f"a lossless {units.translated(self.kind)}"
         rendered = f"{kind} of {text(self.value)} {self.unit}" if self.value else "nothing rendered"
         if self.stiffness:
@@ -117,7 +117,7 @@ def _id_may_lack(schema: dict[str, Any]) -> None:
 
 
 class ClaimRecord(Part):
-    """A claim, where, on which device and in which hand it fails, and what makes it grow there.
+    """A claim, where, on which device and in which hand it fails, and the environment with which it grows there.
 
     Where the time limit `cut` its proof it is undecided. Its sentence is for people, in the words of the version that
     wrote it; programs ask for its `id`.
@@ -146,7 +146,7 @@ class ClaimRecord(Part):
         return {"id": WITHOUT_ID[sentence], **value}
 
     def rows(self, units: Units) -> Iterator[Row]:
-        """Yield what is shown of a claim that is not proved; its text is too long for a label."""
+        """Yield the rows of a claim that is not proved; its text is too long for a label."""
         yield Row(
             "claim",
             self.verdict,
@@ -163,7 +163,7 @@ class ClaimRecord(Part):
 
 
 class WithoutOperatorRecord(Part):
-    """What the design is worth to hands that do not contain the least operator."""
+    """The design without the least operator."""
 
     verdict: Proof
     min_ratio: Annotated[Number, Shown("without operator", "at {worst_hz} Hz, {verdict}")]
@@ -177,7 +177,7 @@ class WorldRecord(Part):
     stiffness: float
 
     def row(self, hz: Number, units: Units) -> Row:
-        """Return what is shown of it.
+        """Return the row of the environment.
 
         Parameters
         ----------
@@ -197,7 +197,7 @@ class WorldRecord(Part):
 
 
 class HandsRecord(DisplayPart):
-    """What is proved of every hand of a box, in the sampled loop at every frequency."""
+    """The claims about every hand of a box, in the sampled loop at every frequency."""
 
     verdict: Annotated[Proof, Shown("every hand", "of {within}")]
     box: dict[str, Pair]
@@ -209,13 +209,13 @@ class HandsRecord(DisplayPart):
     worst_world: WorldRecord | None = None
 
     def rows(self, units: Units) -> Iterator[Row]:
-        """Yield what is shown of it, and which environment binds."""
+        """Yield the rows, with the binding environment."""
         yield from super().rows(units)
         if self.worst_world is not None:
             yield self.worst_world.row(self.worst_hz, units)
 
     def environments(self, units: Units) -> str:
-        """Return which environments are met, in words."""
+        """Return the environments of the claim in words."""
         if self.worlds is None:
             return ENVIRONMENTS
         ends = {name: [inf if end is None else end for end in pair] for name, pair in self.worlds.items()}
@@ -228,12 +228,12 @@ class HandsRecord(DisplayPart):
         return Hands(*(Hand(**{name: ends[k] for name, ends in self.box.items()}) for k in (0, 1)))
 
     def promise(self, units: Units) -> str:
-        """Return what is proved if it is, in words."""
+        """Return the claim in words, if it is proved."""
         return f"in every hand of {self.within.in_words(units)}, {self.environments(units)}, at every frequency"
 
 
 class AnyHandRecord(DisplayPart):
-    """What is proved of any passive hand on an impedance display, in the sampled loop at every frequency."""
+    """The claim about any passive hand on an impedance display, in the sampled loop at every frequency."""
 
     verdict: Annotated[Proof, Shown("any passive hand")]
     min_ratio: Annotated[Number, Shown("least {coupled} / R", "at {worst_hz} Hz")]
@@ -244,7 +244,7 @@ class AnyHandRecord(DisplayPart):
 
 
 class WholeSampleRecord(Part):
-    """What is proved on both sides of a whole number of samples of delay, where the sensed force jumps."""
+    """The verdict on both sides of a whole number of samples of delay, where the sensed force jumps."""
 
     verdict: Annotated[Proof, Shown("either side", "of {samples} T = {delay} s of delay, where the sensed force jumps")]
     samples: int
@@ -252,7 +252,7 @@ class WholeSampleRecord(Part):
 
 
 class CertificateRecord(DisplayPart):
-    """What is proved of absolute stability and of the velocity loop."""
+    """The claims about absolute stability and about the velocity loop."""
 
     verdict: Annotated[Proof, Shown("verdict", "{boxes} boxes")]
     band_hz: Annotated[Pair | None, Shown("band", "Hz")]
@@ -270,11 +270,11 @@ class CertificateRecord(DisplayPart):
 
     @property
     def beyond(self) -> str:
-        """What holds outside the proved band, where there is one."""
+        """The remark on frequencies outside the proved band, if there is one."""
         return "" if self.proved_band_hz is None else "; outside it nothing is proved of the ratio"
 
     def rows(self, units: Units) -> Iterator[Row]:
-        """Yield what is shown of it, and the claims that are not proved; rows of a band only where there is one."""
+        """Yield the rows, with the claims that are not proved; rows of a band only if there is one."""
         shown = list(super().rows(units))
         yield from shown if self.band_hz is not None else shown[:1]
         yield from self.any_hand.rows(units) if self.any_hand else ()
@@ -313,7 +313,7 @@ class InnerLoopRecord(Part):
     nyquist: NyquistRecord
 
     def rows(self, units: Units) -> Iterator[Row]:
-        """Yield what is shown of it and of Nyquist's count."""
+        """Yield the rows, with Nyquist's count."""
         yield from super().rows(units)
         yield from self.nyquist.rows(units)
 

@@ -1,4 +1,4 @@
-"""Two designs side by side: what differs in their problems, and what came of either."""
+"""The comparison of two designs: differences of their problems, and both results."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ UNCOMPARED = ("name", "description", "experiment")
 
 
 class SideRecord(Part):
-    """One of the two: where it is from, and what it is."""
+    """One of the two designs: its origin and its kind."""
 
     source: str
     name: str
@@ -39,7 +39,7 @@ class DifferenceRecord(Part):
 
 
 class ValueRecord(Part):
-    """A number or a verdict of both designs, by its key in design.json; null where there is none."""
+    """A number or a verdict of both designs, by its key in design.json; null if it does not exist."""
 
     group: str
     key: str
@@ -51,7 +51,7 @@ class ValueRecord(Part):
 
 
 class ComparisonRecord(Document):
-    """What `vctune compare` prints."""
+    """The output of `vctune compare`."""
 
     SCHEMA = "vctune/comparison/1"
 
@@ -62,7 +62,7 @@ class ComparisonRecord(Document):
 
 
 class MeasuredRecord(TransparencyRecord):
-    """The error and its terms on a yardstick, and what that is."""
+    """The error and its terms on a yardstick, and the yardstick."""
 
     band_hz: Annotated[Pair, Shown("over a band of", unit="Hz")]
     reference_impedance: Annotated[float, Shown("with Z_0", of="damping")]
@@ -173,7 +173,7 @@ def _compared(title: str, prefix: str, sides: Sequence[tuple[Part | None, Units]
 
 
 def _either(said: Iterable[str]) -> str:
-    """Return what is said of both, or what of either."""
+    """Return the common text of both, or the text of the only one."""
     return " or ".join(dict.fromkeys(said))
 
 

@@ -1,4 +1,4 @@
-"""The record of what a servo's latency asks for: the rule drag >= stiffness times latency, part by part."""
+"""The record of the drag that a servo's latency requires: stiffness times latency, part by part."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ROUND = (5.0, 2.0, 1.0)
 
 
 class LatencyPartRecord(Part):
-    """A part of the latency: what it is, the key that states it, and the drag that it alone asks for at rest."""
+    """A part of the latency: its name, the key that states it, and the drag that it alone requires at rest."""
 
     part: str
     key: str
@@ -26,7 +26,7 @@ class LatencyPartRecord(Part):
 
 
 class ContactRecord(Part):
-    """What contacts ask of the drag before a servo, and the stiffest that its coupling bears.
+    """The drag that contacts require before a servo, and the stiffest contact that its coupling bears.
 
     `stiffness` is that of the stiffest hand of the box, `safety_factor` that of the problem, `own_spring` the drag that
     the firmware's own spring asks for at rest.
@@ -45,7 +45,7 @@ class ContactRecord(Part):
     own_spring: float = 0.0
 
     def rows(self, units: Units) -> Iterator[Row]:
-        """Yield the rows, each with what it is of."""
+        """Yield the rows, each with its condition."""
         said = self._said_of(units)
         for row in super().rows(units):
             yield row._replace(unit=f"{row.unit if row.value != 'none' else ''}{said[row.label]}")
@@ -69,7 +69,7 @@ class ContactRecord(Part):
 
     @property
     def rule(self) -> str:
-        """What the least drag at rest is."""
+        """The formula of the least drag at rest."""
         of_springs = self.safety_factor * self.stiffness * self.latency_s + self.own_spring
         rule = f"{text(self.safety_factor)} K L{' and that of the own spring' if self.own_spring else ''}"
         if isclose(self.rest_drag, of_springs, rel_tol=1e-6):

@@ -1,4 +1,4 @@
-"""The record of a design: each key of design.json once, with its type and how it is shown (README.md, section 3).
+"""The record of a design: each key of design.json once, with its type and its label (README.md, section 3).
 
 What is written, what a file must hold to be read back, and the rows of the table and of the report's page all follow
 from the fields of these classes: a new number is a new field.
@@ -79,7 +79,7 @@ class BoxRecord(Part):
 
 
 class OptimalityRecord(Part):
-    """What is proved of the error of every admissible design, of `terms` alone where the others never differ."""
+    """The proved bound on the error of every feasible design; on `terms` alone if the other terms never differ."""
 
     lower_bound: Annotated[Number, Shown("lower bound", "{verdict}, {boxes} boxes")]
     gap: Annotated[Number, Shown("gap", "%", 3, scale=100, optional=True)]
@@ -90,19 +90,19 @@ class OptimalityRecord(Part):
     open: list[BoxRecord]
 
     def rows(self, units: Units) -> Iterator[Row]:
-        """Yield what the bound is of, where that is not all of the error."""
+        """Yield the terms of the bound, if they are not the whole error."""
         if self.terms is not None:
             yield Row(self.of, text(self.history[-1].error), "in which designs differ")
         yield from super().rows(units)
 
     @property
     def of(self) -> str:
-        """What the bound is of."""
+        """The name of the bounded error."""
         return "transparency error" if self.terms is None else f"error of {' and '.join(self.terms)}"
 
 
 class UncertaintyRecord(Part):
-    """What the design comes to on the devices of its box, and what certainty would be worth."""
+    """The design on the devices of its box, and the error if its numbers were exact."""
 
     box: dict[str, Pair]
     unmodelled: list[list[float]] = Field(default_factory=list)
@@ -126,7 +126,7 @@ class UncertaintyRecord(Part):
 
 
 class DesignRecord(Document):
-    """What came of a problem, in SI units and hertz: the object of design.json."""
+    """The result of a problem, in SI units and hertz: the object of design.json."""
 
     SCHEMA = "vctune/design/1"
     GROUPS: ClassVar[dict[str, str]] = {
@@ -180,12 +180,12 @@ class DesignRecord(Document):
 
     @property
     def units(self) -> Units:
-        """Of everything in it."""
+        """The units of the record."""
         return UNITS[self.problem.units]
 
     @property
     def promise(self) -> str:
-        """What is proved of the design, in words; nothing where it is not certified."""
+        """The proved claim of the design in words; empty if it is not certified."""
         if self.certificate is None or self.status != "certified":
             return ""
         known = " without what is not modelled" if self.uncertainty is not None and self.uncertainty.unmodelled else ""
@@ -201,7 +201,7 @@ class DesignRecord(Document):
 
     @property
     def compared(self) -> list[str]:
-        """What either criterion alone would allow."""
+        """Sentences on what either criterion alone would allow."""
         if not self.alternatives or self.transparency is None:
             return []
         error, found = text(self.transparency.error, 3), []
@@ -223,7 +223,7 @@ class DesignRecord(Document):
         return None if self.gains is None or self.coupling is None else (self.gains.plain, self.coupling.plain)
 
     def groups(self) -> dict[str, list[Row]]:
-        """Return the rows of a design by group; none where there is no design."""
+        """Return the rows of a design by group; empty if there is no design."""
         if self.gains is None:
             return {}
         parts = {title: getattr(self, name) for name, title in self.GROUPS.items()}

@@ -1,4 +1,4 @@
-"""The records of what is designed and of how transparent it is: gains, coupling, error."""
+"""The records of a design and of its transparency: gains, coupling, error."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Positive = Annotated[float, Field(gt=0)]
 
 
 class ProblemRecord(Part):
-    """The problem file, and how its device moves: nothing is said of a linear one."""
+    """The problem file, and the motion of its device; linear motion is not written."""
 
     name: str
     sha256: str
@@ -30,7 +30,7 @@ class ProblemRecord(Part):
 
 
 def stated_units(device: Device) -> dict[str, UnitSystem]:
-    """Return what a record says of how a device moves: nothing of a linear one."""
+    """Return the stated motion of a record; None for a linear device."""
     return {} if device.units == "linear" else {"units": device.units}
 
 
@@ -116,7 +116,7 @@ class TransparencyRecord(DisplayPart):
 
     @property
     def missed(self) -> str:
-        """The term of what is commanded and not done."""
+        """The error of the commanded motion or force."""
         return "|1 - A H/N|" if self.display == "impedance" else "|1 - G_he|"
 
     @property

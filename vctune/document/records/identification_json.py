@@ -34,7 +34,7 @@ class NumberRecord(Part):
 
 
 class CheckRecord(Part):
-    """Another way to the mass: how far it is off, and what it says of the deviation."""
+    """Another estimate of the mass: its distance from the fit, and its own deviation."""
 
     name: str
     value: Number
@@ -51,7 +51,7 @@ class CandidateRecord(Part):
 
 
 class RecordingRecord(Part):
-    """A recording and what it says."""
+    """A recording and its results."""
 
     source: str
     sha256: str
@@ -100,7 +100,7 @@ class FrictionRecord(Part):
 
 
 class ExcitationRecord(Part):
-    """A multisine for what is still uncertain: excitation.csv is a period of it."""
+    """A multisine for the numbers that are still uncertain: excitation.csv is one period of it."""
 
     period: float
     periods: int
@@ -134,7 +134,7 @@ class IdentificationRecord(Document):
 
     @property
     def units(self) -> Units:
-        """Of the device and all that is said of it."""
+        """Units of the device and of the record."""
         return UNITS["rotary" if self.rotary else "linear"]
 
 

@@ -36,7 +36,7 @@ def _of(*parts: type[Part], each: bool = False) -> dict[str, Any]:
 
 
 def _named(part: type[Part]) -> dict[str, Any]:
-    """Return the schema of a record with what it calls itself."""
+    """Return the schema of a record with the record's own name."""
     schema = part.model_json_schema()
     if issubclass(part, Document):
         schema["properties"] = {"schema": {"const": part.SCHEMA}, **schema["properties"]}

@@ -1,4 +1,4 @@
-"""What the records of files are made of: fields that are checked when read, written as JSON and shown as rows."""
+"""The base of all records: fields that are checked when read, written as JSON and shown as rows."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Shown:
 
 
 class Row(NamedTuple):
-    """A number for people: what it is called, the number as text, its unit or place, `detail` as in `Shown`."""
+    """A number for people: its name, the number as text, its unit or place, `detail` as in `Shown`."""
 
     label: str
     value: str
@@ -72,7 +72,7 @@ Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
 
 class Part(BaseModel):
-    """Part of a record. Keys that it does not know, of other versions, are kept; what is not set is not written."""
+    """Part of a record. It keeps unknown keys, of other versions; unset keys are not written."""
 
     model_config = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False, defer_build=True)
 
@@ -86,12 +86,12 @@ class Part(BaseModel):
                 yield Row(units.translated(label), text(scaled, shown.digits), units.of(shown.of) or unit, shown.detail)
 
     def in_words(self, units: Units) -> str:
-        """Return what stands for the part in a sentence."""
+        """Return the part as a phrase of a sentence."""
         return ", ".join(f"{row.value} {row.unit}".rstrip() for row in self.rows(units))
 
 
 def filled(part: Part, words: str, units: Units) -> str:
-    """Return words of a field with what they name in braces, other fields, parts or properties of the part.
+    """Return the text of a field with the names in braces replaced: other fields, parts or properties of the part.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def filled(part: Part, words: str, units: Units) -> str:
 
 
 class Document(Part):
-    """A part that is a file, or what a command prints, of its own.
+    """A part that is a file of its own, or the output of a command.
 
     Attributes
     ----------
@@ -136,5 +136,5 @@ class DisplayPart(Part):
 
     @property
     def coupled(self) -> str:
-        """What must be resistive enough."""
+        """The response of the coupling that must be resistive enough."""
         return "Re 1/Z_c" if self.display == "impedance" else "Re Z_c"

@@ -1,4 +1,4 @@
-"""The record of what a better device would be worth: a row for each of its numbers."""
+"""The record of the value of a better device: a row for each of its numbers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ digits of what nobody will feel, twice hides some."""
 
 
 class PriceRecord(Part):
-    """What a better number of the device is worth: by what share the least error changes, to first order."""
+    """The price of a number of the device: by what share the least error changes if it is better, to first order."""
 
     key: str
     old: float
@@ -21,7 +21,7 @@ class PriceRecord(Part):
 
     @property
     def worth(self) -> str:
-        """What the better number does to the error, in words."""
+        """The effect of the better number on the error, in words."""
         return "no difference" if abs(self.change) < NO_DIFFERENCE else f"{100 * self.change:+.2f} %"
 
     def cells(self, units: Units) -> tuple[str, str, str]:

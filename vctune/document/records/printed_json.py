@@ -1,4 +1,4 @@
-"""What commands print as JSON that is no file of its own."""
+"""The JSON that commands print and that is not a file of its own."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class RefusalRecord(Document):
 
 
 class ReportRecord(Document):
-    """What `vctune report` wrote: paths."""
+    """The output of `vctune report`: paths."""
 
     SCHEMA = "vctune/report/1"
 
@@ -35,7 +35,7 @@ class ReportRecord(Document):
 
 
 class ExportRecord(Document):
-    """What `vctune export` wrote."""
+    """The output of `vctune export`."""
 
     SCHEMA = "vctune/export/1"
 
@@ -47,7 +47,7 @@ class ExportRecord(Document):
 
 
 class BenchRecord(Document):
-    """What a benchmark found: sentences, and the rows of its table."""
+    """The result of a benchmark: sentences, and the rows of its table."""
 
     SCHEMA = "vctune/bench/1"
 
@@ -59,7 +59,7 @@ class BenchRecord(Document):
 
 
 class EntryRecord(Part):
-    """What a guide says of a name, in Markdown; no text in a list of what there is."""
+    """The text of a guide on a name, in Markdown; no text in a list of names."""
 
     kind: Literal["code", "key", "term", "claim"]
     name: str
@@ -68,7 +68,7 @@ class EntryRecord(Part):
 
 
 class ExplanationRecord(Document):
-    """What `vctune explain` prints; `name` is what was asked for, null for the list of what can be."""
+    """The output of `vctune explain`; `name` is the argument, null for the list of names."""
 
     SCHEMA = "vctune/explanation/1"
 
@@ -77,7 +77,7 @@ class ExplanationRecord(Document):
 
 
 class ExampleRecord(Document):
-    """What `vctune example` wrote, or can write, by name."""
+    """The output of `vctune example`: the file, or the names of all examples."""
 
     SCHEMA = "vctune/example/1"
 

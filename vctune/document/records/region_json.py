@@ -1,4 +1,4 @@
-"""The region file: which gains are proved admissible, cell by cell, as a baseline for continuous integration.
+"""The region file: the feasible gains, cell by cell, as a baseline for continuous integration.
 
 Each key of region.json once, with its type: what is written and what a file must hold to be read back.
 """
@@ -46,7 +46,7 @@ Cell = Annotated[tuple[Index, Index, Index, Index, Verdict, float | None], Stric
 
 
 class DemandsRecord(Part):
-    """What was asked of the gains; `hands` is the box of those that are to be met."""
+    """The constraints on the gains; `hands` is the box of hands that they include."""
 
     safety_factor: float
     max_sensitivity: float
@@ -102,7 +102,7 @@ class CheckedProblemRecord(Part):
 
 
 class RegionDocument(Document):
-    """What was found of a plane of gains, in SI units: the object of region.json.
+    """The plane of gains and its cells, in SI units: the object of region.json.
 
     Of one that was `interrupted`, cells that were not looked at are undecided.
     """
@@ -137,7 +137,7 @@ class RegionDocument(Document):
 
 
 class RegionCheckRecord(Document):
-    """What of a region still is proved, in shares of the plane, and the cells and gain sets that are not."""
+    """The shares of a region that are still proved, and the cells and gain sets that are not."""
 
     SCHEMA = "vctune/region-check/1"
 

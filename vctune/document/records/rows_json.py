@@ -1,4 +1,4 @@
-"""What a study writes and prints: the lines of rows.jsonl, and the objects of `vctune sweep` and `vctune front`.
+"""The output of a study: the lines of rows.jsonl, and the objects of `vctune sweep` and `vctune front`.
 
 Names of columns have no dot, so that none of them is the key of an axis.
 """
@@ -21,7 +21,7 @@ class RowsHeader(Document):
 
 
 class FeltRecord(Part):
-    """What a design does, whatever it is measured by (`vctune.analysis.feel`); null without a design, or above Nyquist.
+    """How a design feels, on no yardstick (`vctune.analysis.feel`); null without a design, or above Nyquist.
 
     The wall is looked at at 10 Hz; tracking ends where |G_he|, of an impedance display |A H/N|, falls below 1/sqrt 2.
     """
@@ -35,7 +35,7 @@ class FeltRecord(Part):
 
 
 class YardstickRecord(Part):
-    """What the error is measured on, beside norm and weights: the transparency band and Z_0."""
+    """The yardstick of the error, besides norm and weights: the transparency band and Z_0."""
 
     yardstick_low_hz: Annotated[Number, Shown("lower edge of the transparency band", of="frequency")]
     yardstick_high_hz: Annotated[Number, Shown("upper edge of the transparency band", of="frequency")]
@@ -106,7 +106,7 @@ class CornerRecord(Part):
 
 
 class ObjectiveRecord(Part):
-    """The yardstick of a study: what the errors of all its points are measured on, but for what an axis states."""
+    """The yardstick of a study: the scale of the errors of all its points, except for parts that an axis states."""
 
     band_hz: Pair
     reference_impedance: float
@@ -116,7 +116,7 @@ class ObjectiveRecord(Part):
 
 
 class SweepRecord(Document):
-    """What a sweep found, in a few numbers.
+    """The summary of a sweep.
 
     `units` are those of axes and numbers, `idle` counts certified designs, and `stability_high_hz` is the least and the
     greatest upper edge of the stability band where neither problem nor axes state it and the points' own devices differ

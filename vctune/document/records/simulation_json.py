@@ -34,7 +34,7 @@ class SimulatedProblemRecord(Part):
 
 
 class EnvironmentRecord(Part):
-    """What was rendered."""
+    """The rendered environment."""
 
     mass: float
     damping: float
@@ -95,7 +95,7 @@ class RunRecord(Part):
 
 
 class DifferenceRecord(Part):
-    """By how much a firmware's command differs at most from the design's on what was measured, and when, s.
+    """The greatest difference of a firmware's command from the design's on the same measurements, and its time, s.
 
     Both are in the precision of the firmware; a difference up to `tolerance` passes.
     """
@@ -136,12 +136,12 @@ class SimulationRecord(Document):
 
     @property
     def units(self) -> Units:
-        """Of everything in it."""
+        """Units of the record."""
         return UNITS[self.problem.units]
 
     @property
     def command_unit(self) -> str:
-        """Unit of what the firmware commands: a force, but for the velocity or the position of a servo."""
+        """Unit of the firmware's command: a force, or for a servo a velocity or a position."""
         return {"velocity": self.units.speed, "position": self.units.position, None: self.units.force}[self.commanded]
 
     def is_of(self, design: DesignRecord) -> bool:
@@ -156,7 +156,7 @@ class SimulationRecord(Document):
 
 
 def simulation_beside(folder: Path, design: DesignRecord) -> SimulationRecord | None:
-    """Return what a folder's simulation.json holds if it is of this very design, else None.
+    """Return the content of a folder's simulation.json if it belongs to this very design, else None.
 
     Parameters
     ----------

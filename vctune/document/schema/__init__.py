@@ -1,1 +1,1 @@
-"""What a file may hold: keys, types, ranges, defaults, and what may not stand together."""
+"""The schema of each file: keys, types, ranges, defaults and contradictions."""

@@ -1,4 +1,4 @@
-"""What can be wrong in a problem file between values that are each right."""
+"""Contradictions in a problem file between values that are valid on their own."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MAX_DECADES = 12
 
 
 def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
-    """Return what is wrong between values that are each right; works on whatever part of the document is valid."""
+    """Return contradictions between values that are valid on their own; works on the valid parts of the document."""
     return [
         *_empty_ranges(raw),
         *_impossible_bands(raw),
@@ -86,7 +86,7 @@ def _impossible_criterion(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _unproved_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Return what is not proved together with a box of environments."""
+    """Return the claims that cannot be proved together with a box of environments."""
     if not isinstance(raw.get("environment"), dict):
         return
     stability, uncertainty = raw.get("stability"), raw.get("uncertainty")

@@ -1,4 +1,4 @@
-"""Defaults as formulas in the device's own scales, so that a change of units changes nothing.
+"""Defaults as formulas in the device's own scales, so that a change of units does not change them.
 
 See document/README.md, section 1.
 
@@ -168,7 +168,7 @@ def _worlds(table: WorldsTable | None) -> Worlds | None:
 
 
 def _asked(hands: Hands, latency: float) -> float:
-    """Return the drag that the stiffest hand of a box asks of a servo at rest, stiffness times latency, N s/m.
+    """Return the drag that the stiffest hand of a box requires of a servo at rest, stiffness times latency, N s/m.
 
     Where no hand has a stiffness, its damping or its mass over the latency stand in its place.
     """
@@ -196,7 +196,7 @@ def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag:
 
 
 def device_of(table: DeviceTable | ServoDeviceTable) -> Device:
-    """Return the device of a table; a part that does nothing is none."""
+    """Return the device of a table; parts without effect are omitted."""
     sensed = _force_sensor(table.force_sensor)
     if isinstance(table, ServoDeviceTable):
         servo = Servo(**table.servo.model_dump())

@@ -1,4 +1,4 @@
-"""What can be wrong in the tables of a device's parts between values that are each right."""
+"""Contradictions in the tables of a device's parts between values that are valid on their own."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ RATES = (
 
 
 def impossible_parts(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Return what is wrong with the parts of a device and with what is said of their uncertainty."""
+    """Return the contradictions in the parts of a device and in their uncertainty."""
     device = raw.get("device")
     if not isinstance(device, dict):
         return

@@ -1,4 +1,4 @@
-"""Keys that mean nothing on one of the displays, each with the reason."""
+"""Keys that do not apply to one of the displays, each with the reason."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ OF_OWN_LOOP: dict[tuple[str, ...], str] = {
 
 
 def impossible_display(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Return what a problem says that its display does not have."""
+    """Return keys of a problem that do not apply to its display."""
     device = raw.get("device")
     if not isinstance(device, dict):
         return
@@ -85,7 +85,7 @@ def _criterion_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _hands_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield what is wrong with a box whose only hand is none: nothing pushes, so that nothing is fed back."""
+    """Yield the fault of a box whose only hand is none: nothing pushes, so there is no feedback."""
     numbers = (key.split(".") for key in HAND)
     if all(number_at(raw, *path, "max") == 0 for path in numbers) and not number_at(
         raw, "device", "servo", "stiffness"

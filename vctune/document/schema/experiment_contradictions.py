@@ -1,4 +1,4 @@
-"""What can be wrong in an [[experiment]] between values that are each right."""
+"""Contradictions in an [[experiment]] between values that are valid on their own."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OF_OWN_LOOP: dict[tuple[str, ...], str] = {
 
 
 def impossible_experiments(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Return what is wrong with the experiments, in whatever part of them is valid."""
+    """Return the contradictions in the experiments, in their valid parts."""
     tables = raw.get("experiment")
     if not isinstance(tables, list):
         return

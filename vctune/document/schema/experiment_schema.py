@@ -1,4 +1,4 @@
-"""The [[experiment]] tables of a problem file as written: types, ranges, defaults and documentation of every key."""
+"""Schema of the [[experiment]] tables: type, range, default and documentation of every key."""
 
 from __future__ import annotations
 
@@ -12,50 +12,51 @@ Seed = Annotated[int, Field(strict=True, ge=0, le=2**32 - 1)]
 
 
 class EnvironmentTable(Table):
-    """What is rendered: f_e = mass dv/dt + damping v + stiffness (x - zero); nothing at all is free motion."""
+    """The rendered environment: f_e = mass dv/dt + damping v + stiffness (x - zero). An empty table is free motion."""
 
-    mass: NotNegative = Field(0.0, description="kg.")
-    damping: NotNegative = Field(0.0, description="N s/m.")
-    stiffness: NotNegative = Field(0.0, description="N/m.")
-    zero: Place = Field(0.0, description="Where the spring is without force, m.")
-    wall: bool = Field(False, strict=True, description="Whether damping and stiffness only push.")
+    mass: NotNegative = Field(0.0, description="Mass of the environment, kg.")
+    damping: NotNegative = Field(0.0, description="Damping of the environment, N s/m.")
+    stiffness: NotNegative = Field(0.0, description="Stiffness of the environment, N/m.")
+    zero: Place = Field(0.0, description="Position at which the spring has no force, m.")
+    wall: bool = Field(False, strict=True, description="Whether damping and stiffness only push, as a wall does.")
     rule: Literal["backward", "trapezoid"] = Field(
         "backward",
-        description="How mass and stiffness run: by backward Euler, which damps, or lossless by the trapezoidal rule.",
+        description="Integration of mass and stiffness: backward Euler, which damps, or the lossless trapezoidal rule.",
     )
 
 
 class SceneOperatorTable(Table):
-    """The hand: its mass is on the handle, and a spring and a damper hold it to the intended motion."""
+    """The hand: a mass on the handle, which a spring and a damper pull along the intended motion."""
 
     motion: Literal["reciprocate", "sine"] = Field(
-        "reciprocate", description="To and fro at constant speed with turns of a fifth of each stroke, or a sine."
+        "reciprocate",
+        description="Intended motion: to and fro at constant speed, with turns of a fifth of each stroke, or a sine.",
     )
-    start: Place = Field(0.0, alias="from", description="One end of the intended motion, where it starts, m.")
-    end: Place = Field(0.05, alias="to", description="The other end, m.")
+    start: Place = Field(0.0, alias="from", description="Start and one end of the intended motion, m.")
+    end: Place = Field(0.05, alias="to", description="Other end of the intended motion, m.")
     speed: Positive = Field(0.01, description="Greatest speed of the intended motion, m/s.")
-    cycles: Count = Field(3, description="How many times to and fro; the first is not evaluated if there are more.")
-    mass: NotNegative = Field(0.0, description="Of what moves as one with the handle, kg.")
-    damping: NotNegative = Field(2.0, description="N s/m.")
-    stiffness: NotNegative = Field(1000.0, description="N/m.")
+    cycles: Count = Field(3, description="Number of cycles to and fro; the first is not evaluated if there are more.")
+    mass: NotNegative = Field(0.0, description="Mass that moves as one with the handle, kg.")
+    damping: NotNegative = Field(2.0, description="Damping between hand and intended motion, N s/m.")
+    stiffness: NotNegative = Field(1000.0, description="Stiffness between hand and intended motion, N/m.")
 
 
 class FrictionTable(Table):
-    """Friction of the device, LuGre; without this table there is none."""
+    """LuGre friction of the device; without this table there is no friction."""
 
     coulomb: Positive = Field(description="Sliding friction at high speed, N.")
     stiction: Positive | None = Field(None, description="Sliding friction at vanishing speed, N. Default: coulomb.")
-    stribeck_velocity: Positive = Field(0.005, description="Speed at which one becomes the other, m/s.")
+    stribeck_velocity: Positive = Field(0.005, description="Speed of the transition from stiction to coulomb, m/s.")
     stiffness: Positive = Field(1e5, description="Stiffness of the bristles, N/m.")
     damping: NotNegative | None = Field(
         None,
-        description="Damping of the bristles at rest, N s/m; it fades with speed as passivity demands. Default: "
+        description="Damping of the bristles at rest, N s/m; it fades with speed, as passivity requires. Default: "
         "sqrt(stiffness times the device's mass).",
     )
 
 
 class SensorsTable(Table):
-    """What the encoder and the force sensor make of handle and hand."""
+    """The errors of the encoder and of the force sensor."""
 
     position_resolution: NotNegative = Field(0.0, description="Resolution of the encoder, m; 0 for none.")
     force_noise: NotNegative = Field(0.0, description="Standard deviation of a force sample, N.")
@@ -63,13 +64,13 @@ class SensorsTable(Table):
 
 
 class LimitTable(Table):
-    """What the motor can do."""
+    """The limits of the motor."""
 
-    limit: Positive | None = Field(None, description="Greatest force, N. Default: none.")
+    limit: Positive | None = Field(None, description="Greatest force, N. Default: no limit.")
 
 
 class BaselineTable(Table):
-    """A regular PID to compare with: no coupling, but a virtual mass and damping beside the environment."""
+    """A regular PID for comparison: it has no coupling, but a virtual mass and damping beside the environment."""
 
     kp: NotNegative = Field(description="Gain on the position error, N/m.")
     ki: NotNegative = Field(0.0, description="Gain on its integral, N/(m s).")
@@ -79,13 +80,13 @@ class BaselineTable(Table):
 
 
 class ExperimentTable(Table):
-    """An experiment for `vctune simulate`; designing does not look at it."""
+    """An experiment for `vctune simulate`; the design does not depend on it."""
 
     name: Text = Field(
         min_length=1,
         max_length=100,
         pattern=r"^[A-Za-z0-9 _.,+-]*$",
-        description="Name, unlike that of any other experiment: letters, digits, spaces and _ . , + -",
+        description="Unique name of the experiment: letters, digits, spaces and _ . , + -",
     )
     environment: EnvironmentTable = Field(default_factory=EnvironmentTable)
     operator: SceneOperatorTable = Field(default_factory=SceneOperatorTable)

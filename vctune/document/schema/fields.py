@@ -1,4 +1,4 @@
-"""Kinds of keys that the documents are made of."""
+"""Types of keys that the documents share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The kind of device that gains, a design or a region are for; those of another kind than the problem's are refused."""
+"""The kind of device of gains, a design or a region; vctune refuses those of another kind than the problem's."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def require_gains_of(file: ProblemFile, given: GainsFile) -> None:
 
 
 def require_record_of(file: ProblemFile, record: ProblemRecord, source: str, what: str) -> None:
-    """Make sure that what was made for a recorded problem is for the kind of device that a problem has.
+    """Make sure that a record of another problem is for the problem's kind of device.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def require_record_of(file: ProblemFile, record: ProblemRecord, source: str, wha
 
 
 def _differences(file: ProblemFile, display: DisplayName, units: UnitSystem | None, what: str) -> list[tuple[str, str]]:
-    """Return what differs, "display" or "units", each with what to say."""
+    """Return the differences, "display" or "units", each with its message."""
     device, remedy = file.problem.device, f"name the problem of the {what}, or solve this one"
     verb = "are" if what == "gains" else "is"
     sides = [("display", DISPLAYS[display], DISPLAYS[device.display])]

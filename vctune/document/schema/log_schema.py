@@ -1,4 +1,4 @@
-"""The map of a log as written, log.toml: which column is what, in which unit, and what is known of the device."""
+"""Schema of log.toml: the columns of a log, their units, and the known numbers of the device."""
 
 from __future__ import annotations
 
@@ -48,17 +48,21 @@ Scale = Annotated[float, Field(strict=True, ge=-MOST, le=MOST), AfterValidator(_
 
 
 class ColumnTable(Table):
-    """A column that needs more than its name."""
+    """A column with a unit, a scale, a resolution or a limit."""
 
-    column: Text = Field(description="Its header in the CSV file.")
-    unit: Unit | None = Field(None, description="Its unit. Default: what its header ends with, as in position_mm.")
+    column: Text = Field(description="Header of the column in the CSV file.")
+    unit: Unit | None = Field(
+        None, description="Unit of the column. Default: the end of its header, as in position_mm."
+    )
     scale: Scale | None = Field(
-        None, description="SI units per unit of the column, in place of `unit`: a torque constant, metres per count."
+        None, description="SI units per unit of the column, instead of `unit`: a torque constant, metres per count."
     )
     quantum: Positive | None = Field(
         None, description="Resolution, in the column's unit. Default: the least step between two samples."
     )
-    limit: Positive | None = Field(None, description="Where it saturates, in the column's unit. Default: not known.")
+    limit: Positive | None = Field(
+        None, description="Value at which the column saturates, in its unit. Default: not known."
+    )
 
 
 def _form(value: object) -> str:
@@ -72,64 +76,66 @@ Column = Annotated[
 
 
 class ColumnsTable(Table):
-    """Which column is what: a header, or { column = ..., unit = ... }."""
+    """The columns of the log, each as a header or as { column = ..., unit = ... }."""
 
-    time: Column | None = Field(None, description="When the row was sampled. Default: a column time_s, time_ms, ...")
-    position: Column | None = Field(None, description="Of the motor, as the encoder has it.")
-    command: Column | None = Field(None, description="Force that the firmware commands; held until the next sample.")
+    time: Column | None = Field(None, description="Time of the sample. Default: a column time_s, time_ms, ...")
+    position: Column | None = Field(None, description="Position of the motor, from the encoder.")
+    command: Column | None = Field(None, description="Commanded force, held until the next sample.")
     force: Column | None = Field(
         None,
-        description="Force of the motor as it was measured: current by its constant. Without a command: measured or "
-        "commanded, whichever explains the log better.",
+        description="Measured force of the motor: current times its constant. Without a command, vctune tries the "
+        "column as a measured and as a commanded force and takes the better fit.",
     )
-    hand: Column | None = Field(None, description="Force of the hand on the handle, as sensed.")
-    handle: Column | None = Field(None, description="Position of the handle behind a spring, where it is measured too.")
-    reference: Column | None = Field(None, description="Position that the firmware was told; used as an instrument.")
+    hand: Column | None = Field(None, description="Sensed force of the hand on the handle.")
+    handle: Column | None = Field(None, description="Position of the handle behind a spring, if it is measured too.")
+    reference: Column | None = Field(None, description="Commanded position of the firmware; used as an instrument.")
     velocity_command: Column | None = Field(
-        None, description="Velocity that a servo was sent (--servo); held until the next sample."
+        None, description="Velocity command of a servo (--servo), held until the next sample."
     )
     position_command: Column | None = Field(
         None,
-        description="Position that a servo was sent (--servo), in place of a velocity; interpolated over a sample.",
+        description="Position command of a servo (--servo), instead of a velocity; interpolated over a sample.",
     )
 
 
 class KnownVelocityTable(VelocityTable):
-    """How the firmware knows the velocity of the motor."""
+    """How the firmware obtains the velocity of the motor."""
 
     source: Literal["measured", "difference"] | None = Field(
         None,
         alias="from",
-        description="A sensor of its own, or the backward difference of the sampled position. Default: difference, "
-        "which is then said to be assumed.",
+        description="Source of the velocity: a sensor, or the backward difference of the sampled position. Default: "
+        "difference, which the file then states as an assumption.",
     )
 
 
 class KnownDeviceTable(Table):
-    """What is known and need not be found: it is written to the device as it stands here."""
+    """Known numbers of the device, which vctune copies to device.toml without identifying them."""
 
-    delay: NotNegative | None = Field(None, description="From sampling to actuation beyond the hold, s.")
+    delay: NotNegative | None = Field(None, description="Delay from sampling to actuation beyond the hold, s.")
     delay_uncertainty: NotNegative = Field(0.0, description="Half-width of a known delay, s.")
-    velocity: KnownVelocityTable | None = Field(None, description="The firmware's velocity estimate.")
-    actuator: ActuatorTable | None = Field(None, description="The force loop, where its bandwidth is known.")
-    force_sensor: ForceSensorTable | None = Field(None, description="The force sensor, where it is known.")
+    velocity: KnownVelocityTable | None = Field(None, description="Default: see `from`.")
+    actuator: ActuatorTable | None = Field(None, description="Default: not known.")
+    force_sensor: ForceSensorTable | None = Field(None, description="Default: not known.")
 
 
 class ClassicalTable(Table):
-    """The classical inverse model beside it, for comparison: ordinary least squares, with its own intervals."""
+    """The classical inverse model for comparison: ordinary least squares, with its own intervals."""
 
     filter_hz: Positive = Field(description="Corner of a fourth-order Butterworth low-pass, both ways, Hz.")
-    decimate: Annotated[int, Field(strict=True, ge=1, le=1000)] = Field(description="Every which sample is used.")
+    decimate: Annotated[int, Field(strict=True, ge=1, le=1000)] = Field(
+        description="Factor n of the decimation: every n-th sample is used."
+    )
 
 
 class LogDocument(Table):
-    """What the columns of a log are. Without it they must be called time_s, position_m, command_N and the like."""
+    """The columns of a log. Without this file their headers must be time_s, position_m, command_N and the like."""
 
     name: Text | None = Field(
         None,
         min_length=1,
         max_length=200,
-        description="Of the device and of its folder. Default: the first log's stem.",
+        description="Name of the device and of its folder. Default: the first log's stem.",
     )
     description: Text = Field("", description="Free text for the reader.")
     rotary: bool = Field(

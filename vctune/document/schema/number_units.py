@@ -1,4 +1,4 @@
-"""The unit of every number of a problem file, by what the number is and how the device moves."""
+"""The unit of every number of a problem file, by its quantity and the motion of the device."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def unit_of(path: KeyPath, units: Units) -> str:
 
 
 def heading(name: str, unit: str) -> str:
-    """Return what heads a column: the name with its unit, unless the name itself says it.
+    """Return the heading of a column: the name with its unit, unless the name contains it.
 
     Parameters
     ----------

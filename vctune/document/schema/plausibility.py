@@ -1,4 +1,4 @@
-"""What is no mistake and yet probably not meant: a number in another unit, a name that a system keeps for itself."""
+"""Values that are valid but probably not intended: a number in another unit, a name that a system reserves."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FINER = ((1e-6, "microseconds"), (1e-3, "milliseconds"))
 
 
 def doubts(problem: Problem) -> Iterator[Note]:
-    """Yield what is probably not meant.
+    """Yield values that are probably not intended.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def doubts(problem: Problem) -> Iterator[Note]:
 
 
 def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | None:
-    """Return what of an environment is not in the box of a problem, in words, and its key; None if all of it is.
+    """Return a number of an environment that is outside a problem's box, in words, and its key; None if none is.
 
     A spring by backward Euler is one by the trapezoidal rule with a damper beside it, a mass is not.
     """
@@ -66,7 +66,7 @@ def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | No
 
 
 def in_finer_unit(value: float, most: float) -> tuple[str, float]:
-    """Return the unit in which a number of seconds may have been written instead, and what it is in seconds.
+    """Return the unit in which a number of seconds may have been written instead, and its value in seconds.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The problem file as written: types, ranges and documentation of every key (document/README.md, section 1).
+"""Schema of the problem file: type, range and documentation of every key (document/README.md, section 1).
 
 `vctune schema` prints the JSON Schema made from it.
 """
@@ -28,15 +28,15 @@ from vctune.model.numbers.units import UnitSystem
 class PositiveRange(Table):
     """Bounds of a free variable that cannot be 0."""
 
-    min: Positive
-    max: Positive
+    min: Positive = Field(description="Least value.")
+    max: Positive = Field(description="Greatest value.")
 
 
 class NotNegativeRange(Table):
     """Bounds of a free variable that may be 0."""
 
-    min: NotNegative
-    max: NotNegative
+    min: NotNegative = Field(description="Least value.")
+    max: NotNegative = Field(description="Greatest value.")
 
 
 def _form(value: Any) -> str:
@@ -58,79 +58,81 @@ Order = Annotated[int, Field(strict=True, ge=1, le=2)]
 
 
 class VelocityTable(Table):
-    """How the firmware knows the velocity of the motor."""
+    """How the firmware obtains the velocity of the motor."""
 
     source: Literal["measured", "difference"] | None = Field(
         None,
         alias="from",
-        description="A sensor of its own, or the backward difference of the sampled position. Default: measured, of an "
-        "impedance display the difference, which is what it has.",
+        description="Source of the velocity: a sensor, or the backward difference of the sampled position. Default: "
+        "measured; for an impedance display the difference.",
     )
     filter_hz: Positive | None = Field(
         None,
         description="Corner f of the firmware's low-pass y += a (x - y), a = 1 - e^(-2 pi f T), Hz. Default: none.",
     )
-    filter_order: Order = Field(1, description="How many such low-passes follow one another, 1 or 2.")
+    filter_order: Order = Field(1, description="Number of these low-passes in series, 1 or 2.")
 
 
 class ActuatorTable(Table):
-    """What the motor makes of its command."""
+    """The response of the motor's force to its command."""
 
     bandwidth_hz: Positive = Field(description="Bandwidth of the force (current) loop, Hz.")
-    order: Order = Field(1, description="1: w/(s + w); 2: w^2/(s^2 + sqrt(2) w s + w^2), with w = 2 pi bandwidth_hz.")
+    order: Order = Field(
+        1, description="Order: 1 is w/(s + w), 2 is w^2/(s^2 + sqrt(2) w s + w^2), with w = 2 pi bandwidth_hz."
+    )
 
 
 class ForceSensorTable(Table):
-    """What is sensed of the hand's force."""
+    """The sensor of the hand's force."""
 
     bandwidth_hz: Positive | None = Field(
-        None, description="Bandwidth of sensor and filter, Hz, as the actuator's. Default: none."
+        None, description="Bandwidth of sensor and filter, Hz, defined like the actuator's. Default: no low-pass."
     )
-    order: Order = Field(1, description="Of the low-pass, 1 or 2.")
-    delay: NotNegative = Field(0.0, description="Until the firmware has the sample, s; at most 200 sample times.")
+    order: Order = Field(1, description="Order of the low-pass, 1 or 2.")
+    delay: NotNegative = Field(0.0, description="Delay until the firmware has the sample, s; at most 200 sample times.")
 
 
 class StructureTable(Table):
-    """A handle on a spring: the motor's part, with all of the device's damping, is measured and driven."""
+    """A handle on a spring. The motor's part has all of the device's damping; sensor and motor act on it."""
 
-    handle_mass: Positive = Field(description="Of device.mass, what is on the handle's side of the spring, kg.")
-    frequency_hz: Positive = Field(description="Of the free resonance, both parts against each other, Hz.")
-    damping_ratio: NotNegative = Field(description="Of that resonance.")
+    handle_mass: Positive = Field(description="Part of device.mass on the handle's side of the spring, kg.")
+    frequency_hz: Positive = Field(description="Frequency of the free resonance, both parts against each other, Hz.")
+    damping_ratio: NotNegative = Field(description="Damping ratio of that resonance.")
 
 
 class ServoTable(Table):
-    """A closed loop that follows a command late, such as a robot's under its vendor's controller."""
+    """A closed loop that follows a command late, such as a robot under its vendor's controller."""
 
     command: Literal["velocity", "position"] = Field(
-        "velocity", description="What it is sent: a velocity, held over a sample, or a position, interpolated over it."
+        "velocity", description="Kind of command: a velocity, held over a sample, or a position, interpolated over it."
     )
     delay: NotNegative = Field(
-        description="From sampling to motion beyond the hold, s; at most 200 sample times, an uncertain one too."
+        description="Delay from sampling to motion beyond the hold, s; at most 200 sample times, uncertainty included."
     )
     bandwidth_hz: Positive = Field(description="Bandwidth of the motion that follows the late command, Hz.")
-    order: Order = Field(1, description="Order of that low-pass, 1 or 2, as the actuator's.")
+    order: Order = Field(1, description="Order of that low-pass, 1 or 2, defined like the actuator's.")
     stiffness: Positive | None = Field(
         None,
-        description="Of the firmware's spring between the measured position and its reference, N/m; no force sensor is "
-        "in its way. Default: none.",
+        description="Stiffness of the firmware's spring between the measured position and its reference, N/m; the "
+        "force sensor does not delay it. Default: no spring.",
     )
 
 
 class ServoSensorTable(ForceSensorTable):
-    """What is sensed of the hand's force, and filtered by the admittance controller."""
+    """The sensor of the hand's force, and the admittance controller's filter of its samples."""
 
     filter_coefficient: Portion | None = Field(
-        None, description="a of the controller's filter y += a (x - y) of the samples, 0 < a <= 1. Default: no filter."
+        None, description="Coefficient a of the controller's filter y += a (x - y), 0 < a <= 1. Default: no filter."
     )
 
 
 class ServoDeviceTable(Table):
-    """A device that follows its command late, and which the hand cannot push."""
+    """A device that follows its command late and that the hand cannot push."""
 
-    units: Literal["linear", "rotary"] = Field("linear", description="How it moves, as of any other device.")
+    units: Literal["linear", "rotary"] = Field("linear", description="Kind of motion, as for any other device.")
     sample_time: Positive = Field(description="Sample time of the admittance controller, s.")
     servo: ServoTable
-    force_sensor: ServoSensorTable | None = Field(None, description="Default: the force is sensed at once.")
+    force_sensor: ServoSensorTable | None = Field(None, description="Default: the force is sensed without delay.")
 
 
 class DeviceTable(Table):
@@ -138,12 +140,12 @@ class DeviceTable(Table):
 
     display: Literal["admittance", "impedance"] = Field(
         "admittance",
-        description="What it makes of what: a velocity of the sensed force, or a force of the measured motion.",
+        description='Kind of display. "admittance": force in, velocity out. "impedance": motion in, force out.',
     )
     units: Literal["linear", "rotary"] = Field(
         "linear",
-        description="How the handle moves. Of a rotary device, a wheel or a knob, every kg, m and N of this file is a "
-        "kg m2, a rad and an N m, and mass is the moment of inertia: keys keep their names.",
+        description="Kind of motion of the handle. For a rotary device (a wheel, a knob, a joint), read kg m2, rad and "
+        "N m for every kg, m and N of this file; mass is the moment of inertia. The keys keep their names.",
     )
     mass: Positive = Field(description="Moving mass, kg.")
     damping: NotNegative = Field(description="Viscous damping, N s/m.")
@@ -153,12 +155,12 @@ class DeviceTable(Table):
     )
     delay: NotNegative = Field(
         0.0,
-        description="Delay from sampling to actuation beyond the hold, s; at most 200 sample times, the longest of an "
-        "uncertain one too.",
+        description="Delay from sampling to actuation beyond the hold, s; at most 200 sample times, uncertainty "
+        "included.",
     )
-    velocity: VelocityTable | None = Field(None, description="Default: measured, at once.")
-    actuator: ActuatorTable | None = Field(None, description="Default: the force follows the command at once.")
-    force_sensor: ForceSensorTable | None = Field(None, description="Default: the force is sensed at once.")
+    velocity: VelocityTable | None = Field(None, description="Default: measured without delay.")
+    actuator: ActuatorTable | None = Field(None, description="Default: the force follows the command without lag.")
+    force_sensor: ForceSensorTable | None = Field(None, description="Default: the force is sensed without delay.")
     structure: StructureTable | None = Field(None, description="Default: rigid.")
 
 
@@ -174,11 +176,11 @@ AnyDeviceTable = Annotated[
 
 
 class OperatorTable(Table):
-    """The hands at the handle, mass s + damping + stiffness/s. { min, max } is a range, a number its least.
+    """The hands at the handle, mass s + damping + stiffness/s. { min, max } is a range; a number is its minimum.
 
-    The least mass and damping are those of what is always there, a grip or a tool, which the passive criterion counts;
-    the ranges are the hands of the criterion "hands". Of a rotary device, where they depend on how far from the axis it
-    is held, they have no defaults.
+    The ranges are the hands of the criterion "hands". The criterion "passive" uses only the least mass and damping,
+    which are always at the handle, such as a tool. A rotary device has no defaults, because its hands depend on their
+    distance from the axis.
     """
 
     # a plain number is the least of a range whose greatest is a human hand's (`defaults.resolve`), so that the 0.0 of a
@@ -189,30 +191,30 @@ class OperatorTable(Table):
 
 
 class WorldMassTable(Table):
-    """Their mass, kg."""
+    """Mass of the environments, kg."""
 
-    min: NotNegative = Field(0.0, description="The least, kg.")
-    max: NotNegativeOrInf | None = Field(None, description="The greatest, kg. Default inf, no limit.")
+    min: NotNegative = Field(0.0, description="Least mass, kg.")
+    max: NotNegativeOrInf | None = Field(None, description="Greatest mass, kg. Default inf, no limit.")
 
 
 class WorldDampingTable(Table):
-    """Their damping, N s/m, which has no upper limit."""
+    """Damping of the environments, N s/m, which has no upper limit."""
 
-    min: NotNegative = Field(0.0, description="The least, N s/m.")
+    min: NotNegative = Field(0.0, description="Least damping, N s/m.")
 
 
 class WorldStiffnessTable(Table):
-    """Their stiffness, N/m."""
+    """Stiffness of the environments, N/m."""
 
-    min: NotNegative = Field(0.0, description="The least, N/m.")
-    max: NotNegativeOrInf | None = Field(None, description="The greatest, N/m. Default inf, no limit.")
+    min: NotNegative = Field(0.0, description="Least stiffness, N/m.")
+    max: NotNegativeOrInf | None = Field(None, description="Greatest stiffness, N/m. Default inf, no limit.")
 
 
 class WorldsTable(Table):
-    """The environments that are rendered, mass s + damping + stiffness/s by the trapezoidal rule.
+    """The environments that the device renders, mass s + damping + stiffness/s by the trapezoidal rule.
 
-    Every one of the box is met in every hand of [operator]. Without this table it is every environment that is passive
-    as it runs, tools of a gram and walls of any stiffness among them.
+    The claims then hold for every environment of this box in every hand of [operator]. Without this table they hold for
+    every environment that is passive as it runs, including tools of a gram and walls of any stiffness.
     """
 
     mass: WorldMassTable = Field(default_factory=WorldMassTable)
@@ -232,12 +234,12 @@ class GainsTable(Table):
 
 
 class CouplingTable(Table):
-    """The virtual coupling Z_c = drag + damping and mass in series, of an impedance display damping + stiffness/s."""
+    """The virtual coupling Z_c: drag + damping and mass in series; for an impedance display damping + stiffness/s."""
 
     damping: Damping | None = Field(
         None,
-        description="b_c, N s/m. Default { min = 1e-6 Z_0, max = 1e6 Z_0 }, of an impedance display from 0, which no "
-        "other has. inf makes the coupling of a servo rigid: mass and drag alone, the usual admittance law of robots.",
+        description="b_c, N s/m. Default { min = 1e-6 Z_0, max = 1e6 Z_0 }; min = 0 for an impedance display, which "
+        "alone allows 0. For a servo, inf makes the coupling rigid: mass and drag alone, the usual law of robots.",
     )
     mass: PositiveVariable | None = Field(
         None,
@@ -246,8 +248,9 @@ class CouplingTable(Table):
     )
     drag: Variable | None = Field(
         None,
-        description="b_0, N s/m. Default { min = 0, max = Z_0 } where hands are to be met, since a stiff and hardly "
-        'damped one needs some, and 0 with the criterion "passive" or where the other four numbers are fixed.',
+        description='b_0, N s/m. Default { min = 0, max = Z_0 } with the criteria "hands" and "both", since a stiff '
+        'hand with little damping requires some drag. Default 0 with the criterion "passive", or if the other four '
+        "numbers are fixed.",
     )
     stiffness: PositiveVariable | None = Field(
         None,
@@ -257,15 +260,15 @@ class CouplingTable(Table):
 
 
 class WeightsTable(Table):
-    """Weights of the three terms of the error; a term with weight 0 is left out."""
+    """Weights of the three terms of the error; a weight of 0 removes the term."""
 
-    admittance: NotNegative = Field(1.0, description="Weight of Z_0 |G_hh|, of an impedance display of |1/G_hh|/Z_0.")
-    tracking: NotNegative = Field(1.0, description="Weight of |1 - G_he|, of an impedance display of |1 - A H/N|.")
-    coupling: NotNegative = Field(1.0, description="Weight of |Z_c|/Z_0, of an impedance display of Z_0 |1/Z_c|.")
+    admittance: NotNegative = Field(1.0, description="Weight of Z_0 |G_hh|; for an impedance display of |1/G_hh|/Z_0.")
+    tracking: NotNegative = Field(1.0, description="Weight of |1 - G_he|; for an impedance display of |1 - A H/N|.")
+    coupling: NotNegative = Field(1.0, description="Weight of |Z_c|/Z_0; for an impedance display of Z_0 |1/Z_c|.")
 
 
 class TransparencyTable(Table):
-    """The objective: distance from G_hh = 0, G_he = 1, Z_c = 0 over a band."""
+    """The objective: the distance from G_hh = 0, G_he = 1, Z_c = 0 over a band."""
 
     band_hz: tuple[Positive, Positive] | None = Field(
         None, description="Band, Hz. Default [0.00025/tau, 0.015/tau]: 0.5 to 30 Hz at 1 kHz without delay."
@@ -275,12 +278,14 @@ class TransparencyTable(Table):
         description="Z_0, N s/m. Default mass 2 pi f: the device's own inertia at the middle f of the band on a log "
         "scale.",
     )
-    norm: Literal["rms", "peak"] = Field("rms", description="Average over log frequency, or the greatest value.")
+    norm: Literal["rms", "peak"] = Field(
+        "rms", description="Norm of the error: root mean square over log frequency, or the greatest value."
+    )
     weights: WeightsTable = Field(default_factory=WeightsTable)
 
 
 class StabilityTable(Table):
-    """The demands: stability in the hands of [operator], Llewellyn's conditions on a band, and a bound on |S|."""
+    """The constraints: stability in the hands of [operator], Llewellyn's conditions on a band, and a bound on |S|."""
 
     band_hz: tuple[Edge, Edge] | None = Field(
         None,
@@ -288,7 +293,7 @@ class StabilityTable(Table):
         'without delay. The lower edge may be 0, the upper inf with hold "lag", no delay and an ideal device.',
     )
     safety_factor: Positive = Field(
-        1.05, description="Least Re Z_c / R on the band, at least 1. Gains below it are refused; 1 asks for no reserve."
+        1.05, description="Least Re Z_c / R, at least 1. vctune refuses gains below it; 1 leaves no reserve."
     )
     max_sensitivity: Positive = Field(
         2.0, description="Greatest |S| of the exact sampled loop, up to the Nyquist frequency."
@@ -296,60 +301,69 @@ class StabilityTable(Table):
     criterion: Literal["passive", "hands", "both"] = Field(
         "both",
         description='"passive": any passive hand, on band_hz. "hands": every hand of [operator] with every passive '
-        'environment, or every one of [environment], in the sampled loop at every frequency. Default "hands" of a '
-        "servo and with [environment].",
+        'environment, or with every environment of [environment], in the sampled loop at every frequency. "both": '
+        'both claims. A servo, or a file with [environment], has the default "hands".',
     )
 
 
 class UncertaintyTable(Table):
-    """How far the device may be from its numbers: relative half-widths; the demands hold for every device within.
+    """Relative half-widths of the device's numbers; the constraints hold for every device within them.
 
-    A number of a part of the device is named in quotes, "actuator.bandwidth_hz" = 0.2.
+    The number of a part of the device has its name in quotes, as in "actuator.bandwidth_hz" = 0.2.
     """
 
-    mass: Share = Field(0.0, description="Of device.mass; 0.1 means plus or minus 10 %.")
-    damping: Share = Field(0.0, description="Of device.damping.")
-    delay: Share = Field(0.0, description="Of device.delay.")
-    velocity_filter_hz: Share = Field(0.0, alias="velocity.filter_hz", description="Of device.velocity.filter_hz.")
+    mass: Share = Field(0.0, description="Uncertainty of device.mass; 0.1 means plus or minus 10 %.")
+    damping: Share = Field(0.0, description="Uncertainty of device.damping.")
+    delay: Share = Field(0.0, description="Uncertainty of device.delay.")
+    velocity_filter_hz: Share = Field(
+        0.0, alias="velocity.filter_hz", description="Uncertainty of device.velocity.filter_hz."
+    )
     actuator_bandwidth_hz: Share = Field(
-        0.0, alias="actuator.bandwidth_hz", description="Of device.actuator.bandwidth_hz."
+        0.0, alias="actuator.bandwidth_hz", description="Uncertainty of device.actuator.bandwidth_hz."
     )
     force_sensor_bandwidth_hz: Share = Field(
-        0.0, alias="force_sensor.bandwidth_hz", description="Of device.force_sensor.bandwidth_hz."
+        0.0, alias="force_sensor.bandwidth_hz", description="Uncertainty of device.force_sensor.bandwidth_hz."
     )
-    force_sensor_delay: Share = Field(0.0, alias="force_sensor.delay", description="Of device.force_sensor.delay.")
+    force_sensor_delay: Share = Field(
+        0.0, alias="force_sensor.delay", description="Uncertainty of device.force_sensor.delay."
+    )
     structure_handle_mass: Share = Field(
-        0.0, alias="structure.handle_mass", description="Of device.structure.handle_mass."
+        0.0, alias="structure.handle_mass", description="Uncertainty of device.structure.handle_mass."
     )
     structure_frequency_hz: Share = Field(
-        0.0, alias="structure.frequency_hz", description="Of device.structure.frequency_hz."
+        0.0, alias="structure.frequency_hz", description="Uncertainty of device.structure.frequency_hz."
     )
     structure_damping_ratio: Share = Field(
-        0.0, alias="structure.damping_ratio", description="Of device.structure.damping_ratio."
+        0.0, alias="structure.damping_ratio", description="Uncertainty of device.structure.damping_ratio."
     )
-    servo_delay: Share = Field(0.0, alias="servo.delay", description="Of device.servo.delay.")
-    servo_bandwidth_hz: Share = Field(0.0, alias="servo.bandwidth_hz", description="Of device.servo.bandwidth_hz.")
+    servo_delay: Share = Field(0.0, alias="servo.delay", description="Uncertainty of device.servo.delay.")
+    servo_bandwidth_hz: Share = Field(
+        0.0, alias="servo.bandwidth_hz", description="Uncertainty of device.servo.bandwidth_hz."
+    )
     unmodelled: list[tuple[Positive, Positive]] = Field(
         default_factory=list,
-        description="What is not modelled: [[Hz, radius], ...], a disc around 1 by which the device's response may be "
-        "multiplied; straight between the frequencies on logarithmic axes, constant beyond.",
+        description="Unmodelled dynamics, [[Hz, radius], ...]: the device's response may be multiplied by any factor "
+        "in a disc around 1 with this radius, linear between the frequencies on logarithmic axes and constant beyond.",
     )
     objective: Literal["nominal", "worst"] = Field(
-        "nominal", description="Whose error is least: the device's own, or the greatest at the corners of the box."
+        "nominal",
+        description="Error to minimise: that of the nominal device, or the greatest at the vertices of the box.",
     )
 
 
 class AxisTable(Table):
-    """One of several axes that do not couple: a problem of the file's tables and of these, which override them."""
+    """One of several axes that do not couple. Its keys override those of the file's tables."""
 
     name: Text = Field(description='Name of the axis and of its folder, such as "x".')
-    device: dict[str, Any] = Field(default_factory=dict, description="Keys of [device] that this axis has otherwise.")
-    operator: dict[str, Any] = Field(default_factory=dict, description="Keys of [operator], likewise.")
-    gains: dict[str, Any] = Field(default_factory=dict, description="Keys of [gains], likewise.")
-    coupling: dict[str, Any] = Field(default_factory=dict, description="Keys of [coupling], likewise.")
-    transparency: dict[str, Any] = Field(default_factory=dict, description="Keys of [transparency], likewise.")
-    stability: dict[str, Any] = Field(default_factory=dict, description="Keys of [stability], likewise.")
-    uncertainty: dict[str, Any] = Field(default_factory=dict, description="Keys of [uncertainty], likewise.")
+    device: dict[str, Any] = Field(default_factory=dict, description="Keys that override those of [device].")
+    operator: dict[str, Any] = Field(default_factory=dict, description="Keys that override those of [operator].")
+    gains: dict[str, Any] = Field(default_factory=dict, description="Keys that override those of [gains].")
+    coupling: dict[str, Any] = Field(default_factory=dict, description="Keys that override those of [coupling].")
+    transparency: dict[str, Any] = Field(
+        default_factory=dict, description="Keys that override those of [transparency]."
+    )
+    stability: dict[str, Any] = Field(default_factory=dict, description="Keys that override those of [stability].")
+    uncertainty: dict[str, Any] = Field(default_factory=dict, description="Keys that override those of [uncertainty].")
 
 
 class ProblemDocument(Table):
@@ -363,20 +377,18 @@ class ProblemDocument(Table):
     )
     description: Text = Field("", description="Free text for the reader.")
     device: AnyDeviceTable
-    operator: OperatorTable | None = Field(None, description="Default: a human hand, from none to a firm grip.")
-    environment: WorldsTable | None = Field(
-        None, description="Default: every environment that is passive as the firmware runs it."
-    )
+    operator: OperatorTable | None = Field(None, description="Default: human hands, from no hand to a firm grip.")
+    environment: WorldsTable | None = None
     gains: GainsTable = Field(default_factory=GainsTable)
     coupling: CouplingTable = Field(default_factory=CouplingTable)
     transparency: TransparencyTable = Field(default_factory=TransparencyTable)
     stability: StabilityTable = Field(default_factory=StabilityTable)
     uncertainty: UncertaintyTable = Field(default_factory=UncertaintyTable)
     experiment: list[ExperimentTable] = Field(
-        default_factory=list, description="Experiments for `vctune simulate`; designing does not look at them."
+        default_factory=list, description="Experiments for `vctune simulate`; the design does not depend on them."
     )
     axis: list[AxisTable] = Field(
-        default_factory=list, description="Several axes that do not couple, each of which is designed by itself."
+        default_factory=list, description="Several axes that do not couple; vctune designs each separately."
     )
 
 
@@ -396,24 +408,24 @@ class FixedCouplingTable(Table):
 
 
 class OriginTable(Table):
-    """Where gains come from, and for which kind of device they are; any other key is a remark."""
+    """The origin of gains and the kind of device that they are for; any other key is a remark."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Text] = Field(init=False)
 
     display: DisplayName | None = Field(
-        None, description="Display that the gains are for. Default: told from [coupling]."
+        None, description="Display that the gains are for. Default: derived from [coupling]."
     )
     units: UnitSystem | None = Field(None, description="Units that the gains are in. Default: those of the problem.")
     sha256: Text | None = Field(
         None,
-        description="Digest of what the problem means: resolved, without comments, name, description and experiments.",
+        description="Digest of the problem with every default, without comments, name, description and experiments.",
     )
-    numbers: Text | None = Field(None, description="The design's numbers as they were solved, in their order.")
+    numbers: Text | None = Field(None, description="The numbers of the solved design, in their order.")
 
 
 class GainsDocument(Table):
-    """A vctune gains file: a design as plain numbers, and where it comes from."""
+    """A vctune gains file: a design as plain numbers, and its origin."""
 
     gains: FixedGainsTable
     coupling: FixedCouplingTable
@@ -421,7 +433,7 @@ class GainsDocument(Table):
 
 
 class ServoGainsDocument(Table):
-    """A vctune gains file of a servo, which has no gains but a coupling."""
+    """A vctune gains file of a servo, which has a coupling but no gains."""
 
     coupling: FixedCouplingTable
     design: OriginTable = Field(default_factory=OriginTable)
@@ -454,12 +466,12 @@ def json_schema() -> dict[str, Any]:
 
 
 def schema_of(document: type[BaseModel], title: str) -> dict[str, Any]:
-    """Return the JSON Schema of a document, without what pydantic says of keys that may be left out.
+    """Return the JSON Schema of a document, without null forms and defaults of optional keys.
 
     Parameters
     ----------
-    document : its class
-    title : of the schema
+    document : class of the document
+    title : title of the schema
     """
     schema = document.model_json_schema()
     definitions = schema.pop("$defs")

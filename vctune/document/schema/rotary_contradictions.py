@@ -1,4 +1,4 @@
-"""What a rotary device lacks: numbers whose defaults are of a hand or a length, which a linear device alone has."""
+"""Numbers that a rotary device must state because their defaults contain a hand or a length."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vctune.model.problem import HUMAN_HANDS
 
 
 def missing_of_rotary(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Return what a rotary device's problem has to state: hands, where they are to be met, and those of experiments."""
+    """Return the numbers that a rotary device's problem must state: hands of the criterion, and of experiments."""
     if units_stated(raw) is not ROTARY:
         return
     if _hands_are_met(raw):

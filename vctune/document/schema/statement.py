@@ -1,4 +1,4 @@
-"""A problem as a document that states it with every default: the way back from `vctune.document.schema.defaults`."""
+"""A problem as a document that states every default: the inverse of `vctune.document.schema.defaults`."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def statement(problem: Problem) -> dict[str, Any]:
 
 
 def table_of(value: Any) -> dict[str, Any]:
-    """Return an object of the model as the table that states it, what is not there left out.
+    """Return an object of the model as the table that states it, without absent parts.
 
     Parameters
     ----------

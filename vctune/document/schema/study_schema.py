@@ -1,4 +1,4 @@
-"""The study file as written: the types of its tables. What an axis says is read in `vctune.document.axes`."""
+"""Schema of the study file: the types of its tables. `vctune.document.axes` reads the text of an axis."""
 
 from __future__ import annotations
 
@@ -21,10 +21,12 @@ class SampleTable(_Table):
 
     kind: Literal["grid", "lhs", "list"] = Field(
         "grid",
-        description="Every combination, a Latin hypercube, or the axes' lists side by side, one point an element.",
+        description="Sampling: every combination, a Latin hypercube, or the axes' lists side by side.",
     )
     n: Count | None = Field(None, description="Number of points of a Latin hypercube.")
-    seed: Annotated[int, Field(strict=True, ge=0)] | None = Field(None, description="Of a Latin hypercube. Default 0.")
+    seed: Annotated[int, Field(strict=True, ge=0)] | None = Field(
+        None, description="Random seed of a Latin hypercube. Default 0."
+    )
 
 
 class StudyDocument(_Table):

@@ -1,4 +1,4 @@
-"""From a TOML text to a valid document, or to everything that is wrong with it."""
+"""From a TOML text to a valid document, or to all of its mistakes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Contradiction = tuple[KeyPath, str]
 
 
 class Fault(NamedTuple):
-    """What is wrong with a key of a document."""
+    """A fault of a key of a document."""
 
     path: KeyPath
     message: str
@@ -180,7 +180,7 @@ def _type_messages(model: type[BaseModel], path: KeyPath) -> dict[str, Message]:
 
 
 def untagged(path: KeyPath) -> KeyPath:
-    """Return a path without the tags of what a key may hold."""
+    """Return a path without the tags of a key's alternative forms."""
     return tuple(step for step in path if step not in TAGS)
 
 
@@ -198,7 +198,7 @@ def _short(text: str) -> str:
 
 
 def _elements(path: KeyPath) -> str:
-    """Return what a list consists of, and how it is written."""
+    """Return the elements of a list, and how to write them."""
     return f"pairs; write {PAIR_LISTS[path][1]}" if path in PAIR_LISTS else f"tables; write [[{dotted(path)}]]"
 
 
@@ -208,7 +208,7 @@ def _pair(path: KeyPath) -> str:
 
 
 def _number(model: type[BaseModel], path: KeyPath, value: Any) -> str:
-    """Return what to write in the place of what is no number."""
+    """Return a hint how to write an invalid number."""
     meant = number_meant(value) if isinstance(value, str) else ""
     return meant or f"; write a number{_or_range(model, path)}"
 
@@ -262,7 +262,7 @@ def _tables_in(annotation: Any, tag: str | None = None) -> list[type[BaseModel]]
 
 
 def _unknown(model: type[BaseModel], path: KeyPath) -> str:
-    """Return what is said of a key that there is not: which one was meant, or where it belongs.
+    """Return the message on an unknown key: the probable intention, or where it belongs.
 
     Parameters
     ----------

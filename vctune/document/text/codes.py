@@ -1,4 +1,4 @@
-"""The stable code of every refusal, warning, remark and line of what was left out.
+"""The stable code of every refusal, warning, remark and left-out line.
 
 Each is explained under a heading of its own in the README of the folder that says it, from where `vctune explain CODE`
 takes its page: a code without a page, and a page whose example does not give its code, fail the tests.
@@ -139,7 +139,7 @@ def has_code(line: str | None, code: Code) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """What a reader should know: a warning, what was left out of a search, what a log does not tell.
+    """A note for the reader: a warning, a part that a search left out, a remark on a log.
 
     Attributes
     ----------

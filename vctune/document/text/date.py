@@ -1,4 +1,4 @@
-"""The day on which something is written: the only clock whose reading gets into a file."""
+"""The current day: the only clock whose reading gets into a file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Digests of what a document means: the same however it is written, another when a number in it is another."""
+"""Digests of the meaning of a document: the same for every spelling, different if a number differs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vctune.model.problem import Problem
 
 
 def problem_digest(problem: Problem) -> str:
-    """Return the digest of what a design depends on: the problem without name, description and experiments."""
+    """Return the digest of all that a design depends on: the problem without name, description and experiments."""
     stated = asdict(replace(problem, name="", description="", experiments=()))
     # what an ideal device has not is not in it: a digest of before there was anything else still holds
     absent = {key for key in (*PARTS, "unmodelled") if stated["device"][key] is None}

@@ -1,4 +1,4 @@
-"""What can be wrong with what the user gave, said so that the user can mend it."""
+"""Errors in the user's input, with text that tells the user how to correct them."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _escaped(code: int) -> str:
 
 
 class InputError(ValueError):
-    """What the user gave, a file, an option or a number, cannot be used; `mistakes` lists all that is wrong with it."""
+    """The user's input, a file, an option or a number, cannot be used; `mistakes` lists all of its faults."""
 
     def __init__(self, source: str, mistakes: list[Mistake]) -> None:
         self.source = source

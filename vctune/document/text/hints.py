@@ -1,4 +1,4 @@
-"""What a number that does not parse was probably to be: one with a decimal comma, or with a unit behind it."""
+"""The probable intention behind a number that does not parse, such as a decimal comma or a unit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""JSON files read strictly: finite numbers, of a size that the file can have, and the records that they state."""
+"""Strict reading of JSON files: finite numbers, a plausible size, and the records that they state."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Record = TypeVar("Record", bound=Document)
 
 
 def read_json(path: Path, kind: str, max_bytes: int) -> Any:
-    """Return what a JSON file holds.
+    """Return the content of a JSON file.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Files of one run: completed beside their places, then moved there in an order that never leaves two runs mixed."""
+"""The files of one run: written beside their places, then moved in an order that never mixes two runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers of a document that may be wrong elsewhere."""
+"""Numbers of a document whose other parts may be invalid."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 
 def number_at(raw: dict[str, Any], *path: str | int) -> float | None:
-    """Return the number at a path, or None where there is none that is finite."""
+    """Return the number at a path, or None if there is no finite one."""
     node: Any = raw
     for step in path:
         try:

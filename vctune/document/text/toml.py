@@ -1,4 +1,4 @@
-"""TOML with line numbers: tomllib parses, and finds the line of a key by parsing beginnings of the text."""
+"""TOML with line numbers: tomllib parses; parsing beginnings of the text finds the line of a key."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def read_text(path: Path) -> str:
 
 
 def called(path: Path) -> Path:
-    """Return what messages call a file: its path, or "stdin"."""
+    """Return the name of a file in messages: its path, or "stdin"."""
     return Path("stdin") if path == STDIN else path
 
 

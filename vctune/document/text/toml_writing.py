@@ -1,4 +1,4 @@
-"""A document as TOML text: what `vctune.document.text.toml` reads, written."""
+"""Writing a document as TOML text, which `vctune.document.text.toml` reads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Intervals that do not take correlated residuals for independent ones (README, section 2)."""
+"""Intervals for correlated residuals (README, section 2)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BLOCK = 1 << 16
 
 
 class Scores(Protocol):
-    """Residual times sensitivity, shape (n, p), each row of a sample or line: an array, or what makes rows of one."""
+    """Residual times sensitivity, shape (n, p), one row per sample or line: an array, or a function that makes rows."""
 
     @property
     def shape(self) -> tuple[int, ...]: ...
@@ -53,7 +53,7 @@ def robust_covariance(scores: Scores, information: Floats, reach: int) -> Floats
 
 
 def least_squares(sensitivity: Floats, measured: Floats) -> Floats:
-    """Return the numbers that explain what was measured best, as NumPy does but without a copy of a long table.
+    """Return the least-squares solution, as NumPy does but without a copy of a long table.
 
     Block after block of rows is reduced to the triangle of its QR factors, which has the same least squares.
 

@@ -1,4 +1,4 @@
-"""From command to measured force: how late the motor's force is (README, section 3)."""
+"""The lag and delay from command to measured force (README, section 3)."""
 
 from __future__ import annotations
 

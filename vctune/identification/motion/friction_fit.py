@@ -1,4 +1,4 @@
-"""Friction for the simulation: Coulomb's, and Stribeck's curve where the data show one (README, section 2)."""
+"""Friction for the simulation: Coulomb's, and Stribeck's curve if the data show one (README, section 2)."""
 
 from __future__ import annotations
 

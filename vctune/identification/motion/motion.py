@@ -1,4 +1,4 @@
-"""Any motion: what force is left when mass, viscous and Coulomb friction have had their share (README, section 2).
+"""Regression of any motion: the force that mass, viscous and Coulomb friction leave unexplained (README, section 2).
 
     F(t - delay) + f_h(t + sensor) = m a + b_+ v_+ + b_- v_- + c_+ [v > 0] - c_- [v < 0]
 
@@ -68,7 +68,7 @@ class MotionFit:
 
 @dataclass(frozen=True, slots=True)
 class FittedSamples:
-    """What a regression was made of, and what came of it: samples as many as the cut-off asks for.
+    """The data of a regression and its result, with as many samples as the cut-off requires.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class FittedSamples:
 
     @property
     def left(self) -> Floats:
-        """What the fit leaves of the force, N."""
+        """The force that the fit leaves unexplained, N."""
         return self.measured - self.fitted
 
 
@@ -159,7 +159,7 @@ def _delays(signals: Signals, known: Mapping[str, float]) -> dict[str, float]:
 def _covariance(
     sensitivity: Floats, residual: Floats, information: Floats, kept: Flags, cutoff_hz: float, step: float
 ) -> Floats:
-    """Return the covariance, residuals in their place in time: what was dropped is 0."""
+    """Return the covariance, with residuals in their place in time: dropped samples are 0."""
     reach = int(min(max(MEMORY, 3 / cutoff_hz) / step, 0.1 * kept.size))
     scores = PlacedScores(sensitivity, residual, np.flatnonzero(kept), kept.size)
     return robust_covariance(scores, information, reach)
@@ -243,7 +243,7 @@ def _regressors(signals: Signals, cutoff_hz: float, names: Sequence[str], every:
 
 
 def regressors_of(a: Floats, behind: Callable[[str], Floats], names: Sequence[str]) -> Iterator[Floats]:
-    """Return what each number multiplies, one after the other.
+    """Return the factor of each number, one after the other.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Other ways to the same numbers: blocks of the log, an instrument, the classical recipe (README, section 2)."""
+"""Other estimates of the same numbers: blocks of the log, an instrument, the classical recipe (README, section 2)."""
 
 from __future__ import annotations
 

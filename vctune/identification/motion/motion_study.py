@@ -1,4 +1,6 @@
-"""A recording of any motion: fits at several cut-offs, each way and both, and what they come to (README, section 2)."""
+"""A recording of any motion: fits at several cut-offs, in each direction and both, and their results (README, section
+2).
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,7 @@ MASSES = {False: (1e-4, 5e3), True: (1e-8, 5e3)}
 
 @dataclass(frozen=True, slots=True)
 class MotionStudy:
-    """What a recording of any motion says.
+    """The results of a recording of any motion.
 
     Attributes
     ----------
@@ -78,7 +80,7 @@ class MotionStudy:
         return share * self.position_noise / np.sqrt(0.5 / sample_time / (hertz[1] - hertz[0]))
 
     def estimates(self, source: str) -> list[Estimate]:
-        """Return what it says of the numbers of a problem file."""
+        """Return its estimates of the numbers of a problem file."""
         fit, text = self.directional, f"{source}: motion"
         found = [Estimate("mass", fit.value("mass"), fit.sigma("mass"), text, self._excess("mass"))]
         found += self._dampings(text)
@@ -212,6 +214,7 @@ def _swapped(signals: Signals, delays: Mapping[str, float]) -> float | None:
 
 
 def force_noise(hand: Floats) -> float:
-    """Return the standard deviation of a force sample, from its third difference: what moves faster than any hand."""
+    """Return the standard deviation of a force sample, from its third difference, which no hand's motion contributes
+    to."""
     third = np.diff(hand, 3)
     return float(1.4826 * np.median(np.abs(third)) / sqrt(20))

@@ -1,4 +1,4 @@
-"""A recording as a regression sees it: columns, derivatives, and what of them is the encoder's noise."""
+"""A recording as input of a regression: columns, derivatives, and the encoder's noise in them."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def signals(
     is_command: bool = False,
     actuator: Actuator | None = None,
 ) -> Signals:
-    """Return columns with their spectra; what they are, `Signals` says.
+    """Return columns with their spectra, as `Signals` describes them.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def signals(
 
 
 def ways(velocity: Floats) -> dict[str, Floats]:
-    """Return what friction goes with: the velocity each way, its sign each way, and what is always there."""
+    """Return the regressors of friction: the velocity each way, its sign each way, and the constant."""
     ahead, back = np.maximum(np.sign(velocity), 0.0), np.maximum(np.sign(-velocity), 0.0)
     columns = (velocity * ahead, velocity * back, ahead, back, np.ones(velocity.size))
     return dict(zip(WAYS, columns, strict=True))
@@ -155,7 +155,7 @@ def acceleration_noise(signals: Signals, cutoff_hz: float) -> float:
 
 
 def signals_of(recording: Recording, sample_time: float, actuator: Actuator | None) -> Signals:
-    """Return what the regression needs of a recording.
+    """Return the columns that the regression needs of a recording.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def _velocity(position: Spectrum, noise: float) -> Floats:
 
 
 def position_noise(position: Floats, quantum: float | None) -> float:
-    """Return the standard deviation of a position sample: of its rounding, and of what stands above half of Nyquist.
+    """Return the standard deviation of a position sample: its rounding, and the noise above half of Nyquist.
 
     Parameters
     ----------

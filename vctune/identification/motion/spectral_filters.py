@@ -1,4 +1,4 @@
-"""Filters without phase, by their frequency response: the same for every column, so that none leads another.
+"""Filters without phase, by their frequency response: the same for every column, so that no column leads another.
 
 What a low-pass leaves needs no more samples than its cut-off asks for: `stride` says which to keep.
 """
@@ -34,7 +34,7 @@ ringing together."""
 
 @dataclass(frozen=True, slots=True)
 class Spectrum:
-    """Of a column with zeros behind it.
+    """The spectrum of a column with zeros behind it.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ def smooth(omega: Floats, cutoff_hz: float) -> Floats:
 
 
 def stride(cutoff_hz: float, sample_time: float) -> int:
-    """Return every which sample says all that is left behind a low-pass: what it folds back is 1e-6.
+    """Return the stride n of samples that a low-pass leaves independent: every n-th suffices, with aliasing of 1e-6.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A response and a candidate for it: the errors of any numbers, and the search for the least."""
+"""A response and a candidate for it: the errors for any numbers, and the search for the least."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class FitTask:
         return {name: float(np.exp(value)) if name in SCALED else float(value) for name, value in named}
 
     def outputs(self, at: Floats) -> tuple[Device, Complex, Complex]:
-        """Return the device of a point, and what it says of position and handle, m/N."""
+        """Return the device of a point, and its response at position and handle, m/N."""
         numbers, measured = self.numbers(at), self.measured
         omega = measured.position.omega
         device = device_of(numbers, measured.sample_time, self.actuator)

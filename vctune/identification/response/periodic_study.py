@@ -1,4 +1,4 @@
-"""A recording of a periodic excitation: its response, the structure that was chosen, and what they come to."""
+"""A recording of a periodic excitation: its response, the chosen structure, and the results."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TOLD = 3.0
 
 @dataclass(frozen=True, slots=True)
 class PeriodicStudy:
-    """What a periodic recording says.
+    """The results of a periodic recording.
 
     Attributes
     ----------
@@ -43,14 +43,14 @@ class PeriodicStudy:
 
     @property
     def lag(self) -> tuple[float, float] | None:
-        """The actuator's lag and its deviation, s; None where none was looked for."""
+        """The actuator's lag and its deviation, s; None if no lag was fitted."""
         if self.drive is not None:
             return self.drive.lag, self.drive.lag_sigma
         return (self.fit.numbers["lag"], self.fit.sigma("lag")) if "lag" in self.fit.numbers else None
 
     @property
     def lag_told(self) -> bool:
-        """Whether the lag is told from none, and is long enough to do anything."""
+        """Whether the lag is significant, and long enough to have an effect."""
         if self.lag is None:
             return False
         lag, sigma = self.lag
@@ -58,7 +58,7 @@ class PeriodicStudy:
 
 
 def periodic_estimates(study: PeriodicStudy, source: str, T: float) -> list[Estimate]:
-    """Return what a periodic record says of the numbers of a problem file, where the handle has no damping.
+    """Return a periodic record's estimates of the numbers of a problem file, for a handle without damping of its own.
 
     Parameters
     ----------

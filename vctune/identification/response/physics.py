@@ -1,4 +1,4 @@
-"""The device as the fit of a response has it: its numbers, by structure, and what they make of a line."""
+"""The device in the fit of a response: its numbers, by structure, and their effect on a line."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def device_of(numbers: Mapping[str, float], sample_time: float, actuator: Actuat
 
 
 def compliances(device: Device, omega: Floats) -> tuple[Complex, Complex]:
-    """Return what motor and handle move by for a force on the motor, m/N.
+    """Return the response of motor and handle to a force on the motor, m/N.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def compliances(device: Device, omega: Floats) -> tuple[Complex, Complex]:
 
 
 def held_compliance(device: Device, omega: Floats) -> Complex:
-    """Return what the motor moves by, at the samples, for a command that is held between them, m/N: exact.
+    """Return the exact response of the motor, at the samples, to a command that is held between them, m/N.
 
     Parameters
     ----------

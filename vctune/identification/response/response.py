@@ -1,4 +1,4 @@
-"""Periodic excitation, found by itself: averaged lines, each with its variance (README, section 3)."""
+"""Detection of a periodic excitation, and its averaged lines, each with its variance (README, section 3)."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Lines:
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """What a periodic recording says.
+    """The results of a periodic recording.
 
     Attributes
     ----------
@@ -180,7 +180,7 @@ def _direction(position: Complex) -> Complex:
 
 
 def _rounding(channel: Channel, period: int) -> float:
-    """Return what rounding to a quantum adds to a line: the same in each period, so that no average shows it."""
+    """Return the error of a line from rounding to a quantum: equal in each period, so that no average shows it."""
     quantum = channel.quantum
     if quantum is None:
         steps = np.abs(np.diff(channel.values))

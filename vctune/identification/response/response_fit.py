@@ -95,7 +95,7 @@ def fit_response(
 
 
 def _resonates(fit: ResponseFit, measured: Response) -> bool:
-    """Whether what a fit calls a resonance is one, and within what was measured; a rigid fit has none."""
+    """Whether the resonance of a fit is one, and within the measured band; a rigid fit has none."""
     if fit.candidate.masses == 1:
         return True
     omega, at = measured.position.omega, 2 * np.pi * fit.numbers["frequency_hz"]

@@ -1,4 +1,6 @@
-"""What of a measured response no device of the box has: the disc around 1 that makes up for it (README, section 4)."""
+"""The disc around 1 that covers the distance between the measured response and the devices of the box (README, section
+4).
+"""
 
 from __future__ import annotations
 
@@ -69,7 +71,7 @@ def devices(device: Device, bounds: Sequence[Bounded]) -> list[Device]:
 def covered(
     device: Device, bounds: Sequence[Bounded], radii: Sequence[tuple[float, float]], omega: Floats, *, held: bool
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return least and greatest size and phase of what the file allows: a device of the box, times 1 + delta.
+    """Return least and greatest size and phase of the responses in the file: a device of the box, times 1 + delta.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""A recording of a vendor's servo: how late, and how fast, it follows its command."""
+"""A recording of a vendor's servo: its delay and its bandwidth."""

@@ -140,7 +140,7 @@ class _Task:
         return np.asarray(measured - self.gain(at) * made)
 
     def white(self, at: Floats) -> Floats:
-        """Return what they leave, whitened; the gain is what fits best."""
+        """Return the whitened residual; the gain is the best fit."""
         measured, made = self._whitened(self.steps(at)).T
         return np.asarray(measured - (measured @ made / (made @ made)) * made)
 
@@ -280,7 +280,7 @@ def _with_intervals(task: _Task, at: Floats) -> ServoFit:
 
 
 def _share(left: Floats, position: Floats, span: int) -> float:
-    """Return what is left of the way in some rows, root mean square: drift is not counted for the whole of a log."""
+    """Return the residual motion in some rows, root mean square, without the drift over the whole log."""
     span = min(span, left.size // 2)
     of = np.sqrt(np.mean((position[span:] - position[:-span]) ** 2))
     return float(np.sqrt(np.mean((left[span:] - left[:-span]) ** 2)) / of)

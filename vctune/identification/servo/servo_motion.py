@@ -21,7 +21,7 @@ Complex = NDArray[np.complex128]
 
 
 def modes(bandwidth_hz: float, order: int) -> tuple[float, complex, complex]:
-    """Return lag, a pole and twice its residue: a response is the real part of what these make.
+    """Return lag, a pole and twice its residue; a response is the real part of their sum.
 
     Parameters
     ----------

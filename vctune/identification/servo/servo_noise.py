@@ -1,4 +1,4 @@
-"""What stands between a servo's motion and its log: the encoder, and a link that is now early and now late.
+"""The noise of a servo's log: the encoder, and a link with jitter.
 
 The steps of the position have a banded covariance. An encoder's noise r is in two steps that follow one another. A
 velocity command that arrives early or late by a random time, of deviation q, leaves the position off by q times its

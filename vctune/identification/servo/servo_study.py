@@ -1,4 +1,4 @@
-"""A recording of a servo: both orders fitted, what tells them apart, whether it yields, and what they come to."""
+"""A recording of a servo: fits of both orders, their comparison, whether it yields, and the results."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ LATENCY, JITTER = Note("limit-latency", "a delay and a lag are alike in this mot
 
 @dataclass(frozen=True, slots=True)
 class Yielding:
-    """What of a servo's motion goes with the force on it.
+    """The part of a servo's motion that follows the force on it.
 
     Attributes
     ----------
@@ -83,11 +83,11 @@ class ServoStudy:
 
     @property
     def chi2(self) -> float:
-        """Power of what is left over that of the encoder's noise, per row."""
+        """Power of the residual over that of the encoder's noise, per row."""
         return self.chi2_of(self.fit, Noise(self.fit.noise.encoder, 0.0))
 
     def chi2_of(self, fit: ServoFit, noise: Noise) -> float:
-        """Return the power of what a fit leaves over that of a noise, per row.
+        """Return the power of a fit's residual over that of a noise, per row.
 
         Parameters
         ----------
@@ -98,7 +98,7 @@ class ServoStudy:
         return float(np.mean(white**2))
 
     def estimates(self, source: str) -> list[Estimate]:
-        """Return what it says of the numbers of a problem file."""
+        """Return its estimates of the numbers of a problem file."""
         found = []
         for fit in self.fits:
             text = f"{source}: order {fit.order}"
@@ -122,7 +122,7 @@ def likelier_order(studies: Sequence[ServoStudy]) -> int:
 
 
 def _estimate(key: str, found: Interval, source: str, jitter: float) -> Estimate:
-    """Return an interval as an estimate whose excess is what its deviations do not hold."""
+    """Return an interval as an estimate; its excess is the width beyond its deviations."""
     own = joint_factor(STATED) * found.sigma
     beyond = (max(found.value - own - found.low, 0.0), max(found.high - own - found.value, 0.0))
     reason = JITTER if jitter > max(beyond) else LATENCY
@@ -210,7 +210,7 @@ def commanded(recording: Recording) -> str:
 
 
 def _yielding(recording: Recording, seen: ServoLog, fit: ServoFit) -> Yielding | None:
-    """Return what goes with the force beside what goes with the command, its delay and its bandwidth."""
+    """Return the part of the motion that follows the force, beside the part of the command, its delay and bandwidth."""
     force = recording.values("hand")
     force = recording.values("force") if force is None else force
     if force is None or np.ptp(force) == 0:
@@ -249,7 +249,7 @@ def _slopes(seen: ServoLog, fit: ServoFit) -> list[Floats]:
 
 
 def servo_notes(name: str, study: ServoStudy, units: Units) -> list[Note]:
-    """Return what to know of a recording of a servo.
+    """Return remarks on a recording of a servo.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How far the response of a servo is from every servo of the box (README, section 9)."""
+"""The distance of a servo's response from the servos of the box (README, section 9)."""
 
 from __future__ import annotations
 

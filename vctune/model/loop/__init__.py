@@ -1,1 +1,1 @@
-"""The velocity loop at a frequency, and what it asks of the coupling."""
+"""The velocity loop at a frequency, and its requirement on the coupling."""

@@ -1,4 +1,4 @@
-"""The loop's constants at a frequency: everything is affine in the gains, over what is affine in the gains.
+"""The loop's constants at a frequency: every response is a quotient of expressions that are affine in the gains.
 
 See model/README.md, section 12.
 """
@@ -39,7 +39,7 @@ class Affine:
 
 @dataclass(frozen=True, slots=True)
 class LoopConstants:
-    """The loop as what it is affine in, not scaled.
+    """The constants of the loop, which is affine in the gains, not scaled.
 
     Attributes
     ----------

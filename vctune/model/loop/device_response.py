@@ -1,4 +1,4 @@
-"""What a device contributes to its loop at a frequency: constants that no gain is in (README, sections 1 and 12).
+"""The device's constants in its loop at a frequency, independent of the gains (README, sections 1 and 12).
 
 An ideal device is a mass and a damping, and a hold with its delay. What else there is, an actuator, a velocity
 estimate, a force sensor, a spring between motor and handle, comes beside them, and costs nothing where it is not.

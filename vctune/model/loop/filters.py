@@ -1,4 +1,4 @@
-"""What makes a device less than ideal, at a frequency: velocity estimate, actuator, force sensor (README, section 12).
+"""Non-ideal parts of a device at a frequency: velocity estimate, actuator, force sensor (README, section 12).
 
 All have gain 1 at rest, so that what they take away, not what they leave, is worked out: nothing cancels.
 """

@@ -1,4 +1,4 @@
-"""The impedances of a velocity loop at a frequency: what is known of it, and its controller's (README, section 1)."""
+"""The impedances of a velocity loop at a frequency: the device's, and its controller's (README, section 1)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vctune.model.numbers.pair import Pair
 
 
 class LoopResponse(NamedTuple):
-    """The loop's impedances, each times a common real scale, with what must not be formed by subtraction.
+    """The loop's impedances, each times a common real scale, with the numbers that must not be formed by subtraction.
 
     With an integrator C_0 grows like 1/omega, so everything carries the scale omega and is then regular down to
     omega = 0; without one the scale is 1.

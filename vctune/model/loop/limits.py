@@ -27,7 +27,7 @@ class EndLimit:
 
 @dataclass(frozen=True, slots=True)
 class Lags:
-    """What a device's parts come to for omega -> 0; s, and kg for the spring's loss.
+    """The lags of a device's parts for omega -> 0; s, and kg for the spring's loss.
 
     Attributes
     ----------

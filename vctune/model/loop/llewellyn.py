@@ -1,4 +1,5 @@
-"""Llewellyn's absolute stability as a demand on the coupling (model/README.md, sections 4 and 5, paper eqs. 12 and 19).
+"""Llewellyn's absolute stability as a constraint on the coupling (model/README.md, sections 4 and 5, paper eqs. 12 and
+19).
 
 With G_hh = N/D and q = C/D (`vctune.model.loop.loop`), in the hand of an operator that always contains Z_h,
 

@@ -1,4 +1,4 @@
-"""The velocity loop of a device that is not ideal, at a frequency (model/README.md, sections 12 and 13)."""
+"""The velocity loop of a non-ideal device at a frequency (model/README.md, sections 12 and 13)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
 
 @dataclass(frozen=True, slots=True)
 class _Scale:
-    """The scale, omega or 1, and what it lacks of omega; None for 1, which is not multiplied by."""
+    """The scale, omega or 1, and the factor that it lacks of omega; None stands for 1, which is not multiplied by."""
 
     own: Number | None
     lacking: Number | None
@@ -31,7 +31,7 @@ class _Scale:
 
 @dataclass(frozen=True, slots=True)
 class _Turned:
-    """Im(C conj D) scaled, flat + omega slope; flat is None where there is none."""
+    """Im(C conj D) scaled, flat + omega slope; flat is None if it is absent."""
 
     flat: Number | None
     slope: Number
@@ -47,7 +47,7 @@ class _Turned:
 
 @dataclass(frozen=True, slots=True)
 class _Handle:
-    """What a spring between motor and handle makes of the loop.
+    """The effect of a spring between motor and handle on the loop.
 
     Attributes
     ----------
@@ -188,7 +188,7 @@ def _estimated(
 
 
 def _turned(at: DeviceResponse, gains: Gains, C_0: Impedance, scale: _Scale, ops: Arithmetic) -> _Turned:
-    """Return Im(C_0 conj W) scaled: C_0 against b, against m omega, and against what F takes from C_f.
+    """Return Im(C_0 conj W) scaled: C_0 against b, against m omega, and against the loss of F in C_f.
 
     C_0 against itself contributes nothing, and is therefore not in it.
     """

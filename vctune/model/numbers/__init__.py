@@ -1,1 +1,1 @@
-"""Arithmetic: what formulas are evaluated in, and the units that numbers are in."""
+"""Arithmetics in which formulas are evaluated, and the units of numbers."""

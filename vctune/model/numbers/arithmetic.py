@@ -1,4 +1,4 @@
-"""The few operations a formula needs beyond + - * /, for each kind of number.
+"""The few operations that a formula needs beyond + - * /, for each kind of number.
 
 Every formula of `vctune.model` takes an `Arithmetic` and is then evaluated on NumPy arrays (scan, margins, figures),
 CasADi symbols (the NLP), Arb balls and intervals on arrays with or without their derivatives (the proof).
@@ -99,14 +99,14 @@ class Arithmetic(Protocol):
         """
 
     def within(self, radius: Number) -> Number:
-        """Return the numbers between -radius and radius, enclosed; 0 where nothing is."""
+        """Return the numbers between -radius and radius, enclosed; 0 outside."""
 
     def magnitude(self, x: Number) -> float:
         """Return a number that no |x|, of all elements, exceeds; of plain numbers about that."""
 
 
 class ArrayArithmetic(Arithmetic, Protocol):
-    """Elementary functions of numbers that are arrays, and what only these have."""
+    """Elementary functions of numbers that are arrays, and operations that only arrays have."""
 
     def stacked(self, numbers: Sequence[Number]) -> Number:
         """Return numbers as one with another axis in front, plain ones among them too."""

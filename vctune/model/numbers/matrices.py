@@ -1,4 +1,4 @@
-"""Small matrices of any numbers, and their functions that a sampled system takes.
+"""Small matrices of any numbers, and the functions of them that a sampled system needs.
 
 Matrices are tuples of rows; a 0 that is there by structure is the integer 0, takes no part in products, and stays
 exactly 0.

@@ -1,4 +1,4 @@
-"""What the numbers of a device are called and what they are in, by how its handle moves: the only place that says so.
+"""Names and units of a device's numbers, by the motion of its handle: the only place that states them.
 
 The formulas hold word for word for both: of a rotary device a mass is a moment of inertia, a force a torque, a position
 an angle.

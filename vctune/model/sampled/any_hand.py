@@ -1,4 +1,4 @@
-"""What an impedance display must offer for any passive hand, in sampled time (model/README.md, section 15).
+"""The requirement of any passive hand on an impedance display, in sampled time (model/README.md, section 15).
 
 With y, s and F of `impedance_display`, the motor of a rigid device answers with a point of the disc around 1/(2b) of
 that radius at each frequency and at each of its aliases omega_n = omega + 2 pi n/T, independently, so that
@@ -38,7 +38,7 @@ class InAnyHand(NamedTuple):
 
 
 class AnyHand(NamedTuple):
-    """What y answers a force with, in any passive hand: a disc of centre c and radius r at each frequency.
+    """The response of y to a force in any passive hand: a disc of centre c and radius r at each frequency.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ def _disc(device: Device, whole: Number, theta: Number, ops: Arithmetic, *, frac
 
 
 class _Alias(NamedTuple):
-    """What the motor answers a force with at one frequency, the delays turned: a disc around centre of that radius.
+    """The motor's response to a force at one frequency, the delays turned: a disc with its centre and radius.
 
     Attributes
     ----------
@@ -154,7 +154,7 @@ def _sum_of_aliases(device: Device, theta: Number, ops: Arithmetic) -> _Disc:
 
 
 def _alias(device: Device, theta: Number, at: Number, ops: Arithmetic) -> _Alias:
-    """Return what the motor answers at omega = at/T; in hands of all kinds Z_s beside Z_x is a disc around 1/(2 g)."""
+    """Return the motor's response at omega = at/T; in hands of all kinds Z_s beside Z_x is a disc around 1/(2 g)."""
     drive = drive_at(device, theta, at, ops)
     size = 1 if device.actuator is None else ops.sqrt(drive.abs2())
     rho, reactance, g = motor_disc(device, at / device.sample_time, ops)

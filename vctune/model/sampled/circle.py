@@ -1,4 +1,4 @@
-"""A point z = e^(j theta) of the unit circle, by its half angle: what is regular at theta = 0."""
+"""A point z = e^(j theta) of the unit circle, by its half angle, in quantities that are regular at theta = 0."""
 
 from __future__ import annotations
 

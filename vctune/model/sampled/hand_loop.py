@@ -1,4 +1,5 @@
-"""The sampled loop with a hand at the handle, and what the environment meets of it (model/README.md, section 14).
+"""The sampled loop with a hand at the handle, and the impedance that the environment sees (model/README.md, section
+14).
 
 The position x_1, the velocity estimate and the sensed force f of device and hand (`plant_in_hand`) make the return
 difference and the impedance that the environment meets,
@@ -54,7 +55,7 @@ class LoopInHand(NamedTuple):
 
 
 class CommandInHand(NamedTuple):
-    """What the environment meets of a servo in a hand, Z_seen = seen/(2 j s size); no gain is in it.
+    """The impedance that the environment sees of a servo in a hand, Z_seen = seen/(2 j s size), free of gains.
 
     Attributes
     ----------
@@ -123,7 +124,7 @@ def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLo
 
 
 def seen_in_limp_hand(plant: PlantInHand, velocity: Number, theta: Number, share: Number, ops: Arithmetic) -> Seen:
-    """Return what `seen_in_hand` does over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
+    """Return `seen_in_hand` over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
 
     Its swing is over s besides.
 
@@ -171,7 +172,7 @@ def _answers(
     moved: Any,
     grip: Number,
 ) -> tuple[Any, Any, Any, Any]:
-    """Return the determinant, and what velocity estimate, position and sensed force are times it.
+    """Return the determinant, and its products with velocity estimate, position and sensed force.
 
     Parameters
     ----------

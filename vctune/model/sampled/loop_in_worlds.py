@@ -37,7 +37,9 @@ NOTHING = 1e-30
 
 
 class Seen(NamedTuple):
-    """Z_seen = -lost/size - j swing/(s size), what the environment meets of the loop in a hand; G/s^2 of a force's.
+    """Z_seen = -lost/size - j swing/(s size), the impedance of the loop in a hand that the environment sees.
+
+    On an impedance display it is G/s^2.
 
     Attributes
     ----------
@@ -214,7 +216,7 @@ def limp_disjuncts(
 
 
 def room_of(terms: tuple[Number, ...], absolute: Callable[[Number], Number]) -> Number:
-    """Return how far a margin is from 0: twice what its terms sum to, relative to the sum of their sizes.
+    """Return how far a margin is from 0: twice the sum of its terms, relative to the sum of their sizes.
 
     Near 0 that is the logarithm of the ratio of what is gained to what is lost.
 

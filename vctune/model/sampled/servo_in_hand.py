@@ -1,4 +1,5 @@
-"""What the environment meets of a servo in a hand, and what that asks of the coupling (model/README.md, section 17).
+"""The impedance that the environment sees of a servo in a hand, and its requirement on the coupling (model/README.md,
+section 17).
 
 The motion follows the command alone, and the sensed force of a hand is linear in it:
 
@@ -144,7 +145,7 @@ def _blur(radii: Radii, sample_time: Number, theta: Number, ops: Arithmetic) -> 
 
 @dataclass(frozen=True, slots=True)
 class Demand:
-    """What the hands of a box ask of a coupling.
+    """The requirement of the hands of a box on a coupling.
 
     Attributes
     ----------

@@ -50,7 +50,7 @@ class Numerator:
 
 @dataclass(frozen=True, slots=True)
 class ServoPlant:
-    """What a held velocity command becomes, in the equations of this module.
+    """The response of a servo to a held velocity command, in the equations of this module.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class ServoPlant:
 
 @dataclass(frozen=True, slots=True)
 class Pull:
-    """A spring of the firmware between what it measures of the position and a reference.
+    """A spring of the firmware between the measured position and a reference.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ def sensed_delay(device: Device) -> SensedDelay:
 
 
 def _sensed_delay(device: Device) -> Number:
-    """Return the delay from a command to what the sensor says of its motion, s: where the two are does not matter."""
+    """Return the delay from a command to the sensed motion, s; only the sum of both delays matters."""
     sensor = device.force_sensor
     return device.latency if sensor is None else device.latency + sensor.delay
 

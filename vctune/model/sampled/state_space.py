@@ -1,4 +1,4 @@
-"""A device with an actuator or a structure over one sample, exactly: states, their step, and what it does to them.
+"""A device with an actuator or a structure over one sample, exactly: its states and their step.
 
 Time is counted in T, impedances in m/T, so that all numbers are dimensionless and of the size of what they mean for the
 sampled loop (README, section 12).
@@ -29,7 +29,7 @@ from vctune.model.numbers.matrices import (
 
 @dataclass(frozen=True, slots=True)
 class StepResponse:
-    """What a sample does, over the polynomials of its step: x[k+1] - x[k] = psi x[k] + the forces' shares.
+    """The effect of a sample, over the polynomials of its step: x[k+1] - x[k] = psi x[k] + the forces' shares.
 
     Attributes
     ----------

@@ -1,1 +1,1 @@
-"""What is proved of a design, claim by claim, for one or many designs and devices."""
+"""The claims about a design and their proofs, for one or many designs and devices."""

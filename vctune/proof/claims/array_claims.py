@@ -308,7 +308,7 @@ def _above_bound(demands: Demands) -> Margin:
 
 
 def limp_hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> tuple[Margin, ...]:
-    """Return what the margins of `hands_margins` are for K_p = 0 next to theta = 0 and a hand without stiffness.
+    """Return the margins of `hands_margins` for K_p = 0 next to theta = 0 and a hand without stiffness.
 
     They are of theta and of values with those of `HAND` and with `SHARE`, each between 0 and 1. What decides nothing
     there is left out.

@@ -41,7 +41,7 @@ Margin = Callable[[Number], Number]
 
 
 def _margins(design: Design, factor: float) -> list[Margin]:
-    """Return what has to be positive of a design's decimals as functions of omega, `conditions_margin` first.
+    """Return the margins of a design's decimals as functions of omega, `conditions_margin` first.
 
     Without a loop C = 0, and Re G_hh > 0 is a matter of damping.
     """

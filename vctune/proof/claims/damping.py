@@ -1,4 +1,4 @@
-"""Gains for which no coupling damping b_c will do: what different frequencies ask of it excludes each other.
+"""Gains for which no coupling damping b_c works: the values required at different frequencies exclude each other.
 
 Re Z_c - b_0 = b M^2/(b^2 + M^2) with M = omega m_c is at least r for b between M (M -+ sqrt(M^2 - 4 r^2))/(2 r), and
 for none where r > M/2. It grows with m_c and with b_0: their greatest values decide. As the firmware runs it, omega is

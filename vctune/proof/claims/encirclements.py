@@ -1,4 +1,4 @@
-"""How often the curves of the loop go around 0, of many cells of designs at once: 0 where no pole is unstable.
+"""How often the curves of the loop go around 0, for many cells of designs at once: 0 if no pole is unstable.
 
 See proof/README.md, section 2.
 """

@@ -1,4 +1,4 @@
-"""What hands ask of a coupling, bounded from above: straight pieces over the angle, each of them proved.
+"""An upper bound of what hands require of a coupling: straight pieces over the angle, each of them proved.
 
 What is required in a hand is of the gains alone. Where many couplings meet the same gains it is looked at once, and
 each coupling is then compared with the bound over the angle, without a hand.

@@ -217,7 +217,7 @@ def _of_margins(
 
 
 def _proved_next_to(near: Resonance, asked: Asked) -> Outcome:
-    """Prove the same of hands next to resonance, by what their stiffness is beside the resonant one."""
+    """Prove the same for hands near resonance, with their stiffness relative to the resonant one."""
     ends = _ends(asked.demands.hands, asked.box, asked.uncertain)
     for end, value in zip(ends, AROUND, strict=True):
         end[ROWS.index(RATIO)] = value
@@ -538,7 +538,7 @@ def _ends(
     corners: Sequence[Hand] | None = None,
     also: Sequence[tuple[float, float]] = (),
 ) -> tuple[Floats, Floats]:
-    """Return the least and the greatest numbers of hand, if one is to be met, of what comes with it, and device.
+    """Return the least and the greatest numbers of hand, if the claim is about hands, of its other rows, and device.
 
     Where the corners of the hands are enough there is a column for each.
     """

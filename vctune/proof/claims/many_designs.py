@@ -1,4 +1,4 @@
-"""The claims of a certificate for many cells at once, on arrays; what stays open is left to Arb.
+"""The claims of a certificate for many cells at once, on arrays; Arb decides what stays open.
 
 See proof/README.md, section 2.
 """
@@ -36,7 +36,7 @@ of those next to K_p = 0 are left to smaller cells."""
 
 @dataclass(frozen=True, slots=True)
 class Certified:
-    """What is proved of many cells.
+    """The verdicts on many cells.
 
     Attributes
     ----------
@@ -190,7 +190,7 @@ def _above_envelope(demands: Demands, hands: Hands | None, claims: Claims, cells
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """For each of n cells, where a demand may fail throughout; None where nothing is demanded.
+    """For each of n cells, where a constraint may fail throughout; None for absent constraints.
 
     Attributes
     ----------

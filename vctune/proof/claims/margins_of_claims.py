@@ -1,4 +1,4 @@
-"""What is to be proved of a design, as functions that must be positive; written once for every arithmetic."""
+"""The margins of the claims, functions that must be positive; each is written once for every arithmetic."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class LoopDelay:
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """What is judged: a device with its gains and its coupling, in numbers of any arithmetic."""
+    """The judged design: a device with its gains and its coupling, in numbers of any arithmetic."""
 
     device: Device
     gains: Gains

@@ -1,4 +1,4 @@
-"""Llewellyn's conditions next to omega = 0, where ratio may be 0/0 (model/README.md, section 6)."""
+"""Llewellyn's conditions near omega = 0, where the ratio may be 0/0 (model/README.md, section 6)."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ from vctune.proof.engine.interval import Outcome, Verdict
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """The conditions as polynomials in omega, both of which are positive where they are met.
+    """The conditions as polynomials in omega; a condition holds where its polynomial is positive.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Conditions:
     roots: list[arb]
 
     def met(self, omega: float) -> bool:
-        """Return whether the conditions are met with something to spare."""
+        """Return whether the conditions hold with some reserve."""
         point = _rational(omega)
         return bool(self.squared(point) > 0 and self.linear(point) > 0)
 

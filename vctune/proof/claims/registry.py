@@ -1,6 +1,7 @@
-"""The claims that a certificate makes, each under an identifier that never changes: what it says and what it limits.
+"""The claims of a certificate, each under an identifier that never changes: its statement and the quantity that it
+limits.
 
-What records, reports and messages say of a claim hangs on its identifier, so that its words may be corrected.
+All records, reports and messages refer to a claim by its identifier, so that its wording may change.
 """
 
 from __future__ import annotations
@@ -25,14 +26,14 @@ class Claim:
 
     Attributes
     ----------
-    id : stands in design.json, and is public: once a file has been written with it, it stays
+    id : public name in design.json; once a file contains it, it never changes
     sentence : the statement; {couples} stands for the response of the display's coupling, Z_c or 1/Z_c
-    quantity : what it limits, by the name that the constraints of a search have (`in_hand`: the ratio in a hand)
+    quantity : quantity that it limits, under the name of the search's constraints (`in_hand`: the ratio in a hand)
     margin : dotted path within vctune of the function that must be positive, or of the curve that must not go around 0
-    witness : what names the place where it fails
-    label : heads its row in a report
-    explain : what it means to the person who reads it
-    asked : whether the demands, on a box of devices or on one device alone, ask for it
+    witness : description of the place where it fails
+    label : heading of its row in a report
+    explain : its meaning for the reader
+    asked : whether the demands require it, on a box of devices or on one device alone
     """
 
     id: ClaimId
@@ -61,7 +62,7 @@ CLAIMS: dict[ClaimId, Claim] = {
             label="any passive hand, on the band",
             explain=(
                 "Llewellyn's conditions. At every frequency of the stability band the device bears any passive hand "
-                "with every passive environment, as far as the frequency model goes, which knows no aliasing. Outside "
+                "with every passive environment, as far as the frequency model goes, which has no aliasing. Outside "
                 "the proved band such a hand can make it oscillate."
             ),
             asked=lambda demands, _: demands.passive,
@@ -88,7 +89,7 @@ CLAIMS: dict[ClaimId, Claim] = {
             label="poles of the frequency model",
             explain=(
                 "The model in which `passive` is proved is stable by itself, let go and in the hand of `[operator]`. "
-                "Without this its conditions say nothing."
+                "Without this claim those conditions say nothing."
             ),
             asked=lambda demands, _: demands.passive,
         ),
@@ -107,7 +108,7 @@ CLAIMS: dict[ClaimId, Claim] = {
         ),
         Claim(
             id="unmodelled",
-            sentence="|1 - S| r < 1 of the sampled loop up to Nyquist, r the radius of what is not modelled",
+            sentence="|1 - S| r < 1 of the sampled loop up to Nyquist, r the radius of the unmodelled dynamics",
             quantity="unmodelled",
             margin="proof.claims.margins_of_claims.unmodelled_margin",
             witness="a frequency up to Nyquist",
@@ -147,7 +148,7 @@ CLAIMS: dict[ClaimId, Claim] = {
             explain=(
                 "The device is stable in each hand of `[operator]`, a mass, a damper and a spring within their ranges, "
                 "with every environment that is passive as it runs, in the exact sampled loop, aliasing included. "
-                "Nothing is proved of a hand outside these ranges."
+                "The claim does not cover a hand outside these ranges."
             ),
             asked=lambda demands, _: demands.hands is not None and demands.worlds is None,
         ),
@@ -161,7 +162,7 @@ CLAIMS: dict[ClaimId, Claim] = {
             explain=(
                 "The device is stable in each hand of `[operator]` with each environment of `[environment]`, a mass, a "
                 "damper and a spring within their ranges, in the exact sampled loop, aliasing included, and with the "
-                "coupling divided by any number from 1 to the safety factor. Nothing is proved of other hands and "
+                "coupling divided by any number from 1 to the safety factor. The claim does not cover other hands and "
                 "environments."
             ),
             asked=lambda demands, _: demands.hands is not None and demands.worlds is not None,

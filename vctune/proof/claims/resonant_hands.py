@@ -1,4 +1,4 @@
-"""Hands next to resonance with the device, measured by what resonates (README.md, section 10).
+"""Hands near resonance with the device, in coordinates along the resonance (README.md, section 10).
 
 A hand of little damping resonates with the device on a surface, theta = T sqrt(K/(m + M)), across which a margin
 changes within a share of the damping ratio. Boxes of mass, stiffness and angle cut across it and have to be as small as

@@ -1,4 +1,4 @@
-"""Delays at and next to a whole number of samples, where the sensed force jumps with the delay.
+"""Delays at and near a whole number of samples, where the sensed force jumps with the delay.
 
 Force is sampled just before a new command acts. Where the delay is shorter than a whole number of samples by next to
 nothing that command acts before the sample, and the force of a hand's mass differs by a whole step (model/README.md,

@@ -281,7 +281,7 @@ class _EnclosureArithmetic:
 
     @staticmethod
     def phi_1(x: Number) -> Number:
-        """Its derivative is minus the mean of t e^-xt over 0 <= t <= 1: what it is above `phi_2`."""
+        """Its derivative is minus the mean of t e^-xt over 0 <= t <= 1: its distance above `phi_2`."""
         if not isinstance(x, Jet):
             return _falling(FLOATS.phi_1, x)
         mean = _falling(FLOATS.phi_1, x.value)
@@ -369,7 +369,7 @@ def _beyond(x: Enclosure, table: Table) -> NDArray[np.bool_]:
 
 
 def _cosine(x: Enclosure) -> Enclosure:
-    """Return numbers known to lie in [-1, 1] clipped to it; all of [-1, 1] where nothing else is known."""
+    """Return numbers known to lie in [-1, 1] clipped to it; all of [-1, 1] if nothing else is known."""
     return between(np.fmax(x.mid - x.rad, -1.0), np.fmin(x.mid + x.rad, 1.0))
 
 

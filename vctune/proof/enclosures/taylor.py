@@ -1,4 +1,4 @@
-"""Polynomials of order two in a box's rows, what they leave out enclosed: many boxes at once.
+"""Polynomials of order two in a box's rows with enclosed remainders: many boxes at once.
 
 A `Taylor` is a number as a polynomial in e_1 ... e_k, each between -1 and 1: the rows of a box from one end to the
 other. A radius holds all that is of higher order and every rounding (Taylor models: Makino and Berz 2003). Unlike the

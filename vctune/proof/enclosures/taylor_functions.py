@@ -1,4 +1,4 @@
-"""The elementary functions of `Taylor`s over many boxes, and of enclosures of what no row changes."""
+"""The elementary functions of `Taylor`s over many boxes, and of enclosures that do not depend on a row."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _ranged(x: Number) -> Number:
 
 
 class _TaylorArithmetic:
-    """What is rare in a loop is done on all values of a number, without knowing what it depends on."""
+    """Rare operations of a loop, evaluated on all values of a number without its dependence on others."""
 
     pi = ENCLOSURES.pi
     precision = UNIT

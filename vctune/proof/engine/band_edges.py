@@ -1,4 +1,4 @@
-"""Edges of a proved band: as far out as a proof reaches, in hertz with the digits that are certain."""
+"""Edges of a proved band: as far out as the proof reaches, in hertz with the digits that are certain."""
 
 from __future__ import annotations
 
@@ -78,6 +78,6 @@ def edge_in_hertz(edge: float, *, upper: bool) -> float:
 
 
 def _rounded(hertz: Decimal, away: int) -> tuple[Decimal, Decimal]:
-    """Return a frequency rounded inwards to `EDGE_DIGITS`, and what its last place is worth."""
+    """Return a frequency rounded inwards to `EDGE_DIGITS`, and the value of its last place."""
     place = Decimal(1).scaleb(hertz.adjusted() - EDGE_DIGITS + 1)
     return hertz.quantize(place, ROUND_FLOOR if away > 0 else ROUND_CEILING), place

@@ -1,4 +1,4 @@
-"""Tests of many cells over a band of frequency, which is halved where a test fails."""
+"""Tests of many cells over a band of frequency; a test that fails halves the band."""
 
 from __future__ import annotations
 

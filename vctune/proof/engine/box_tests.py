@@ -326,7 +326,7 @@ def any_of(tests: Sequence[Test]) -> Test:
 
 
 def _by_polynomials(number: Number, boxes: Boxes, spans: Floats) -> Decided:
-    """Decide by one of several margins; what it costs where it is negative somewhere is what it varies by."""
+    """Decide by one of several margins; where it is negative somewhere, its cost is its variation."""
     least, varied, n = least_over_boxes(number), boxes.varied(), len(boxes)
     width = boxes.high - boxes.low
     at, lost, varies = np.zeros_like(width), np.zeros_like(width), np.zeros_like(width)
@@ -360,7 +360,7 @@ def _relative(boxes: Boxes, spans: Floats) -> Floats:
 
 
 def _nearest(found: Sequence[Decided]) -> Decided:
-    """Return what the test decides that is nearest to proving, and which boxes any of them proves."""
+    """Return the result of the test nearest to a proof, and the boxes that any test proves."""
     room = np.array([each.room for each in found])
     which, at = np.argmax(room, axis=0), np.arange(room.shape[1])
 
@@ -469,13 +469,13 @@ def _to_halve_in_frequency(boxes: Boxes, proved: Flags) -> Decided:
 
 
 def _without_failures(decided: Decided) -> Decided:
-    """Return what a sufficient margin shows: where it is negative nothing is known of the claim."""
+    """Return the result of a sufficient margin: where it is negative the claim stays open."""
     return replace(decided, fails=np.zeros_like(decided.fails))
 
 
 @dataclass(frozen=True, slots=True)
 class _Bounded:
-    """A lower bound of a margin over each box, what it decides, and what the margin varies by with each row."""
+    """A lower bound of a margin over each box, its verdict, and its variation with each row."""
 
     least: Floats
     decided: Decided
@@ -522,7 +522,7 @@ def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Boun
 
 
 def _room(value: Floats, uncertain: Floats, reach: Floats) -> Floats:
-    """Return how near a margin is to being proved, of its value where it is least, what that may be off by, and reach.
+    """Return how near a margin is to a proof, from its least value, the error of that value, and the margin's reach.
 
     Where it is negative it is what share of the reach is missing; nan, where nothing is known, counts as that it is 0.
     """
@@ -530,5 +530,5 @@ def _room(value: Floats, uncertain: Floats, reach: Floats) -> Floats:
 
 
 def _lowest(mid: Floats, rad: Floats) -> Floats:
-    """Return mid - rad rounded downwards: two differences and a sum, each by a quarter of what is taken off."""
+    """Return mid - rad rounded downwards: two differences and a sum, each by a quarter of the total rounding."""
     return np.asarray(mid - rad - 2 * UNIT * (np.abs(mid) + rad))

@@ -1,4 +1,4 @@
-"""Boxes of a frequency and of the numbers that a claim is to be proved for: designs, uncertain devices.
+"""Boxes of a frequency and of other numbers of a claim: designs, uncertain devices.
 
 A box is an interval for each of several named numbers. The names are the keys of the problem file.
 """

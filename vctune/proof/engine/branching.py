@@ -1,4 +1,4 @@
-"""One prover for claims over boxes: halve what is not decided, where that promises most.
+"""One prover for claims over boxes: it halves undecided boxes where that promises most.
 
 Each box belongs to an owner: a cell of designs, or the one design that is proved for a box of devices. A claim is
 proved of an owner when it is proved on all of its boxes.
@@ -23,7 +23,7 @@ halving those would not decide it. Half and twice it prove the same cells."""
 
 @dataclass(frozen=True, slots=True)
 class Decided:
-    """What a test finds out about boxes.
+    """The result of a test of boxes.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ Test = Callable[[Boxes], Decided]
 
 @dataclass(frozen=True, slots=True)
 class Proofs:
-    """What became of a claim, for each owner.
+    """The result of a claim, for each owner.
 
     Attributes
     ----------

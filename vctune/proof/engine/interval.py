@@ -37,7 +37,7 @@ as many boxes for the designs of problems/, twice as much half as many more."""
 
 
 class Verdict(StrEnum):
-    """What a proof can say."""
+    """The verdict of a proof."""
 
     PROVED = "proved"
     REFUTED = "refuted"

@@ -1,4 +1,4 @@
-"""What many boxes have in common, worked out once: the plants of the same hand and device at other frequencies."""
+"""Shared parts of many boxes, computed once: the plants of the same hand and device at other frequencies."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def _some(number: Number, at: Any) -> Number:
 
 
 def _mapped(f: Callable[..., Number], *trees: Any) -> Any:
-    """Return what f makes of the numbers of trees of one shape; all else is the first one's."""
+    """Return f of the numbers of trees of one shape; all other content is the first one's."""
     first = trees[0]
     if isinstance(first, Enclosure | Jet | Taylor):
         return f(*trees)

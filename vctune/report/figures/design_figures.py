@@ -56,7 +56,7 @@ MAP_LEVELS = 4
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """What the figures show: a problem, its gains and coupling, and the record of that design."""
+    """The data of the figures: a problem, its gains and coupling, and the record of that design."""
 
     problem: Problem
     gains: Gains
@@ -84,7 +84,7 @@ def figures(design: Design) -> dict[str, Figure]:
 
 
 def _in_hands(design: Design) -> dict[str, Figure]:
-    """Return the figure of the hands that are to be met, or of any on an impedance display; none where none are."""
+    """Return the figure of the hands of the criterion, or of any hand on an impedance display; else None."""
     hands = design.problem.hands_met
     if design.problem.any_hand:
         return {"any-hand": any_hand_figure(design.problem, design.gains, design.coupling)}
@@ -246,7 +246,7 @@ def _impedance(design: Design) -> Figure:
 
 
 def _promised(axes: Axes, design: Design) -> None:
-    """Shade where stability is proved of the design, or hatch where it was asked for in vain, and the band it is for.
+    """Shade the band where stability is proved, or hatch the band of a failed proof, and mark the transparency band.
 
     In hands there is no band: what is proved is proved everywhere.
     """

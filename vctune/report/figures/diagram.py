@@ -1,4 +1,6 @@
-"""The loop and the force path as a block diagram: what a device has is drawn, what it has not is a plain line."""
+"""The loop and the force path as a block diagram: it draws the parts that a device has, and a plain line for absent
+parts.
+"""
 
 from __future__ import annotations
 
@@ -97,7 +99,7 @@ def _servo_loop(axes: Axes, device: Device, servo: Servo, coupling: Coupling) ->
 
 
 def _motion_path(axes: Axes, coupling: SpringDamper, units: Units) -> None:
-    """Draw what is measured of the motion on its way to the coupling: past its estimate, whose velocity it shares."""
+    """Draw the path of the measured motion to the coupling: past its estimate, whose velocity it shares."""
     _arrow(axes, (LAW - WIDTH / 2, MIDDLE), (COUPLING, MIDDLE), (COUPLING, TOP - TALL / 2), label="x, v̂")
     lines = [f"k_c {coupling.stiffness:.5g} {units.stiffness}"]
     lines += [f"b_c {coupling.damping:.4g} {units.damping}"] if coupling.damping > 0 else []
@@ -165,7 +167,7 @@ def _spring(axes: Axes, left: float, right: float, structure: Structure) -> None
 
 
 def _feedback(axes: Axes, device: Device, gains: Gains) -> None:
-    """Draw what comes back to the law: the velocity, estimated or not, and the position."""
+    """Draw the feedback to the law: the velocity, estimated or not, and the position."""
     low, high, estimate = BOTTOM + HEIGHT / 2, TOP - TALL / 2, device.velocity
     if estimate is None:
         _arrow(axes, (LAW, low), (LAW, high), label="v, x" if gains.position > 0 else "v")

@@ -52,7 +52,7 @@ def _draw(
 
 
 def _asked(experiment: ExperimentRecord, at: np.ndarray[Any, Any]) -> Any:
-    """Return the force that the environment asks for over the figure's axis, as if at rest or at constant speed."""
+    """Return the force of the environment over the figure's axis, as if at rest or at constant speed."""
     environment = experiment.environment
     if experiment.axis == "velocity":
         return environment.damping * at

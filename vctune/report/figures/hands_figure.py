@@ -1,4 +1,4 @@
-"""The demand in the hands of a box up to Nyquist, and how much of the coupling's resistance each hand takes."""
+"""The requirement in the hands of a box up to Nyquist, and each hand's share of the coupling's resistance."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ WORST = 3
 
 
 def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling) -> Figure:
-    """Draw Re Z_c against the R of the worst hands, and a map over mass and stiffness of what share of it they need.
+    """Draw Re Z_c against the R of the worst hands, and a map of the share that they need over mass and stiffness.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def any_hand_figure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Fi
 
 
 def _shown_as(device: Device, theta: Floats) -> Floats | float:
-    """Return the factor by which what is offered and required is shown: that of an impedance display is over s^2."""
+    """Return the factor for showing offer and requirement: those of an impedance display are over s^2."""
     return np.sin(theta / 2) ** 2 if device.kind.inverse else 1.0
 
 
@@ -175,5 +175,5 @@ def _unit(device: Device) -> str:
 
 
 def _positive(required: Floats) -> Floats:
-    """Return what is above 0, nan elsewhere: a logarithmic axis shows no more."""
+    """Return positive numbers, nan elsewhere, for a logarithmic axis."""
     return np.where(required > 0, required, np.nan)

@@ -1,4 +1,4 @@
-"""Figures of an identification: force in time, response, what is left, and each number with what limits it."""
+"""Figures of an identification: force in time, response, residual, and each number with its limit."""
 
 from __future__ import annotations
 

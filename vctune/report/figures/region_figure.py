@@ -1,4 +1,4 @@
-"""The picture of a region: what is proved where, the optimum, contours of the error, the low-frequency limit."""
+"""The picture of a region: the verdict on each cell, the optimum, contours of the error, the low-frequency limit."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def world_figure(problem: Problem, region: Region) -> Figure:
 
 
 def lost_figure(again: Recheck) -> Figure:
-    """Return what is still proved of a baseline's feasible cells and gain sets, and what has lost its proof."""
+    """Return the figure of a baseline's feasible cells and gain sets: still proved, or lost."""
     plane, kept = again.region.plane, again.region.kinds == Kind.FEASIBLE
     with rc_context(STYLE):
         figure, axes = _frame(plane, again.units)

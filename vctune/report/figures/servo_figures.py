@@ -22,7 +22,7 @@ MOST_POINTS = 2000
 
 
 def following(studies: list[RecordStudy], units: Units) -> Figure:
-    """Return what was commanded, measured and fitted, and what the fit leaves.
+    """Return the figure of the commanded, measured and fitted motion, and of the residual.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What all figures share: inks, a layout that no text can move, bands, and texts of seconds."""
+"""The common style of all figures: inks, a layout that no text can move, bands, and texts of seconds."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def around_one(axes: Axes, factor: float, least: float | None, worst_hz: float |
 
 
 def stamp(figure: Figure, words: str) -> None:
-    """Write across a figure what keeps its design from being used, in print and in grey too.
+    """Write across a figure why its design is not for use, also visible in print and in grey.
 
     Parameters
     ----------

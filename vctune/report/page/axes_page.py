@@ -1,4 +1,4 @@
-"""The page of a problem with several axes: a line for each, with the way to its report."""
+"""The page of a problem with several axes: a line for each, with a link to its report."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def axis_row(name: str, record: DesignRecord) -> tuple[str, ...]:
 
 
 def promises(designs: Mapping[str, DesignRecord]) -> list[str]:
-    """Return what is proved of the axes: each sentence once, after the names of the axes that it is proved of.
+    """Return the proved claims of the axes: each sentence once, after the names of its axes.
 
     Parameters
     ----------

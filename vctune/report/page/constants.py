@@ -1,4 +1,4 @@
-"""A device as complex constants per frequency, in which everything is affine, for the script of a page.
+"""A device as complex constants per frequency, in which every response is affine, for the script of a page.
 
 The script closes the loop with them for any gains (README.md, section 1); it knows no device.
 """

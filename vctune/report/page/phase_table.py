@@ -1,4 +1,4 @@
-"""Which part is how late: the phases of a design as the rows of a table."""
+"""How late each part is: the phases of a design as the rows of a table."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def _remark(problem: Problem) -> str:
     mean, push = float(np.sqrt(np.mean(miss[:-1] ** 2))), problem.units.force_name
     return (
         f"The {push} sensor misses |1 - F_s| = {mean:.2g} of the hand's {push} in the mean over the transparency band, "
-        f"{miss[-1]:.2g} at its upper edge. No gain has a part in that, and the error does not count it."
+        f"{miss[-1]:.2g} at its upper edge. No gain affects this, and the error does not include it."
     )
 
 

@@ -1,4 +1,4 @@
-"""What the page's sliders need: the numbers that can be tried, and the device as constants (README.md, section 1)."""
+"""The data of the page's sliders: the numbers to try, and the device as constants (README.md, section 1)."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def _axes(figure: Figure, axes: Axes, curve: str) -> dict[str, Any]:
 
 
 def _variables(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[dict[str, Any]]:
-    """Return the sliders: what each is called, its unit, shipped value and ends; those that are 0 begin there."""
+    """Return the sliders: name, unit, shipped value and ends of each; a value of 0 is at the beginning."""
     bounds, device, damping, units = problem.bounds, problem.device, coupling.damping, problem.units
     named: list[tuple[str, str, str, float, Range, float]]
     coupled: list[tuple[str, str, str, float, Range, float]]

@@ -1,4 +1,4 @@
-"""What a page says first: the verdict as a word and a mark, one sentence, and where the error lies on its scale."""
+"""The head of a page: the verdict as a word and a mark, one sentence, and the error on its scale."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ LITTLE_USE = 0.75
 is hardly worth a force sensor. Half would say so of designs that halve what is felt, twice of none that is worse than
 no loop."""
 LINEAR_UP_TO = 1.5
-"""Of the error's scale; what is greater is drawn ever closer to its end."""
+"""Error up to which the scale is linear; greater errors come ever closer to its end."""
 NOTHING = Coupling(1e-18, 1e-18, 0.0)
-"""No coupling, with which formulas still divide."""
+"""Practically no coupling, but not 0, because formulas divide by it."""
 
 Kind = Literal["good", "doubtful", "bad"]
 
@@ -33,9 +33,9 @@ class Mark:
 
     Attributes
     ----------
-    label : what is there
+    label : text at the mark
     error : its value
-    share : of the scale's length
+    share : its place as a share of the scale's length
     """
 
     label: str
@@ -45,17 +45,17 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What is said of a design at a glance.
+    """The summary of a design at a glance.
 
     Attributes
     ----------
-    kind : how good it is to have
-    sign : that kind as one character
+    kind : good, doubtful or bad
+    sign : the kind as one character
     word : the verdict
-    sentence : what it means
-    marks : on the error's scale: this design first; none without a design
-    ticks : of the scale
-    little_use : where on the scale a design is of little use
+    sentence : the meaning of the verdict
+    marks : marks on the error's scale, this design first; empty without a design
+    ticks : ticks of the scale
+    little_use : place on the scale from which on a design is of little use
     """
 
     kind: Kind
@@ -71,12 +71,12 @@ SIGNS: dict[Kind, str] = {"good": "✓", "doubtful": "!", "bad": "✗"}
 
 
 def summary(record: DesignRecord, problem: Problem) -> Summary:
-    """Return what is said of a design at a glance.
+    """Return the summary of a design.
 
     Parameters
     ----------
-    record : of the design, or of why there is none
-    problem : that it states
+    record : record of the design, or of the reason why there is none
+    problem : stated by the record
     """
     kind, word, sentence = _verdict(record, problem)
     useless = _useless_from(problem)
@@ -87,12 +87,12 @@ def summary(record: DesignRecord, problem: Problem) -> Summary:
 
 
 def doubt(record: DesignRecord, problem: Problem) -> str:
-    """Return what is to be said across each figure of a design; nothing of one that is certified and of use.
+    """Return the text across each figure of a design; empty for a design that is certified and useful.
 
     Parameters
     ----------
-    record : of the design
-    problem : that it states
+    record : record of the design
+    problem : stated by the record
     """
     if record.status != "certified":
         return f"{record.status}: not for use"
@@ -105,7 +105,7 @@ def _little_use(record: DesignRecord, problem: Problem) -> bool:
 
 
 def _useless_from(problem: Problem) -> float:
-    """Return the error from which on a design is of little use; of an impedance display none is by its error alone."""
+    """Return the error from which on a design is of little use; infinite for an impedance display."""
     if not problem.device.kind.banded:
         return inf
     return LITTLE_USE * _without_loop(problem)
@@ -119,7 +119,7 @@ def _verdict(record: DesignRecord, problem: Problem) -> tuple[Kind, str, str]:
     proof, transparency = record.certificate, record.transparency
     if proof is None or transparency is None:
         kind: Kind = "bad" if record.status == "infeasible" else "doubtful"
-        reason = record.reason or ("no design meets the demands" if kind == "bad" else "no design was found")
+        reason = record.reason or ("no design meets the constraints" if kind == "bad" else "no design was found")
         return kind, record.status, f"{reason[0].upper()}{reason[1:]}."
     if record.status == "violated":
         return "bad", "violated", f"Not for use: {_failed(proof, 'refuted', record.units)}."

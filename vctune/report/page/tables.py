@@ -1,4 +1,4 @@
-"""The tables of a page: what was asked, what is claimed and with what margin, what is assumed, what it feels like."""
+"""The tables of a page: requirements, claims and their margins, assumptions, and how the design feels."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ LABELS = {
     "servo.delay": "servo: delay",
     "servo.bandwidth_hz": "servo: bandwidth",
 }
-"""What the numbers of a device are called; seconds are shown as what suits them."""
+"""Names of a device's numbers."""
 
 
 class Line(NamedTuple):
-    """A number for people: what it is, its value, its unit, and what else is to be said of it."""
+    """A number for people: its label, value, unit and note."""
 
     label: str
     value: str
@@ -51,7 +51,7 @@ class Line(NamedTuple):
 
 
 class ClaimLine(NamedTuple):
-    """A claim under its label, its verdict, what was found and what was asked."""
+    """A claim under its label, with its verdict, the value found and its limit."""
 
     label: str
     claim: str
@@ -61,7 +61,7 @@ class ClaimLine(NamedTuple):
 
 
 class FeelLine(NamedTuple):
-    """A number of what a hand feels, of the design and of the bare device."""
+    """A number of how the design feels, beside that of the bare device."""
 
     label: str
     design: str
@@ -70,8 +70,8 @@ class FeelLine(NamedTuple):
 
 
 def asked(problem: Problem) -> dict[str, list[Line]]:
-    """Return device, demands and hands as rows, by the titles of their tables."""
-    return {"Device": _device(problem), "Demands": _demands(problem), "Hands": _hands(problem)}
+    """Return device, constraints and hands as rows, by the titles of their tables."""
+    return {"Device": _device(problem), "Constraints": _demands(problem), "Hands": _hands(problem)}
 
 
 def _device(problem: Problem) -> list[Line]:
@@ -90,7 +90,7 @@ def _device(problem: Problem) -> list[Line]:
     lines = [*display, *lines, *(_own_loop(device) if device.servo is None else _servo(device.servo))]
     if uncertain is not None and uncertain.unmodelled:
         radii = [radius for _, radius in uncertain.unmodelled]
-        lines.append(Line("not modelled, radius", f"{min(radii):.4g} to {max(radii):.4g}"))
+        lines.append(Line("unmodelled, radius", f"{min(radii):.4g} to {max(radii):.4g}"))
     return lines
 
 
@@ -155,12 +155,12 @@ def _band(band: Band) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What is known of a design when its claims are shown.
+    """The data behind the claims of a design.
 
     Attributes
     ----------
     proof, loop : the certificate's record and the velocity loop's, None for a servo
-    problem : that the record states
+    problem : stated by the record
     gains, coupling : the design
     """
 
@@ -172,12 +172,12 @@ class Found:
 
     @property
     def factor(self) -> str:
-        """What is asked of a ratio."""
+        """The limit of a ratio."""
         return f"≥ {self.problem.stability.safety_factor:g}"
 
 
 def claim_lines(record: DesignRecord, problem: Problem) -> list[ClaimLine]:
-    """Return each claim of a design with what was found and what was asked; none without a design.
+    """Return each claim of a design with the value found and its limit; no claims without a design.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ def _least_in_hands(known: Found) -> tuple[str, str]:
 
 
 def _world(world: WorldRecord, units: Units) -> str:
-    """Return which environment binds."""
+    """Return the binding environment."""
     row = world.row(None, units)
     return f"{row.value} {row.unit}"
 
@@ -235,9 +235,9 @@ def _peak_unmodelled(known: Found) -> tuple[str, str]:
 
 
 def _least_in_any_hand(known: Found) -> tuple[str, str]:
-    """Return the least ratio in any passive hand, of an admittance display on the band.
+    """Return the least ratio in any passive hand; for an admittance display on the band.
 
-    Where the record has but that in hands, it is that of the nominal device.
+    If the record only has the ratio in hands, the function computes that of the nominal device.
     """
     proof, problem = known.proof, known.problem
     if proof.any_hand is not None:
@@ -258,7 +258,7 @@ FOUND: dict[ClaimId, Callable[[Found], tuple[str, str]]] = {
     "hands": _least_in_hands,
     "worlds": _least_in_hands,
 }
-"""Returns what was found of a claim and what was asked, where there is a number to show."""
+"""Functions that return the value found for a claim and its limit, for claims with a number to show."""
 
 
 def _at(value: float | None, hz: float | None) -> str:
@@ -270,7 +270,7 @@ def _hz(hz: float | None) -> str:
 
 
 def assumptions(problem: Problem) -> list[str]:
-    """Return what a certificate of a problem assumes (model/README.md, section 11)."""
+    """Return the assumptions of a problem's certificate (model/README.md, section 11)."""
     device, uncertain = problem.device, problem.uncertainty
     within = "with exactly the numbers above" if uncertain is None else "with any numbers of the box above"
     moves = {"linear": "moves along one axis and is linear", "rotary": "turns about one axis and is linear"}[
@@ -278,39 +278,39 @@ def assumptions(problem: Problem) -> list[str]:
     ]
     lines = [
         f"The device {moves}, {within}: {'no dry friction, no backlash,' * (device.servo is None)} no saturated motor.",
-        f"The loop dynamics are those stated and nothing else: {_stated(device)}. What is not stated is ideal.",
+        f"The loop dynamics are those stated and nothing else: {_stated(device)}. Other parts are ideal.",
     ]
     if device.servo is not None:
         lines.append(
-            "The servo does not yield: however hard the hand pushes, the motion follows the command alone. What the "
-            "force sensor carries in front of it is a part of the hand, of operator.mass; what is behind it does not "
-            "count."
+            "The servo does not yield: however hard the hand pushes, the motion follows the command alone. A load on "
+            "the hand's side of the force sensor is a part of the hand, operator.mass; a load on the robot's side does "
+            "not count."
         )
     if uncertain is not None and uncertain.unmodelled:
         lines.append(
-            "But for that, the mechanism's response may be off by the radius above, each frequency for itself"
-            + ("; in the box of hands it is the device's own." if problem.hands_met is not None else ".")
+            "In addition, the mechanism's response may be off by the radius above, at each frequency on its own"
+            + ("; the claim in the box of hands does not cover this." if problem.hands_met is not None else ".")
         )
     if problem.any_hand:
         lines.append(
             "Any passive hand: linear and time-invariant, in the exact sampled loop, at every frequency, aliasing "
-            "included. What the encoder rounds and friction holds decides about chatter, and is not in it."
+            "included. The encoder's rounding and friction, which decide about chatter, are not included."
         )
     if problem.passive:
         lines.append(
             "Any passive hand: linear and time-invariant, on the stability band, as far as the frequency model goes. "
-            "It knows no aliasing. Outside the proved band such a hand can make the handle oscillate."
+            "That model has no aliasing. Outside the proved band such a hand can make the handle oscillate."
         )
     if problem.hands_met is not None:
         lines.append(
             "Hands of the box: a mass, a damper and a spring, linear, unchanging while they hold; in the exact sampled "
-            "loop, at every frequency, aliasing included. Of a hand outside the box nothing is proved."
+            "loop, at every frequency, aliasing included. The claim does not cover a hand outside the box."
         )
     if problem.worlds is not None:
         lines.append(
             f"The environment is one of {problem.worlds.in_words(problem.units)}: a mass, a damper and a spring, "
-            "stepped by the trapezoidal rule, linear and unchanging. A wall that comes and goes is not, and of an "
-            "environment outside the box nothing is proved."
+            "stepped by the trapezoidal rule, linear and unchanging. The claim covers neither a wall that comes and "
+            "goes nor an environment outside the box."
         )
         return [problem.units.translated(line) for line in lines]
     lines.append(
@@ -337,7 +337,7 @@ def _stated(device: Device) -> str:
 
 
 def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[FeelLine]:
-    """Return what a hand feels of a design beside the bare device (analysis/README.md, section 1).
+    """Return how a design feels, beside the bare device (analysis/README.md, section 1).
 
     Parameters
     ----------
@@ -378,7 +378,7 @@ def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Fe
 
 
 def _feel_of_servo(here: Feel, units: Units) -> list[FeelLine]:
-    """Return what a hand feels of a servo, which it does not feel without a coupling: there is no bare device."""
+    """Return how a servo feels; it has no bare device, because it does not move without a coupling."""
     late, unit = ("", "") if here.loop_latency is None else time_text(here.loop_latency, 3)
     free = [
         (f"apparent {name} in free motion at {hz:g} Hz", _number(of[k]), of_unit)
@@ -397,7 +397,7 @@ def _late(seconds: float) -> tuple[str, str, str]:
 
 
 def _number(value: float | None) -> str:
-    """Return a value to four digits, in plain decimals as far as they are few."""
+    """Return a value with four digits, in plain decimals if they are few."""
     if value is None:
         return "above Nyquist"
     if abs(value) <= 1e-12:

@@ -1,4 +1,4 @@
-"""The values of the coefficients of a firmware: worked out in exact fractions of its decimals, and rounded once."""
+"""The coefficients of a firmware, computed in exact fractions of its decimals and rounded once."""
 
 from __future__ import annotations
 

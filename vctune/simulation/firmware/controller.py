@@ -62,7 +62,7 @@ class Law:
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """What the sensors say at a sample: position [m] and velocity [m/s] of the motor, force of the hand [N]."""
+    """The measurement at a sample: position [m] and velocity [m/s] of the motor, force of the hand [N]."""
 
     position: Number
     velocity: Number
@@ -71,7 +71,7 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """What the firmware remembers.
+    """The state of the firmware.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """What is commanded: the motor's force, N, or the velocity or position that a servo follows, m/s, m; and f_e, N."""
+    """The command: the motor's force, N, or a servo's velocity or position, m/s, m; and f_e, N."""
 
     given: Number
     environment: Number
@@ -139,7 +139,7 @@ _REMEMBERED = tuple(field.name for field in fields(State))
 
 
 def parts_of(law: Law) -> Parts:
-    """Return what a firmware consists of."""
+    """Return the parts of a firmware."""
     rendered = law.environment
     return Parts(
         quantised=law.position_resolution > 0,

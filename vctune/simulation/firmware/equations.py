@@ -1,4 +1,4 @@
-"""The firmware as difference equations with named coefficients, in the order in which they are executed.
+"""The firmware as difference equations with named coefficients, in the order of execution.
 
 From this one description come the simulated controller (`controller.py`), the exported C and its coefficients
 (`vctune/firmware/`).
@@ -17,7 +17,7 @@ from vctune.simulation.firmware.expression import Expression, Symbol, Term, choi
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """What a name stands for.
+    """The meaning of a name.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Equation:
-    """A quantity and what gives it its value, of quantities before it, coefficients and inputs."""
+    """A quantity and its formula in earlier quantities, coefficients and inputs."""
 
     quantity: Quantity
     right: Term
@@ -46,7 +46,7 @@ class Equation:
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """What a firmware consists of.
+    """The parts of a firmware.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ STATE = {
 
 
 def remembered(parts: Parts) -> tuple[str, ...]:
-    """Return what of `STATE` a firmware needs at its next sample."""
+    """Return the part of `STATE` that a firmware needs at its next sample."""
     needed = {
         "coupling": parts.coupling and not parts.spring,
         "integral": parts.integral,
@@ -177,7 +177,7 @@ def encoded_position(parts: Parts) -> Term:
 
 
 def estimate(parts: Parts) -> Iterator[Equation]:
-    """Yield what the firmware knows of the motion: position, and the velocity that the law acts on.
+    """Yield the estimates of the motion: position, and the velocity of the law.
 
     Nothing with a servo, whose motion is the vendor's.
     """
@@ -196,7 +196,7 @@ def estimate(parts: Parts) -> Iterator[Equation]:
 
 
 def drive(parts: Parts) -> Iterator[Equation]:
-    """Yield what drives the environment: f_h = (Z_c + Z_e) v_e, solved for v_e at the end of the sample.
+    """Yield the drive of the environment: f_h = (Z_c + Z_e) v_e, solved for v_e at the end of the sample.
 
     Of an impedance display it is the coupling's force if the tool stood still: f_c = Z_c (y - v_e) = Z_e v_e.
     """
@@ -318,7 +318,7 @@ def law(parts: Parts) -> Iterator[Equation]:
 
 
 def _rendered(parts: Parts) -> Iterator[Equation]:
-    """Yield what is remembered of the tool, and the command against coupling and damping."""
+    """Yield the remembered state of the tool, and the command against coupling and damping."""
     source = "desired"
     for name in ("smoothed", "twice_smoothed")[: parts.low_passes]:
         yield _kept(name, _was(name) + _now("smoothing") * (_now(source) - _was(name)))

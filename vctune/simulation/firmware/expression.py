@@ -1,4 +1,4 @@
-"""Arithmetic that is written down before it is done: the right-hand sides of the firmware's equations.
+"""Arithmetic as data: the right-hand sides of the firmware's equations.
 
 Evaluated in the order in which they are written, on plain floats, on CasADi's symbols, in C: the same operations, so
 that doubles come out the same to the last bit.
@@ -18,7 +18,7 @@ Operator = Literal["+", "-", "*", "/", "negative", "minimum", "maximum", "floor"
 
 
 class Expression:
-    """What can be calculated with."""
+    """An operand of arithmetic."""
 
     __slots__ = ()
 

@@ -1,4 +1,4 @@
-"""A scene whose firmware is somebody else's: sample by sample, beside the design's own on the same measurements."""
+"""A scene with an external firmware: sample by sample, beside the design's own on the same measurements."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Controller(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """By how much a firmware's commands differ from those of the design, both in its precision, on what was measured.
+    """The difference of a firmware's commands from the design's, both in its precision, on the same measurements.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ def run_in_the_loop(
 def _sample(
     step: OpenStep, controller: Controller, state: Floats, inputs: Floats
 ) -> tuple[Floats, Floats, Floats, float]:
-    """Return state, record and what was measured and commanded of one sample."""
+    """Return state, record, measurement and command of one sample."""
     with interrupt_deferred():
         measured = np.asarray(step.sense(state, inputs)).ravel()
         answer = controller.step(measured)
@@ -125,7 +125,7 @@ def _sample(
 
 
 class _Beside:
-    """The design's own firmware, which sees what the other one sees, in the precision of that one and in double."""
+    """The design's own firmware on the other one's measurements, in its precision and in double."""
 
     def __init__(self, scene: Scene, precision: Precision) -> None:
         begin, law = equilibrium(scene), scene.law

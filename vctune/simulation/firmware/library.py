@@ -1,4 +1,4 @@
-"""A compiled controller, called through ctypes: what `make shared` makes of an export."""
+"""A compiled controller, called through ctypes: the library that `make shared` builds from an export."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A design's own firmware, sample by sample, in numbers of one precision: to the last bit what its C comes to."""
+"""A design's own firmware, sample by sample, in one precision: equal to its C to the last bit."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NUMBERS: dict[Precision, Callable[[Any], Any]] = {"double": float, "single": np.
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """What a firmware is told before its first sample.
+    """The start values of a firmware.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class Start:
 
 
 def exported_parts(law: Law) -> Parts:
-    """Return what the exported firmware of a law consists of: any built-in environment, no encoder, a force limited."""
+    """Return the parts of the exported firmware of a law: any built-in environment, no encoder, a limited force."""
     of = parts_of(law)
     return Parts(
         difference=of.difference,

@@ -77,7 +77,7 @@ class Sensing:
 
 
 def sensing(scene: Scene) -> Sensing:
-    """Return when a scene's force is sensed; what coincides with an arriving command is sensed just before it."""
+    """Return when a scene's force is sensed; a sample at an arriving command is taken just before it."""
     sensor, T, early = scene.device.force_sensor, scene.device.sample_time, timing(scene).early
     whole, fraction = split_delay(sensor.delay if sensor is not None else 0.0, T)
     if fraction == 0:
@@ -87,7 +87,7 @@ def sensing(scene: Scene) -> Sensing:
 
 
 def assembly(scene: Scene) -> Assembly | None:
-    """Return what moves in a scene; None if it is one mass, whose force is sensed at a sample and not filtered."""
+    """Return the moving parts of a scene; None for one mass, whose force is sensed at a sample and not filtered."""
     device, hand = scene.device, scene.operator
     if device.servo is not None:
         return _servo(device, device.servo, hand)
@@ -129,7 +129,7 @@ def assembly(scene: Scene) -> Assembly | None:
 
 
 def _servo(device: Device, servo: Servo, hand: Operator) -> Assembly:
-    """Return a servo and what the hand does to it: -(M a + B v + K x) and what its spring and damper push."""
+    """Return a servo and the force of the hand on it: -(M a + B v + K x) and the push of its spring and damper."""
     velocity = ("velocity", "velocity_rate")[: servo.order]
     states, T = ("position", *velocity, *_sensed_states(device.force_sensor)), device.sample_time
     names = (*states, *GIVEN)
@@ -240,7 +240,7 @@ def transition(scene: Scene, moving: Assembly) -> Transition:
 
 
 def applied(row: Floats, values: list[Number]) -> Number:
-    """Return the product of a row and values; what is multiplied by 0 is not looked at.
+    """Return the product of a row and values; factors of 0 are skipped.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ from vctune.simulation.mechanics.intended_motion import Floats
 
 @dataclass(frozen=True, slots=True)
 class AssemblyState:
-    """States of an assembly and what is given, 0 for the friction's force; and the bristles' deflection z [m]."""
+    """States of an assembly and its inputs, 0 for the friction's force; and the bristles' deflection z [m]."""
 
     values: list[Number]
     z: Number
@@ -36,7 +36,7 @@ class AssemblyState:
 
 @dataclass(frozen=True, slots=True)
 class FrictionStep:
-    """What an assembly does in a step in which command and friction are held.
+    """A step of an assembly in which command and friction are held.
 
     Attributes
     ----------

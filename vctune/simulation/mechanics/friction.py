@@ -65,7 +65,7 @@ class Slide:
 
 @dataclass(frozen=True, slots=True)
 class Carriage:
-    """What slides, mass dv/dt = push - damping v - stiffness x - F: the device and the hand on it, kg, N s/m, N/m."""
+    """The sliding mass, mass dv/dt = push - damping v - stiffness x - F: the device and the hand on it, SI units."""
 
     mass: float
     damping: float

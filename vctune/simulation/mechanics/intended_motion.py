@@ -1,4 +1,4 @@
-"""The intended motion: where the hand wants to be at each sample, and on a cubic between samples."""
+"""The intended motion: the target of the hand at each sample, and on a cubic between samples."""
 
 from __future__ import annotations
 

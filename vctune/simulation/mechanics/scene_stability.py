@@ -1,4 +1,4 @@
-"""Whether a scene's sampled loop, hand and environment included, is stable: eigenvalues of its exact linear step."""
+"""Whether a scene's sampled loop, with hand and environment, is stable: eigenvalues of its exact linear step."""
 
 from __future__ import annotations
 

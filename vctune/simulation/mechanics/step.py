@@ -1,4 +1,4 @@
-"""One sample of a scene as a compiled function, assembled from what the scene contains. Imports casadi.
+"""One sample of a scene as a compiled function, assembled from the parts of the scene. Imports casadi.
 
 A sample goes: sensors read, the firmware runs, the device moves on for a sample time under the forces that have
 arrived. Friction, quantisation, saturation, filters, the coupling and a device's parts are operations of the function
@@ -120,7 +120,7 @@ def build_open(scene: Scene, stretch: Stretch = fixed_steps) -> OpenStep:
 
 @dataclass(frozen=True, slots=True)
 class _Wired:
-    """The symbols of a scene around its firmware: body, commands and forces on their way, and what is read of them."""
+    """The symbols of a scene around its firmware: body, commands and forces on their way, and its inputs."""
 
     begin: Equilibrium
     mechanism: Assembly | None
@@ -134,7 +134,7 @@ class _Wired:
 
 @dataclass(frozen=True, slots=True)
 class _Firmware:
-    """What a firmware remembers, before and after a sample and at the start, and what it gives, as in `ANSWER`."""
+    """The state of a firmware, before and after a sample and at the start, and its outputs, as in `ANSWER`."""
 
     memory: list[Any]
     kept: list[Any]
@@ -183,14 +183,14 @@ def _interpolates(scene: Scene) -> bool:
 
 
 def _acting(scene: Scene, commanded: list[Any]) -> list[Any]:
-    """Return what commands are held as, each over a sample: a position as the velocity from the one before it."""
+    """Return the held values of commands, each over a sample: a position as the velocity from the previous one."""
     if not _interpolates(scene):
         return commanded
     return [(newer - older) / scene.device.sample_time for newer, older in pairwise(commanded)]
 
 
 def columns(scene: Scene) -> tuple[str, ...]:
-    """Return what the step of a scene records."""
+    """Return the recorded columns of a scene's step."""
     return COLUMNS if scene.device.structure is None else COLUMNS + MOTOR_COLUMNS
 
 
@@ -204,7 +204,7 @@ def _at_rest(scene: Scene, moving: Assembly | None, begin: Equilibrium) -> list[
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """What there is at a sample: motor and handle, f_h, and the newest force that the sensor has to say, N."""
+    """The values at a sample: motor and handle, f_h, and the newest force of the sensor, N."""
 
     motor: Slide
     handle: Slide
@@ -227,13 +227,13 @@ def _seen(scene: Scene, moving: Assembly | None, body: Any, inputs: Any, motor: 
 
 
 def _values(scene: Scene, body: list[Any], size: int, motor: Any, push: Any) -> list[Any]:
-    """Return states and what acts on them at a moment, as in `assembly.GIVEN`; no force has the push's derivatives."""
+    """Return states and inputs at a moment, as in `assembly.GIVEN`; no force has the push's derivatives."""
     rubbed = 0.0 if scene.friction is None else friction_force(scene.friction, body[1], body[size], SYMBOLS)[0]
     return [*body[:size], motor, rubbed, push, 0.0, 0.0, 0.0]
 
 
 def _felt(scene: Scene, moving: Assembly, time: float) -> Any:
-    """Return the function (body, motor, push) -> what is sensed, at a time after the sample."""
+    """Return the function (body, motor, push) -> sensed force, at a time after the sample."""
     body, motor, push = ca.SX.sym("body", moving.size + 1), ca.SX.sym("motor"), ca.SX.sym("push", 4)
     values = _values(scene, ca.vertsplit(body), moving.size, motor, push_at(push, time))
     return ca.Function("felt", [body, motor, push], [applied(moving.sensed, values)])

@@ -46,7 +46,7 @@ MIDPOINT = 0.5
 
 
 def default_substeps(scene: Scene, friction: Friction) -> int:
-    """Return how many fixed steps a sample gets, by the bristles' oscillation with what moves as one with them.
+    """Return the number of fixed steps per sample, from the bristles' oscillation with the moving mass.
 
     No more than `MOST_STEPS`: beyond that the bristles are stiffer than anything that can be felt.
 
