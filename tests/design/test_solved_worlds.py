@@ -13,8 +13,8 @@ from command import run
 from vctune.analysis.binding import binding_world
 from vctune.analysis.destabilising import growing_in_worlds, reaction
 from vctune.api.solving import solve
+from vctune.design.rendered import rendered_record
 from vctune.design.verdict.judge import Status, judge
-from vctune.design.verdict.rendered import rendered_record
 from vctune.document.building import problem
 from vctune.document.file_doubts import file_doubts
 from vctune.document.reading import read_problem
@@ -174,14 +174,14 @@ def test_the_stiffest_wall_and_the_lightest_tool_are_beyond_the_box_of_a_design_
     posed = read_problem(fixed("world-tools", 1.2, tmp_path)).problem
     judgement = judge(posed, *posed.fixed_design)
     found = rendered_record(posed, judgement)
-    assert found is not None and found.wall is not None and found.tool is not None
-    assert found.wall > 2000 and found.tool < 0.02
-    low, high = World(0.02, 0.0, 0.0), World(5.0, inf, found.wall)
+    assert found is not None and found.stiffest_wall is not None and found.lightest_tool is not None
+    assert found.stiffest_wall > 2000 and found.lightest_tool < 0.02
+    low, high = World(0.02, 0.0, 0.0), World(5.0, inf, found.stiffest_wall)
     for worlds, passes in (
         (Worlds(low, high), True),
-        (Worlds(replace(low, mass=found.tool), replace(high, stiffness=2000.0)), True),
-        (Worlds(low, replace(high, stiffness=1.5 * found.wall)), False),
-        (Worlds(replace(low, mass=found.tool / 1.5), replace(high, stiffness=2000.0)), False),
+        (Worlds(replace(low, mass=found.lightest_tool), replace(high, stiffness=2000.0)), True),
+        (Worlds(low, replace(high, stiffness=1.5 * found.stiffest_wall)), False),
+        (Worlds(replace(low, mass=found.lightest_tool / 1.5), replace(high, stiffness=2000.0)), False),
     ):
         outcome = judge(replace(posed, worlds=worlds), *posed.fixed_design).certificate.outcomes["worlds"]
         assert (outcome.verdict is Verdict.PROVED) is passes

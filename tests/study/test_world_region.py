@@ -16,7 +16,7 @@ from command import run
 from numpy.typing import NDArray
 from rendered_oracle import Loops, impedance_display, velocity_loop
 
-from vctune.design.verdict.rendered import rendered
+from vctune.design.rendered import rendered
 from vctune.document.reading import read_problem
 from vctune.exit_codes import ExitCode
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper

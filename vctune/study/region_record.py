@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from vctune.design.rendered import in_hands
 from vctune.design.verdict.design_record import versions
-from vctune.design.verdict.rendered import in_hands
 from vctune.document.reading import ProblemFile
 from vctune.document.records.gains_json import ProblemRecord, stated_units
 from vctune.document.records.region_json import (

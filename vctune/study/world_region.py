@@ -13,7 +13,7 @@ from math import inf
 import numpy as np
 
 from vctune.analysis.extrema import Floats
-from vctune.design.verdict.rendered import Rendered, met, rendered
+from vctune.design.rendered import Rendered, met, rendered
 from vctune.document.text.errors import Mistake
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.keys import WORLD

@@ -18,6 +18,7 @@ import numpy as np
 from vctune.analysis.binding import binding_world
 from vctune.analysis.demands import rollett_factor_at
 from vctune.analysis.margins import loop_margins, unstable_poles
+from vctune.design.rendered import rendered_record
 from vctune.design.result import Alternative, Repair, Solved
 from vctune.design.search.rounding import near
 from vctune.design.variables import Point, keys_for, point, ranges
@@ -25,7 +26,6 @@ from vctune.design.verdict.claim_records import claim_records
 from vctune.design.verdict.contact_record import contact_record
 from vctune.design.verdict.judge import Judgement, judge
 from vctune.design.verdict.nlp_record import active, left_out, solver_record
-from vctune.design.verdict.rendered import rendered_record
 from vctune.design.verdict.repair import CUT_SHORT, LONGEST
 from vctune.design.verdict.uncertainty_record import uncertainty_record
 from vctune.document.file_doubts import file_doubts

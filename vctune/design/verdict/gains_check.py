@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from vctune.design.rendered import rendered_record
 from vctune.design.result import Repair
 from vctune.design.variables import keys_for, ranges
 from vctune.design.verdict.check_message import check_message, line_to_change, taken_back
@@ -21,7 +22,6 @@ from vctune.design.verdict.checked import VERDICTS, Checked, CheckVerdict, findi
 from vctune.design.verdict.gain_repair import edits, undone, undone_together
 from vctune.design.verdict.judge import Judgement, Status, judge_all
 from vctune.design.verdict.parameter_changes import ParameterChange
-from vctune.design.verdict.rendered import rendered_record
 from vctune.design.verdict.repair import (
     OF_FIXED,
     OF_FIXED_IN_USE,

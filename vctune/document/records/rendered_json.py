@@ -12,13 +12,12 @@ from vctune.model.numbers.units import Units
 class RenderedRecord(Part):
     """The greatest stiffness and the least mass that are proved in every hand, each with the rest of the box as it is.
 
-    `tools` are the masses beside the wall, `walls` the stiffnesses beside the tool. Without a stated box the wall is a
-    spring alone, and the tool a mass alone. Infinite is null in the file.
+    `tools` are the masses beside the wall, `walls` the stiffnesses beside the tool. Infinite is null in the file.
     """
 
-    wall: Annotated[Number, Shown("stiffest wall", digits=4, of="stiffness")] = None
+    stiffest_wall: Annotated[Number, Shown("stiffest wall", digits=4, of="stiffness")] = None
     tools: list[Number]
-    tool: Annotated[Number, Shown("lightest tool", digits=4, of="mass")] = None
+    lightest_tool: Annotated[Number, Shown("lightest tool", digits=4, of="mass")] = None
     walls: list[Number]
 
     def rows(self, units: Units) -> Iterator[Row]:
@@ -29,8 +28,10 @@ class RenderedRecord(Part):
 
     def said(self, units: Units) -> str:
         """Return what is proved, in a sentence; "" if nothing is."""
-        parts = [f"walls up to {text(self.wall, 4)} {units.stiffness}"] if self.wall is not None else []
-        parts += [f"tools from {text(self.tool, 4)} {units.mass}"] if self.tool is not None else []
+        parts = (
+            [f"walls up to {text(self.stiffest_wall, 4)} {units.stiffness}"] if self.stiffest_wall is not None else []
+        )
+        parts += [f"tools from {text(self.lightest_tool, 4)} {units.mass}"] if self.lightest_tool is not None else []
         return f"proved are {' and '.join(parts)}" if parts else ""
 
 

@@ -16,7 +16,6 @@ from vctune.document.records.rendered_json import RenderedRecord
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Demands, Problem
-from vctune.model.worlds import World, Worlds
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.world_cells import OpenInHands, Witnesses, WorldCells, open_in_hands, refuted_in_worlds
 from vctune.proof.enclosures.array_intervals import Flags
@@ -34,8 +33,7 @@ DIGITS = 3
 WORTH = 0.01
 """By what share a limit has to surpass what is proved already to be worth a proof of its own."""
 MASS, STIFFNESS = 0, 2
-ALONE = Worlds(World(0.0, 0.0, 0.0), World(0.0, inf, 0.0))
-"""What is beside a wall or a tool where no box is stated: nothing."""
+
 
 Between = tuple[int, int, int]
 """A curve and two of its angles, by their numbers."""
@@ -188,14 +186,12 @@ def rendered_record(problem: Problem, judgement: Judgement) -> RenderedRecord | 
     Returns
     -------
     RenderedRecord or None
-        None where no hands are to be met, every passive environment is, the display is an impedance display, or the
-        time limit ends it.
+        None if no environments are stated, or the time limit ends it.
     """
     worlds, certified = problem.worlds, judgement.status is Status.CERTIFIED
-    if problem.hands_met is None or problem.device.kind.inverse or (certified and worlds is None):
+    if problem.hands_met is None or worlds is None:
         return None
-    box = worlds or ALONE
-    low, high = np.array(astuple(box.low)), np.array(astuple(box.high))
+    low, high = np.array(astuple(worlds.low)), np.array(astuple(worlds.high))
     law = judgement.gains, judgement.coupling
     known = {STIFFNESS: float(high[STIFFNESS]), MASS: float(low[MASS])} if certified else {}
     try:
@@ -209,9 +205,9 @@ def rendered_record(problem: Problem, judgement: Judgement) -> RenderedRecord | 
     except OutOfTimeError:
         return None
     return RenderedRecord(
-        wall=proved[STIFFNESS],
+        stiffest_wall=proved[STIFFNESS],
         tools=[float(low[MASS]), float(high[MASS])],
-        tool=proved[MASS],
+        lightest_tool=proved[MASS],
         walls=[float(low[STIFFNESS]), float(high[STIFFNESS])],
     )
 
