@@ -8,13 +8,14 @@ import numpy as np
 from device_oracle import LowPass, Real, Velocity
 from device_oracle import Structure as Flexible
 
-from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
+from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.hands import LeastOperator
 from vctune.model.loop.device_response import device_response
 from vctune.model.loop.impedances import LoopResponse
 from vctune.model.loop.loop import loop_response
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.parts import Actuator, ForceSensor, Structure, VelocityEstimate
 
 
 def real_of(device: Device) -> Real:

@@ -11,10 +11,11 @@ from math import pi
 
 import numpy as np
 
-from vctune.model.device import Actuator, Device, Structure, VelocityEstimate
+from vctune.model.device import Device
 from vctune.model.experiment import Environment, Friction, Operator
 from vctune.model.loop.filters import smoothing
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.parts import Actuator, Structure, VelocityEstimate
 from vctune.simulation.firmware.controller import Law
 from vctune.simulation.mechanics.intended_motion import intended_motion
 from vctune.simulation.mechanics.step import CHUNK, INPUTS, build, columns

@@ -9,8 +9,9 @@ import numpy as np
 from random_devices import decimal
 from servo_oracle import Follower, Grip, Need, Virtual
 
-from vctune.model.device import Device, ForceSensor, Servo
+from vctune.model.device import Device
 from vctune.model.hands import Hand, Hands
+from vctune.model.parts import ForceSensor, Servo
 
 LONGEST = 80.0
 """Samples of delay."""

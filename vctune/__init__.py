@@ -38,14 +38,14 @@ if TYPE_CHECKING:
     from vctune.document.reading import read_problem as read_problem
     from vctune.document.text.errors import InputError as InputError
     from vctune.exit_codes import ExitCode as ExitCode
-    from vctune.model.device import Actuator as Actuator
-    from vctune.model.device import ForceSensor as ForceSensor
-    from vctune.model.device import Structure as Structure
-    from vctune.model.device import VelocityEstimate as VelocityEstimate
     from vctune.model.experiment import Experiment as Experiment
     from vctune.model.gains import Coupling as Coupling
     from vctune.model.gains import Gains as Gains
     from vctune.model.hands import LeastOperator as LeastOperator
+    from vctune.model.parts import Actuator as Actuator
+    from vctune.model.parts import ForceSensor as ForceSensor
+    from vctune.model.parts import Structure as Structure
+    from vctune.model.parts import VelocityEstimate as VelocityEstimate
     from vctune.model.problem import Problem as Problem
     from vctune.model.problem import Range as Range
     from vctune.proof.certificate import Certificate as Certificate

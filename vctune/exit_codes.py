@@ -15,7 +15,7 @@ class ExitCode(IntEnum):
     BAD_INPUT = 2
     """Bad usage, bad input, or a place that cannot be read or written."""
     UNDECIDED = 3
-    """Undecided or not converged, or cut short by a time limit or an interrupt, with what was reached."""
+    """Undecided or not converged, or cut short by a time limit or an interrupt, with the result so far."""
     INTERNAL = 4
     """A fault of vctune's own."""
     INTERRUPTED = 130

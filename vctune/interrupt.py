@@ -20,7 +20,7 @@ def raise_interrupt(number: int, frame: FrameType | None) -> None:
 
     Parameters
     ----------
-    number : of the signal
+    number : number of the signal
     frame : that it came in; of no meaning
     """
     RECEIVED.append(number)
@@ -29,9 +29,9 @@ def raise_interrupt(number: int, frame: FrameType | None) -> None:
 
 @contextmanager
 def interrupt_noted() -> Iterator[Callable[[], bool]]:
-    """Let the first SIGINT or SIGTERM only be noted within the block; yield a function that tells whether it came.
+    """Only note the first SIGINT or SIGTERM within the block; yield a function that returns whether it came.
 
-    For work that is worth something wherever it stops. The second is for whoever handled it before: it ends the work at
+    This is for work whose partial result is useful. The second is for whoever handled it before: it ends the work at
     once. Only the main thread is ever interrupted.
     """
     with _held(at_most=1) as came:
@@ -58,7 +58,7 @@ def interrupt_deferred() -> Iterator[None]:
 
 @contextmanager
 def _held(at_most: float = inf) -> Iterator[list[int]]:
-    """Yield the list of the signals that have come, of which nobody else hears within the block but of those beyond."""
+    """Yield the list of the received signals, which only the code around the block handles."""
     came: list[int] = []
 
     with ExitStack() as stack:

@@ -13,9 +13,9 @@ def html_table(caption: str, rows: Iterable[Sequence[Cell]], head: Sequence[str]
 
     Parameters
     ----------
-    caption : above it
-    rows : of texts, numbers and None
-    head : of the columns; empty for none
+    caption : text above it
+    rows : rows of texts, numbers and None
+    head : heading of the columns; empty for none
     """
     top = f"<thead>{_row(head, 'th')}</thead>" if head else ""
     body = "".join(_row(row, "td") for row in rows)
@@ -23,11 +23,11 @@ def html_table(caption: str, rows: Iterable[Sequence[Cell]], head: Sequence[str]
 
 
 def html_facts(caption: str, facts: Mapping[str, Cell]) -> str:
-    """Return named values as HTML, a row each; those that are None are left out.
+    """Return named values as HTML, a row each, without those that are None.
 
     Parameters
     ----------
-    caption : above them
+    caption : text above them
     facts : value by name
     """
     return html_table(caption, [(name, value) for name, value in facts.items() if value is not None])

@@ -1,6 +1,6 @@
-"""Work that takes long: when it has to end, and who is told how far it is.
+"""Long work: when it has to end, and who receives its progress.
 
-Both are context, not arguments: between the command that sets a limit and the loop that meets it lie ten calls, most of
+Both are context, not arguments: between the command that sets a limit and the loop that ends lie ten calls, most of
 which have nothing to do with time. Without a limit no result depends on the clock.
 """
 
@@ -14,14 +14,15 @@ from time import perf_counter, process_time
 from typing import TypeVar
 
 SELDOM = 0.1
-"""Seconds between two messages about the same work. Nobody reads faster, and half as many seconds cost nothing yet."""
+"""Seconds between two messages about the same work. Nobody reads faster, and half as many seconds would cost nothing
+yet."""
 
 Listener = Callable[[str], None]
 Item = TypeVar("Item")
 
 
 class OutOfTimeError(Exception):
-    """The time limit has ended the work. Each stage that knows something by then catches it and returns that."""
+    """The time limit has ended the work. Each stage that has a result by then catches it and returns that result."""
 
 
 _END: ContextVar[float] = ContextVar("end", default=inf)
@@ -32,11 +33,11 @@ _ALOUD: ContextVar[bool] = ContextVar("aloud", default=False)
 
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """Let work within the block end after so many seconds, or earlier if a limit around it says so.
+    """Let work within the block end after so many seconds, or earlier if an outer limit ends it.
 
     Parameters
     ----------
-    seconds : from now on; inf for no limit
+    seconds : seconds from now on; inf for no limit
     """
     token = _END.set(min(_END.get(), perf_counter() + seconds))
     try:
@@ -52,11 +53,11 @@ def process_began() -> None:
 
 @contextmanager
 def time_limit_of_command(seconds: float) -> Iterator[None]:
-    """Let a command end after so many seconds of its process, the start of the interpreter and the imports included.
+    """Let a command end after so many seconds of its process, including the start of the interpreter and the imports.
 
     Parameters
     ----------
-    seconds : from the beginning of the process, where it is known; inf for no limit
+    seconds : seconds from the beginning of the process, if it is known; inf for no limit
     """
     began = _BEGAN.get()
     with time_limit(seconds if began is None else seconds - (perf_counter() - began)):
@@ -90,7 +91,7 @@ def in_time(items: Iterable[Item]) -> Iterator[Item]:
 
     Parameters
     ----------
-    items : the first is needed, each other one says more
+    items : work items; the first is always done, the others only in time
     """
     for number, item in enumerate(items):
         if number and out_of_time():
@@ -112,11 +113,11 @@ def check_time() -> None:
 
 @contextmanager
 def told(listener: Listener) -> Iterator[None]:
-    """Let work within the block tell how far it is.
+    """Let work within the block report its progress.
 
     Parameters
     ----------
-    listener : told in words, every `SELDOM` seconds at most
+    listener : function that receives words, every `SELDOM` seconds at most
     """
     last = -inf
 
@@ -135,7 +136,7 @@ def told(listener: Listener) -> Iterator[None]:
 
 @contextmanager
 def aloud() -> Iterator[None]:
-    """Let `tell` be heard within the block: proofs that a search makes in passing are nobody's business."""
+    """Let `tell` be heard within the block; proofs within a search are not reported."""
     token = _ALOUD.set(True)
     try:
         yield
@@ -148,7 +149,7 @@ def tell(words: Callable[[], str]) -> None:
 
     Parameters
     ----------
-    words : makes the text, if somebody listens
+    words : function that makes the text, if somebody listens
     """
     listener = _LISTENER.get()
     if listener is not None and _ALOUD.get():

@@ -20,10 +20,11 @@ from vctune.design.verdict.claim_records import claim_records
 from vctune.design.verdict.judge import judge
 from vctune.document.reading import problem_file
 from vctune.model import gains
-from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
+from vctune.model.device import Device
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors
 from vctune.model.hands import Hand
 from vctune.model.numbers.units import LINEAR
+from vctune.model.parts import Actuator, ForceSensor, Structure, VelocityEstimate
 from vctune.simulation.mechanics.scene_stability import fastest_mode
 from vctune.simulation.scene import designed_scene
 

@@ -12,8 +12,9 @@ from device_pairs import real_of
 
 from vctune.analysis.feel import FREE_HZ, NO_LOOP, SPEED, WALL_HZ, feel
 from vctune.model.coupling import coupling_impedance
-from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
+from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
+from vctune.model.parts import Actuator, ForceSensor, Structure, VelocityEstimate
 
 WHEEL = Device(0.4, 2.0, 1e-3)
 LATE = replace(

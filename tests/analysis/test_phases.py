@@ -26,8 +26,9 @@ from vctune.analysis.phases import (
     sensor_miss,
 )
 from vctune.analysis.sampled_loop import loop_gain
-from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
+from vctune.model.device import Device
 from vctune.model.gains import Gains
+from vctune.model.parts import Actuator, ForceSensor, Structure, VelocityEstimate
 
 RIGID = Device(0.4, 2.0, 1e-3, 3e-4)
 LATE = replace(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, replace
+from dataclasses import astuple
 from functools import cache
 from itertools import islice
 from math import exp, inf, log, pi
@@ -23,6 +23,8 @@ from vctune.design.solve import solve
 from vctune.design.verdict.judge import Judgement, Status
 from vctune.document.building import problem as problem_of
 from vctune.document.text.errors import InputError
+from vctune.model.hand_arrays import PlacesInHands
+from vctune.model.hands import Hand
 from vctune.model.numbers.units import LINEAR
 from vctune.model.problem import Problem
 from vctune.running import time_limit
@@ -173,11 +175,11 @@ def test_boxes_cost_no_more_than_the_designs_in_them(number):
     hands = np.array([[0.0, 0.3], [5.0, 0.1], [100.0, 1e3]])
     angles = np.geomspace(1e-2, pi, 12)
     omega = angles / problem.device.sample_time
-    places = Places(omega[:0], omega, np.vstack((np.tile(omega, 2), np.repeat(hands, 12, axis=1))), omega)
     if problem.hands_met is not None:
         low, high = astuple(problem.hands.low), astuple(problem.hands.high)
         hands = np.clip(hands, np.array(low)[:, None], np.array(high)[:, None])
-        places = replace(places, in_hands=np.vstack((np.tile(omega, 2), np.repeat(hands, 12, axis=1))))
+    in_hands = PlacesInHands(np.tile(omega, 2), Hand(*np.repeat(hands, 12, axis=1)))
+    places = Places(omega[:0], omega, in_hands, omega)
     relaxed = relaxation(problem, devices, objective, places, 24)
     bounds = problem.bounds
     for K_v in {bounds.velocity.min, *rng.uniform(bounds.velocity.min, bounds.velocity.max, 2)}:

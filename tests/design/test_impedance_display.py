@@ -19,7 +19,8 @@ from scipy.optimize import minimize_scalar
 import vctune
 from vctune.analysis.destabilising import destabilising
 from vctune.analysis.feel import feel
-from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands, loops_in_hands
+from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands
+from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.analysis.lossless_hand import growing_in_any_hand
 from vctune.design.prepared import pose
 from vctune.design.search.optimum import estimated
@@ -33,11 +34,12 @@ from vctune.design.verdict.judge import Status, judge
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import read_problem
 from vctune.document.text.errors import InputError
-from vctune.model.device import Actuator, Device, Structure, VelocityEstimate
+from vctune.model.device import Device
 from vctune.model.display import IMPEDANCE
 from vctune.model.gains import Gains, SpringDamper
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.parts import Actuator, Structure, VelocityEstimate
 from vctune.model.problem import HUMAN_HANDS, Demands, Uncertainty
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import loop_in_hand, offered, required_in_hand

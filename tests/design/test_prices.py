@@ -16,8 +16,8 @@ from vctune.design.verdict.judge import Status
 from vctune.design.verdict.prices import BETTER, with_prices
 from vctune.document.reading import ProblemFile, parse_problem, read_problem
 from vctune.document.records.price_json import PriceRecord
-from vctune.model.device import NUMBERS
 from vctune.model.numbers.units import LINEAR
+from vctune.model.parts import NUMBERS
 
 REAL = """
 [device]

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from conftest import ROOT, for_passive_hands
 
-from vctune.analysis import in_hands, resonance
+from vctune.analysis import hardest_hands, in_hands, loops_in_hands, resonance
 from vctune.design import solve as solving
 from vctune.design.bound import search
 from vctune.design.bound import strong_branching as branching
@@ -157,11 +157,11 @@ OF_MANY = [
 ]
 """Those that are about devices with many uncertain numbers."""
 OF_HANDS = [
-    Constant("SHARES", (in_hands,), denser),
-    Constant("PER_DECADE", (in_hands,), count),
-    Constant("SOFT", (in_hands,), denser),
+    Constant("SHARES", (loops_in_hands,), denser),
+    Constant("PER_DECADE", (loops_in_hands, hardest_hands, in_hands), count),
+    Constant("SOFT", (loops_in_hands,), denser),
     Constant("SEARCHED", (in_hands,), count),
-    Constant("ROUNDS", (in_hands,), count),
+    Constant("ROUNDS", (hardest_hands,), count),
     Constant("FEW", (samples,), denser),
     Constant("FEW_ANGLES", (samples,), count),
     Constant("FEW_SPRINGS", (samples,), count),
@@ -297,8 +297,8 @@ def error_in_hands(path: Path) -> float:
 
 
 def forget_loops() -> None:
-    in_hands.loops_in_hands.cache_clear()
-    in_hands.loops_at_rest.cache_clear()
+    loops_in_hands.loops_in_hands.cache_clear()
+    loops_in_hands.loops_at_rest.cache_clear()
 
 
 @pytest.mark.slow

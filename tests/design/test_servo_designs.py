@@ -12,7 +12,7 @@ import pytest
 from conftest import ROOT
 
 from vctune import solve
-from vctune.analysis.in_hands import loops_in_hands
+from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.reading import parse_problem
 from vctune.document.text.errors import InputError

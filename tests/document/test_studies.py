@@ -147,7 +147,7 @@ def test_one_end_of_a_range_at_its_default_may_be_an_axis(tmp_path, key, end):
         ends = default | {end: 0.3}
         text = f"{bare}[{table}]\n{name} = {{ min = {ends['min']!r}, max = {ends['max']!r} }}\n"
         here, own = plan.at((mass, 0.3))[0], parse_problem(text, "x", "study")
-        assert here == replace(own, transparency=plan.yardstick)
+        assert here == replace(own, transparency=plan.yardstick.transparency)
     assert plan.at((0.2, 0.3))[0] != plan.at((0.8, 0.3))[0]
 
 
@@ -156,10 +156,10 @@ def test_one_edge_of_a_band_at_its_default_may_be_an_axis(tmp_path, place):
     plan = study(tmp_path, f'"device.sample_time" = [1e-3, 5e-4]\n"stability.band_hz[{place}]" = [3.0]', BARE)
     for T in (1e-3, 5e-4):
         bare = BARE.replace("1e-3", repr(T))
-        edges = [plan.yardstick.band.hz[0], statement(parse_problem(bare, "x", "x"))["stability"]["band_hz"][1]]
+        edges = list(plan.yardstick.stability.band.hz)
         edges[place] = 3.0
         own = parse_problem(f"{bare}[stability]\nband_hz = {edges}\n", "x", "study")
-        assert plan.at((T, 3.0))[0] == replace(own, transparency=plan.yardstick)
+        assert plan.at((T, 3.0))[0] == replace(own, transparency=plan.yardstick.transparency)
     assert "lower edge" in str(plan.at((1e-3, 1e-3 if place else 1e4))[1])
 
 

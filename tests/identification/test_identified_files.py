@@ -76,7 +76,7 @@ def test_a_force_that_jumps_at_each_sample_is_the_command(moved, tmp_path):
     }
     found = identified(columns, tmp_path)
     (said,) = coded(found.record.remarks, "remark-force-role")
-    assert "is taken for a held command" in said and "told apart" not in said and said.count("% of it is left") == 2
+    assert "is taken for a held command" in said and "not separate" not in said and said.count("% of it is left") == 2
     delay = found.found.bounded("delay")
     assert delay.low <= DEVICE.delay <= delay.high < DEVICE.delay + 0.4 * T
 
@@ -115,7 +115,7 @@ def test_a_force_that_a_sensor_samples_is_measured(tmp_path):
 def test_where_chi2_does_not_tell_a_command_from_a_force_the_delay_holds_both(moved, tmp_path):
     columns = {header.replace("command", "force"): values for header, values in moved.items()}
     found = identified(columns, tmp_path)
-    assert "not told apart" in coded(found.record.remarks, "remark-force-role")[0]
+    assert "does not separate" in coded(found.record.remarks, "remark-force-role")[0]
     delay = found.found.bounded("delay")
     assert delay.low < DEVICE.delay < DEVICE.delay + T / 2 < delay.high
 

@@ -21,11 +21,20 @@ from sampled_device_oracle import Hand as OracleHand
 from sampled_device_oracle import coupling_at, pulses, seen_at
 
 from vctune.model.coupling import sampled_resistance
-from vctune.model.device import Actuator, Device, ForceSensor, Structure
+from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import HAND, Hand
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
-from vctune.model.sampled.hand_loop import LoopInHand, loop_in_hand, required_in_hand, seen_in_hand, seen_in_limp_hand
+from vctune.model.parts import Actuator, ForceSensor, Structure
+from vctune.model.sampled.hand_loop import (
+    LoopInHand,
+    NextToRest,
+    loop_in_hand,
+    required_in_hand,
+    required_in_limp_hand,
+    seen_in_hand,
+    seen_in_limp_hand,
+)
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.claims.margins_of_claims import Design, hand_margin
 from vctune.proof.enclosures.arb_balls import BALLS, ball, box, device_ball, gains_ball
@@ -151,21 +160,28 @@ def test_what_the_environment_meets_is_what_the_oracle_says(numbers):
 
 
 @pytest.mark.parametrize("numbers", [SOME, pytest.param(range(300), marks=pytest.mark.slow)], ids=["some", "every"])
-def test_without_an_integrator_both_forms_differ_by_rho(numbers):
-    """Next to rest, and as exactly anywhere else, of every combination of parts."""
+@pytest.mark.parametrize("integrating", [0.0, 1.0])
+def test_next_to_rest_both_forms_differ_by_rho(numbers, integrating):
+    """Without an integrator and with little of it, and as exactly anywhere else, of every combination of parts."""
     for device, gains, hand, rng in cases(numbers, 62):
         held = replace(hand, stiffness=float(10 ** rng.uniform(-6, 4)))
         theta, K_v = float(10 ** rng.uniform(-4, 0.49)), gains.velocity
+        K_p = integrating * float(10 ** rng.uniform(-6, 4))
         plant = plant_in_hand(device, held, delays_of(device), FLOATS)
-        known = seen_in_hand(loop_in_hand(plant, theta, FLOATS), Gains(K_v, 0.0))
-        spring, turned = held.stiffness * device.sample_time**2 / device.mass, 2 * np.sin(theta / 2)
-        rho = spring + turned
-        found = seen_in_limp_hand(plant, K_v, theta, spring / rho, FLOATS)
+        known = seen_in_hand(loop_in_hand(plant, theta, FLOATS), Gains(K_v, K_p))
+        parts = np.array(
+            [2 * np.sin(theta / 2), *(np.array([held.stiffness, K_p]) * device.sample_time**2 / device.mass)]
+        )
+        rho = parts.sum()
+        rest = NextToRest(rho, *parts / rho)
+        found = required_in_limp_hand(plant, K_v, theta, rest, FLOATS)
         size = abs(found.size) + abs(found.lost) / K_v
         assert abs(found.size - known.size / rho**2) < 1e-6 * size, (device, held, theta)
         assert abs(found.lost - known.lost / rho**2) < 1e-6 * size * K_v, (device, held, theta)
-        swing = known.swing / (rho**2 * np.sin(theta / 2))
-        assert abs(found.swing - swing) < 1e-6 * size * K_v, (device, held, theta)
+        if not integrating:
+            swing = known.swing / (rho**2 * np.sin(theta / 2))
+            found_swing = seen_in_limp_hand(plant, K_v, theta, rest, FLOATS).swing
+            assert abs(found_swing - swing) < 1e-6 * size * K_v, (device, held, theta)
 
 
 @pytest.mark.parametrize("share", [0.0, 1e-3, 0.5, 1.0])
@@ -173,7 +189,7 @@ def test_without_an_integrator_at_rest_the_limit_is_that_of_a_spring_and_a_dampe
     b, B, K_v, T, m = 2.0, 3.0, 40.0, 1e-3, 0.4
     device = Device(mass=m, damping=b, sample_time=T)
     plant = plant_in_hand(device, Hand(0.2, B, 0.0), delays_of(device), FLOATS)
-    found = seen_in_limp_hand(plant, K_v, 0.0, share, FLOATS)
+    found = required_in_limp_hand(plant, K_v, 0.0, NextToRest(0.0, 1 - share, share, 0.0), FLOATS)
     K, omega = share * m / T**2, (1 - share) / T
     seen = K_v * (K**2 + omega**2 * B * (b + B + K_v)) / (K**2 + (omega * (b + B + K_v)) ** 2)
     assert -found.lost / found.size == pytest.approx(seen, rel=1e-12)

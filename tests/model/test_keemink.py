@@ -15,8 +15,9 @@ from device_pairs import loop
 from keemink_oracle import Robot, bound_7, bound_9, bound_11, bound_12, is_passive, least_virtual_mass
 
 from vctune.model.coupling import coupling_impedance as model_coupling
-from vctune.model.device import Device, ForceSensor
+from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
+from vctune.model.parts import ForceSensor
 
 BARE = Robot()
 CASES = [

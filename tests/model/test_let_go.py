@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
+from vctune.model.device import Device
 from vctune.model.hands import LeastOperator
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.parts import Actuator, ForceSensor, Structure, VelocityEstimate
 from vctune.model.sampled.let_go import has_sharp_form, plant_let_go, return_difference
 from vctune.model.sampled.velocity_loop import sampled_plant, split_delay
 from vctune.proof.enclosures.array_intervals import Enclosure, between, decimal

@@ -24,12 +24,13 @@ from firmware import spectral_radius
 from random_devices import frequencies
 
 from vctune.analysis.sampled_loop import sensitivity_of
-from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
+from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.loop.impedances import G_hh_abs2, tracking_abs2
 from vctune.model.loop.limits import low_frequency_limit
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.parts import Actuator, ForceSensor, Structure, VelocityEstimate
 from vctune.proof.claims.sampled_poles import spectral_radius as proved_radius
 
 FURTHER = Digits(400)

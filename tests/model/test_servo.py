@@ -12,9 +12,10 @@ from flint import arb, ctx
 from random_servos import device_of, random_case, random_servo, servo_device
 from servo_oracle import Follower, Grip, seen
 
-from vctune.model.device import Device, ForceSensor, Servo
+from vctune.model.device import Device
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.parts import ForceSensor, Servo
 from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.servo_in_hand import blur_of, demand_of, seen_of_servo
 from vctune.model.sampled.servo_plant import sensed_delay, servo_plant

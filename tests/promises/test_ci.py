@@ -77,6 +77,25 @@ def test_the_workflow_is_valid(repository):
     assert module("check_jsonschema", *arguments, cwd=repository).returncode == 1
 
 
+def test_the_action_checks(repository):
+    """Its last step with the inputs of the guide, in the shell that it names."""
+    guide = (ROOT / "vctune/cli/README.md").read_text()
+    (used,) = (yaml.safe_load(text)[1] for text in re.findall(r"```yaml\n( +- uses:.*?)```", guide, re.DOTALL))
+    folder = used["uses"].removeprefix("./vctune/")
+    action = yaml.safe_load((ROOT / folder / "action.yml").read_text())
+    assert set(used["with"]) <= set(action["inputs"])
+    *_, installing, checking = action["runs"]["steps"]
+    assert (ROOT / folder / re.search(r"ACTION_PATH/([./]+)\[", installing["run"])[1] / "pyproject.toml").exists()
+    assert checking["env"] == {"FILES": "${{ inputs.files }}", "OPTIONS": "${{ inputs.options }}"}
+    env = {name.upper(): value for name, value in used["with"].items()}
+    env["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    shell = ("bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", checking["run"])
+    assert run(*shell, cwd=repository, **env).returncode == 0
+    spoil(repository)
+    done = run(*shell, cwd=repository, **env)
+    assert done.returncode == 1 and "\n::error file=gains.toml,line=2," in done.stdout
+
+
 def check_the_gate(repository, path, *, install):
     assert steps(repository, path, install=install).returncode == 0
     spoil(repository)
@@ -129,7 +148,6 @@ def test_the_hook_checks(repository):
 @pytest.mark.slow
 def test_pre_commit_installs_and_runs_the_hook(repository):
     subprocess.run(["git", "clone", "-q", ROOT, "vctune"], cwd=repository, check=True)
-    (repository / ".pre-commit-config.yaml").write_text(HOOKS.replace("v0.1.0", "HEAD"))
     (repository / ".gitignore").write_text("vctune\n")
     for command in (["git", "init", "-q"], ["git", "add", "."]):
         subprocess.run(command, cwd=repository, check=True)

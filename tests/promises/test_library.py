@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 
 import vctune
 from vctune.api import folders
-from vctune.document.schema.problem_schema import DeviceTable
+from vctune.document.schema.device_schema import DeviceTable
 from vctune.document.text.toml_writing import toml_text
 
 WHEEL = {

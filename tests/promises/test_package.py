@@ -4,22 +4,14 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
-import sys
-import tomllib
-import venv
-import zipfile
-from email import message_from_string
 from pathlib import Path
 from urllib.parse import urlparse
 from urllib.request import url2pathname
 
-import pytest
 from command import run, strict
 from conftest import ROOT
 
-from vctune.document.reading import parse_problem, read_problem
-from vctune.document.text.digest import problem_digest
+from vctune.document.reading import read_problem
 from vctune.exit_codes import ExitCode
 
 PROBLEMS = sorted(path.stem for path in (ROOT / "problems").glob("*.toml"))
@@ -46,27 +38,6 @@ def test_an_example_overwrites_nothing(tmp_path):
     assert (tmp_path / "desktop.toml").read_text() == "mine"
     none = run("example", "../conftest", cwd=tmp_path)
     assert none.returncode == ExitCode.BAD_INPUT and "friction-wheel" in none.stderr and len([*tmp_path.iterdir()]) == 1
-
-
-@pytest.mark.slow
-def test_a_wheel_in_an_empty_environment_solves_its_own_example(tmp_path):
-    pip = [sys.executable, "-m", "pip", "-q", "--disable-pip-version-check"]
-    subprocess.run([*pip, "wheel", "--no-deps", "-w", tmp_path, ROOT], check=True)
-    (wheel,) = tmp_path.glob("*.whl")
-    with zipfile.ZipFile(wheel) as packed:
-        (name,) = (each for each in packed.namelist() if each.endswith("/METADATA"))
-        said = message_from_string(packed.read(name).decode())
-    assert said["Author"] and "@software{vctune" in said.get_payload()
-    venv.create(tmp_path / "empty", with_pip=True)
-    tools = tmp_path / "empty" / ("Scripts" if os.name == "nt" else "bin")
-    subprocess.run([tools / "python", *pip[1:], "install", wheel], check=True)
-    for command in ("example friction-wheel", "solve friction-wheel.toml", "explain unknown-key", "schema design"):
-        done = subprocess.run([tools / "vctune", *command.split()], cwd=tmp_path, check=True, capture_output=True)
-        assert done.stdout
-    made = tomllib.loads((tmp_path / "results/friction-wheel/gains.toml").read_text())
-    text = (ROOT / "problems/friction-wheel.toml").read_text()
-    assert made["design"]["sha256"] == problem_digest(parse_problem(text, "friction-wheel", "friction-wheel"))
-    assert (tmp_path / "results/friction-wheel/report.html").exists()
 
 
 def test_no_remedy_names_a_package_that_no_index_has():

@@ -162,6 +162,22 @@ def test_faces_prove_what_whole_boxes_do(few):
                 assert margin(omega, {"x": x, "y": y}, offset=least - side) < 0
 
 
+def test_a_face_where_another_margin_is_least_is_not_enough():
+    """A margin that fails at x = 1 and omega > 1/2, beside one that proves as much next to 0 and is least at x = 0."""
+
+    def margin(omega, v):
+        return 1 - 2 * v["x"] * omega
+
+    def sufficient(omega, v):
+        return 0.1 + v["x"] - 100 * omega * (omega - 0.25)
+
+    boxes = over_band(("x",), np.zeros((1, 1)), np.ones((1, 1)), (np.zeros(1), np.ones(1)))
+    test = positive(margin, {}, sufficient)
+    found = prove(test, boxes, 1, halved=[True] * 2, max_halvings=60, max_boxes=1000, at_ends=True)
+    omega, x = found.failing[:, 0]
+    assert not found.proved[0] and margin(omega, {"x": x}) < 0
+
+
 def loop_of(found: Judged, hand: Held, environment: Environment, num: Arithmetic = DOUBLES) -> Loop:
     design = found.case.design
     return Loop(found.real, design.gains, design.coupling, hand, environment, num)

@@ -18,9 +18,10 @@ from flint import ctx
 from random_servos import Case, device_of, random_case, servo_device
 from servo_oracle import Follower, Grip, Need, Virtual, coupling, radius, seen
 
-from vctune.model.device import Device, ForceSensor, Servo
+from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand, Hands
+from vctune.model.parts import ForceSensor, Servo
 from vctune.model.problem import Demands
 from vctune.proof.certificate import certify
 from vctune.proof.claims.every_hand import prove_hands

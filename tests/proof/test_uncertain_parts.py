@@ -18,8 +18,8 @@ from sampled_device_oracle import sensitivity
 from vctune.design.solve import solve
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.reading import parse_problem
-from vctune.document.schema.problem_schema import UncertaintyTable
-from vctune.proof.device_box import UNCERTAIN
+from vctune.document.schema.device_schema import UncertaintyTable
+from vctune.model.parts import UNCERTAIN
 from vctune.proof.engine.interval import Verdict
 
 FACTOR, LIMIT = 1.05, 2.0

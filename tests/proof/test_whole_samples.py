@@ -24,6 +24,7 @@ from vctune.document.reading import ProblemFile
 from vctune.model.gains import Coupling, Gains, SpringDamper
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.parts import DELAYS
 from vctune.model.problem import Problem
 from vctune.model.sampled.hand_loop import offered
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
@@ -31,7 +32,7 @@ from vctune.model.sampled.servo_in_hand import demand_of
 from vctune.proof.claims.every_hand import prove_hands
 from vctune.proof.claims.margins_of_claims import Design, hand_margin
 from vctune.proof.claims.whole_samples import beside_whole_sample, sensed_force_jumps
-from vctune.proof.device_box import DELAYS, DeviceBox
+from vctune.proof.device_box import DeviceBox
 from vctune.proof.engine.interval import Verdict
 from vctune.study.plane import Plane
 from vctune.study.region import Kind, region

@@ -12,10 +12,11 @@ import pytest
 from world_loops import Plant, Whole, in_world, offered, seen, spectral_radius, stepped
 
 from vctune.analysis.destabilising import growing_in_worlds
-from vctune.model.device import Device, ForceSensor, Servo
+from vctune.model.device import Device
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand, Hands
+from vctune.model.parts import ForceSensor, Servo
 from vctune.model.problem import Demands
 from vctune.model.worlds import World, Worlds
 from vctune.proof.claims.every_hand import prove_hands

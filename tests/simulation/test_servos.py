@@ -23,9 +23,10 @@ from vctune.design.verdict.claim_records import claim_records
 from vctune.design.verdict.judge import Judgement, Status, judge
 from vctune.document.building import problem as problem_of
 from vctune.document.records.certificate_json import EnvironmentRecord
-from vctune.model.device import Device, ForceSensor, Servo
+from vctune.model.device import Device
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors
 from vctune.model.gains import Coupling, Gains
+from vctune.model.parts import ForceSensor, Servo
 from vctune.model.problem import Problem
 from vctune.report.figures.experiment_figures import HEADINGS, measured_rows
 from vctune.simulation.mechanics.intended_motion import intended_motion

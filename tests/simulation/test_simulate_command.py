@@ -261,9 +261,10 @@ def test_the_papers_experiments_on_the_friction_wheel(tmp_path):
 @pytest.mark.slow
 def test_stiff_and_extreme():
     """Finite, or a divergence with its time: bristles to 1e8 N/m, walls to 1e6 N/m, T and speed over their decades."""
-    from vctune.model.device import Device, VelocityEstimate
+    from vctune.model.device import Device
     from vctune.model.experiment import Experiment, Friction, Sensors
     from vctune.model.gains import Coupling, Gains
+    from vctune.model.parts import VelocityEstimate
     from vctune.simulation.run import run
     from vctune.simulation.scene import designed_scene
 

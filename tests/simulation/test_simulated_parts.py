@@ -26,11 +26,12 @@ from test_coupled import Certified, growing, outside, scenes
 
 from vctune.bench.problems import posed
 from vctune.design.verdict.judge import Status, judge
-from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
+from vctune.model.device import Device
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
 from vctune.model.gains import Coupling, Gains
 from vctune.model.loop.device_response import mechanism
 from vctune.model.numbers.arithmetic import FLOATS as FLOATS_OF_THE_MODEL
+from vctune.model.parts import Actuator, ForceSensor, Structure, VelocityEstimate
 from vctune.proof.claims.sampled_poles import prove_sampled_poles, spectral_radius
 from vctune.proof.engine.interval import Verdict
 from vctune.simulation.firmware.controller import Measurement, State, control

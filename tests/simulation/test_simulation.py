@@ -16,9 +16,10 @@ from sampled_oracle import Linear
 from sampled_oracle import simulate as oracle
 
 from vctune.document.reading import read_gains, read_problem
-from vctune.model.device import Device, VelocityEstimate
+from vctune.model.device import Device
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
 from vctune.model.gains import Coupling, Gains
+from vctune.model.parts import VelocityEstimate
 from vctune.simulation.firmware.controller import Measurement, State, control
 from vctune.simulation.firmware.operations import FLOATS
 from vctune.simulation.mechanics.friction import Carriage, Slide, friction_force, slide, slide_step

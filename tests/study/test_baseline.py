@@ -73,12 +73,15 @@ def test_what_is_read_is_written_again_to_the_byte(baseline):
 
 
 @pytest.mark.parametrize(
-    ("gains", "expected"),
-    [("", ExitCode.OK), ("[gains]\nvelocity = { min = 2e3, max = 3e3 }\n", ExitCode.FAILED)],
+    ("tables", "expected"),
+    [
+        ("[stability]\nmax_sensitivity = 1.15\n", ExitCode.OK),
+        ("[gains]\nvelocity = { min = 2e3, max = 3e3 }\n", ExitCode.FAILED),
+    ],
     ids=["a design, no cell", "neither"],
 )
-def test_a_coarse_region_is_not_said_to_be_empty(tmp_path, gains, expected):
-    (tmp_path / "device.toml").write_text(for_passive_hands(DEVICE + gains))
+def test_a_coarse_region_is_not_said_to_be_empty(tmp_path, tables, expected):
+    (tmp_path / "device.toml").write_text(for_passive_hands(DEVICE + tables))
     code, out, _ = run("region", "device.toml", "--resolution", "0.125", cwd=tmp_path)
     assert "feasible      0.00 %" in out
     assert code == expected

@@ -1,7 +1,7 @@
 """The environment for which a design has the least reserve, with its hand and frequency.
 
-At that angle it cancels the reactance of the loop with the coupling divided by the safety factor. Of every passive
-environment that is a mass or a spring; of a box the lightest and softest member, or its limit where that is nearer.
+At that angle it cancels the reactance of the loop with the coupling divided by the safety factor. Each passive
+environment is a mass or a spring; for a box it is the lightest or softest member, or its limit if that is nearer.
 """
 
 from __future__ import annotations
@@ -27,12 +27,13 @@ def binding_world(
     factor: float,
     worlds: Worlds | None = None,
 ) -> World | None:
-    """Return the environment, without the damping that it lacks; None at an end of the angles, where any will do.
+    """Return the environment, without the damping that it lacks; None at an end of the angles, where any environment
+    suffices.
 
     Parameters
     ----------
     device, gains, coupling : a design, plain numbers
-    hand, omega : where it has least to spare, rad/s
+    hand, omega : hand and frequency with the least reserve, rad/s
     factor : the safety factor
     worlds : the box; None for every passive environment
     """

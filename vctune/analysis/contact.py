@@ -1,6 +1,6 @@
 """The drag that a servo's latency requires, and the stiffest contact, in double precision (README.md, section 2).
 
-Before a servo what a hand asks is linear in the hand, and convex where its response is in a disc.
+For a servo the requirement of a hand is linear in the hand, and convex if its response is in a disc.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from vctune.model.gains import AnyCoupling
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.hand_loop import offered
-from vctune.model.sampled.servo_in_hand import Demand, demand_of, vertices
+from vctune.model.sampled.servo_in_hand import Demand, demand_of
 
 LOWEST = 1e-3
-"""Least angle beside 0: below, a demand is that at rest to a millionth. Half and twice change nothing that is shown."""
+"""Least angle beside 0: below, a constraint is that at rest to a millionth. Half and twice change no printed digit."""
 PER_DECADE = 120
 """Angles: neighbours are 2 % apart, eight on a sample of each of ten samples of latency at Nyquist. Half may step over
 a contact's narrowest place, twice costs twice as long."""
 
 
 HALVINGS = 40
-"""Of a range of stiffnesses: to twelve digits. Half and twice: to six, and to rounding."""
+"""Halvings of a range of stiffnesses: they give twelve digits; half of them six, and twice reach rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Greatest:
 
     Attributes
     ----------
-    drag : greatest R, N s/m: what a coupling needs that has drag alone
+    drag : greatest R, N s/m: the drag of a coupling without damping and mass
     omega : rad/s, where
     hand : in which
     """
@@ -62,7 +62,7 @@ def greatest_drag(devices: Sequence[Device], hands: Hands) -> Greatest:
 
     Parameters
     ----------
-    devices, hands : as of `drag_at_rest`
+    devices, hands : see `drag_at_rest`
     """
     return max((_greatest(device, demand_of(device, hands), hands) for device in devices), key=_drag)
 
@@ -76,7 +76,7 @@ def _greatest(device: Device, demand: Demand, hands: Hands) -> Greatest:
     theta = np.array([0.0, place.omega[0]])
     asked = demand.in_each(theta)
     vertex, at = np.unravel_index(int(np.argmax(asked)), asked.shape)
-    return Greatest(float(asked[vertex, at]), float(theta[at]) / device.sample_time, vertices(hands)[vertex])
+    return Greatest(float(asked[vertex, at]), float(theta[at]) / device.sample_time, hands.corners[vertex])
 
 
 def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupling, factor: float) -> float:
@@ -84,14 +84,14 @@ def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupl
 
     Parameters
     ----------
-    devices, hands : as of `drag_at_rest`
+    devices, hands : see `drag_at_rest`
     coupling : plain numbers
-    factor : by which Re Z_c has to be greater than R
+    factor : factor by which Re Z_c has to be greater than R
 
     Returns
     -------
     float
-        Less than the least of the box where no stiffness is small enough, inf where any is.
+        Less than the least of the box if no stiffness is small enough, inf if every stiffness is.
     """
     return min(_stiffest(device, hands, coupling, factor) for device in devices)
 
@@ -99,7 +99,7 @@ def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupl
 def _stiffest(device: Device, hands: Hands, coupling: AnyCoupling, factor: float) -> float:
     """Return the least stiffness over the angles at which the requirement, linear in it, equals the coupling's offer.
 
-    In a disc of responses the demand is convex in it, and the stiffness is halved to.
+    In a disc of responses the constraint is convex in it, and the function bisects the stiffness.
     """
     if device.servo is not None and device.servo.radii:
         return _stiffest_in_disc(device, hands, coupling, factor)
@@ -143,6 +143,6 @@ def _angles(device: Device) -> Floats:
     """Return angles up to Nyquist, even where a decade's would be farther apart than a latency turns."""
     servo = device.servo
     assert servo is not None
-    turns = 4 + (device.latency + (device.force_sensor.delay if device.force_sensor else 0.0)) / device.sample_time
+    turns = 4 + device.sensed_latency / device.sample_time
     decades = np.geomspace(LOWEST, pi, int(PER_DECADE * np.log10(pi / LOWEST)))
     return np.union1d(decades, np.linspace(0.0, pi, int(16 * turns) + 1)[1:])

@@ -27,12 +27,12 @@ from vctune.model.sampled.impedance_display import firmware_filter, spring_dampe
 from vctune.model.transparency import Terms, log_quadrature, loop_terms, squared_terms
 
 END_DECADES = 5
-"""Decades beyond every corner of the device that are sampled of an endless band: what approaches its limit like
-omega^2 or faster is there to 1e-8 relative to it. Half: to 1e-4 of it, which a search would notice. Twice: a longer
-grid."""
+"""Sampled decades of an endless band beyond every corner of the device. A value that approaches its limit like omega^2
+or faster is there to 1e-8 relative to it. With half it is only to 1e-4, which a search would notice; twice only makes
+the grid longer."""
 RIPPLE_POINTS = 6
-"""Points of a grid while e^{-2j omega tau} turns once. Half: of two neighbouring extrema one may be missed. Twice: a
-grid twice as long for bands far above 1/tau."""
+"""Points of a grid while e^{-2j omega tau} turns once. With half, one of two neighbouring extrema may be missed. With
+twice, the grid is twice as long for bands far above 1/tau."""
 QUADRATURE_TOLERANCE = 1e-9
 """Relative change at which doubling the panels ends, of the mean squares. Gauss's error falls so fast that the last
 change is far above the error; half and twice it end at the same number of panels."""
@@ -55,7 +55,7 @@ def response(device: Device, gains: Gains, omega: Floats) -> LoopResponse:
 
 
 def stability_ratio(device: Device, gains: Gains, coupling: AnyCoupling, omega: Floats) -> Floats:
-    """Return Re Z_c / R; -inf where the loop's resistance is not positive, inf where R <= 0.
+    """Return Re Z_c / R; -inf if the loop's resistance is not positive, inf if R <= 0.
 
     See model/README.md, section 4.
 
@@ -69,7 +69,8 @@ def stability_ratio(device: Device, gains: Gains, coupling: AnyCoupling, omega: 
 
 
 def ratio_or_resistance(device: Device, gains: Gains, coupling: AnyCoupling, omega: Floats) -> Floats:
-    """Return Re Z_c / R, where the resistance is not positive that relative to |N D|: continuous, to go down on.
+    """Return Re Z_c / R; where the resistance is not positive, the resistance relative to |N D|: a continuous function
+    for descent.
 
     Parameters
     ----------
@@ -106,8 +107,8 @@ def rollett_factor_at(device: Device, gains: Gains, coupling: AnyCoupling, omega
 def sampled_span(problem: Problem) -> tuple[float, float]:
     """Return the part of the stability band that sampling can reach.
 
-    A band from 0 or to inf is cut `END_DECADES` decades beyond every corner of the device and of the transparency
-    band; what lies outside follows the limits at both ends of the axis to better than 1e-8.
+    The code cuts a band from 0 or to inf `END_DECADES` decades beyond every corner of the device and of the
+    transparency band; beyond these, the limits at both ends of the axis apply to better than 1e-8.
     """
     device, band = problem.device, problem.stability.band
     corners = [problem.transparency.band.min, problem.transparency.band.max, problem.nyquist]
@@ -131,7 +132,7 @@ def towards_zero(problem: Problem) -> Floats:
 
 
 def demand_grid(device: Device, low: float, high: float) -> Floats:
-    """Return a grid for the demands of a device, fine enough for the ripple of its delays and for its resonance.
+    """Return a grid for the constraints of a device, fine enough for the ripple of its delays and for its resonance.
 
     Hold "lag" without delay has no ripple, and its bands no end.
 
@@ -147,7 +148,7 @@ def demand_grid(device: Device, low: float, high: float) -> Floats:
 
 def _ripple_delay(device: Device) -> float:
     """Return the delay of the ripple that never decays, s: 0 for hold "lag" without delay."""
-    sensor = float(device.force_sensor.delay) if device.force_sensor is not None else 0.0
+    sensor = float(device.sensing.delay)
     if device.hold == "lag" and device.delay == 0 and device.velocity is None:
         return sensor
     return float(device.loop_lag) + sensor
@@ -158,7 +159,7 @@ def ratio_minima(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Minim
 
     Parameters
     ----------
-    problem : of the nominal device
+    problem : problem of the nominal device
     gains, coupling : a design, plain numbers
     """
     return local_minima(
@@ -172,7 +173,7 @@ def sensitivity_maxima(problem: Problem, gains: Gains) -> Minima:
 
     Parameters
     ----------
-    problem : its device, without an operator, and its transparency band count
+    problem : its device, without an operator, and its transparency band
     gains : plain numbers
 
     Returns
@@ -195,7 +196,7 @@ def unmodelled_maxima(problem: Problem, gains: Gains) -> Minima:
 
     Parameters
     ----------
-    problem : whose device or uncertainty has a radius of what is not modelled
+    problem : its device or uncertainty has an unmodelled radius
     gains : plain numbers
 
     Returns
@@ -221,7 +222,7 @@ def slowest_resonance(problem: Problem, velocity: float) -> float:
 
     Parameters
     ----------
-    problem : its device's mass, damping and sample time count
+    problem : mass, damping and sample time of its device
     velocity : K_v, N s/m
 
     Returns
@@ -248,7 +249,7 @@ def error_terms(problem: Problem, gains: Gains, coupling: AnyCoupling, omega: Fl
 
     Parameters
     ----------
-    problem : of the nominal device
+    problem : problem of the nominal device
     gains, coupling : a design
     omega : rad/s, > 0
     """
@@ -264,7 +265,7 @@ def coupling_response(coupling: AnyCoupling, device: Device, omega: Floats) -> P
     Parameters
     ----------
     coupling : plain numbers
-    device : whose firmware runs it
+    device : device whose firmware runs it
     omega : rad/s, > 0
     """
     if not isinstance(coupling, SpringDamper):
@@ -279,8 +280,8 @@ def weighted_square(weights: Terms, squares: Terms) -> Floats:
 
     Parameters
     ----------
-    weights : of the three terms, without a unit
-    squares : of the terms, from `error_terms`
+    weights : weights of the three terms, without a unit
+    squares : squared terms, from `error_terms`
 
     Returns
     -------
@@ -300,7 +301,7 @@ def transparency_error(problem: Problem, gains: Gains, coupling: AnyCoupling) ->
 
     Parameters
     ----------
-    problem : of the nominal device
+    problem : problem of the nominal device
     gains, coupling : the design, plain numbers
     """
     norm = _rms if problem.transparency.norm == "rms" else _peak

@@ -1,12 +1,12 @@
 """The passive environment that makes a refuted loop grow in a hand (model/README.md, section 14).
 
-Where Re(Z_c + Z_seen) < 0, the spring or mass that cancels the imaginary part, with a damper of as much as is missing
-beside it, holds a pole on the unit circle. It is followed while the damper is taken away. Of a demand that is just
-missed the pole goes outwards; where much is missed it may come back, and some of the damper is left. The functions of a
-hand's loop are analytic in theta, z = e^(j theta), so that the same formulas tell where the pole goes.
+Where Re(Z_c + Z_seen) < 0, the spring or mass that cancels the imaginary part, with a damper of the missing amount
+beside it, holds a pole on the unit circle. It is followed while the damper is taken away. For a constraint that is just
+missed the pole moves outwards; if much is missed it may come back, and some of the damper remains. The functions of a
+hand's loop are analytic in theta, z = e^(j theta), so that the same formulas give the motion of the pole.
 
-Of an impedance display it is the same with admittances: a spring or mass cancels the imaginary part of
-1/Z_c + G_y/(1 + K_v F G_y), and a damper in a row with it holds the pole and is taken away (section 15).
+For an impedance display the same holds with admittances: a spring or mass cancels the imaginary part of 1/Z_c + G_y/(1
++ K_v F G_y), and a damper in series with it holds the pole and is then removed (section 15).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from vctune.model.sampled.plant_in_hand import AnyPlantInHand, delays_of, plant_
 from vctune.model.worlds import Worlds
 
 LEAST = 1e-7
-"""Least angle omega T at which a spring is looked for: at 0 none is soft enough. Half and twice it find the same
+"""Least angle omega T at which a spring is sought; at 0 no spring is soft enough. Half and twice it find the same
 growth."""
 NYQUIST = 1e-6
 """Angle next to pi at which no environment has a reactance and none is needed. Half and twice it, too."""
@@ -38,14 +38,15 @@ FIRST, LAST = 0.125, 1e-4
 """Shares of the damper in which it is taken away, the first tried and the least. Half and twice them follow the same
 poles."""
 FARTHEST = 0.2
-"""By how much a pole may move in one step, relative to its angle. Half takes more steps; twice may lead to another."""
+"""Greatest move of a pole in one step, relative to its angle. Half takes more steps; twice may lead to another."""
 MOST = 64
 """Steps in which a pole is followed at most; most take eight. Half and twice follow the same poles."""
 GROWTH = 1e-10
-"""Growth in a radian from which on a motion is said to grow, above Newton's rounding. Half and twice: the same."""
+"""Growth in a radian from which on a motion counts as growing; it is above Newton's rounding. Half and twice: the same.
+"""
 STEPS, CONVERGED, DIFFERENCE = 8, 1e-12, 1e-6
-"""Newton's steps, the relative step after which it has arrived, and the relative difference that stands for a
-derivative, right to 1e-10. Half the steps, and twice, follow the same poles."""
+"""Number of Newton's steps, the relative step that ends them, and the relative difference for the derivative, correct
+to 1e-10. Half the steps, and twice, follow the same poles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,11 +56,11 @@ class GrowingEnvironment:
     Attributes
     ----------
     kind : "spring" or "mass"
-    value : N/m or kg, >= 0; 0 for nothing at all
+    value : N/m or kg, >= 0; 0 for no environment
     damping : beside it, N s/m, >= 0
-    growth : of the motion's logarithm in that mode, 1/s, > 0
+    growth : growth of the motion's logarithm in that mode, 1/s, > 0
     omega : at which it oscillates, rad/s
-    stiffness : of a spring beside a mass, N/m, >= 0
+    stiffness : stiffness of a spring beside a mass, N/m, >= 0
     """
 
     kind: Literal["spring", "mass"]
@@ -83,13 +84,13 @@ def destabilising(
     Parameters
     ----------
     device, gains, coupling : a design, plain numbers
-    hand : in which the demand is not met
-    omega : where it is not, rad/s, from 0 to pi/T
+    hand : hand in which the constraint is violated
+    omega : frequency where it does not hold, rad/s, from 0 to pi/T
 
     Returns
     -------
     GrowingEnvironment or None
-        Lossless if that grows; None where no growing motion is found, as where the demand is met.
+        Lossless if that grows; None if no growing motion is found, for example where the constraint holds.
     """
     T, plant = device.sample_time, plant_in_hand(device, hand, delays_of(device), FLOATS)
 
@@ -109,14 +110,14 @@ def growing_in_worlds(
     Parameters
     ----------
     device, gains, coupling : a design, plain numbers
-    hand : in which the demand is not met
-    omega : where it is not, rad/s, from 0 to pi/T
+    hand : hand in which the constraint is violated
+    omega : frequency where it does not hold, rad/s, from 0 to pi/T
     worlds : the box
 
     Returns
     -------
     GrowingEnvironment or None
-        With the least damping of the box if that grows; None where no member is found to.
+        With the least damping of the box if that grows; None if no member grows.
     """
     T, low = device.sample_time, worlds.low
     theta = min(max(omega * T, LEAST), pi - NYQUIST)
@@ -152,7 +153,7 @@ def reaction(
     device, gains, coupling : a design, plain numbers
     hand : in which it is
     theta : omega T, rad, in (0, pi)
-    factor : what the coupling is divided by
+    factor : divisor of the coupling
     """
     plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
     if isinstance(coupling, SpringDamper):
@@ -175,7 +176,7 @@ def growing_with(
     Returns
     -------
     GrowingEnvironment or None
-        Lossless if that grows; None where no growing motion is found.
+        Lossless if that grows; None if no growing motion is found.
     """
     theta = min(max(theta, LEAST), pi)
     reactance, at = alone(theta).imag if theta < pi - NYQUIST else 0.0, _warped(theta, sample_time).real
@@ -197,7 +198,7 @@ def growing_with(
 
 
 def growing_without(alone: Callable[[complex], complex], theta: float, sample_time: float) -> GrowingEnvironment | None:
-    """Return how a loop grows with nothing rendered; None if it is not found to.
+    """Return how a loop grows with nothing rendered; None if no growth is found.
 
     Parameters
     ----------
@@ -223,7 +224,7 @@ def _outwards(unbalance: Callable[..., complex], theta: float) -> tuple[float, f
 
 
 def _dual(compliance: float, mobility: float, damping: float, growth: float, omega: float) -> GrowingEnvironment | None:
-    """Return the environment with 1/k = compliance or 1/m = mobility; None where a damper in a row with it is left."""
+    """Return the environment with 1/k = compliance or 1/m = mobility; None if a damper in series with it remains."""
     if damping > 0 or compliance == mobility == 0:  # no experiment has the one, and the other is a rigid wall
         return None
     if compliance > 0:
@@ -232,7 +233,7 @@ def _dual(compliance: float, mobility: float, damping: float, growth: float, ome
 
 
 def _followed(unbalance: Callable[..., complex], theta: float, damping: float) -> list[tuple[float, complex]]:
-    """Return where a pole goes from the unit circle while the damper that holds it there is taken away, step by step.
+    """Follow a pole from the unit circle while the damper that holds it there is removed, step by step.
 
     Nowhere if there is no such damper, and no further than it can be followed.
     """
@@ -275,8 +276,8 @@ def _met(plant: AnyPlantInHand, gains: Gains, theta: complex) -> complex:
 def _seen(plant: AnyPlantInHand, gains: Gains, theta: complex) -> complex:
     """Return Z_seen = P/(2 j s F).
 
-    As o/(2 N) + e/(2 j s N), e + j s o = P (F.even - j s F.odd) and N = F.even^2 + s^2 F.odd^2, which on the circle are
-    its real and its imaginary part: next to 0 the one would be lost in the other's rounding.
+    The form is o/(2 N) + e/(2 j s N), e + j s o = P (F.even - j s F.odd) and N = F.even^2 + s^2 F.odd^2, which on the
+    circle are its real and its imaginary part. Next to 0 the one would be lost in the other's rounding.
     """
     loop, s = loop_in_hand(plant, theta, FLOATS), complex(np.sin(theta / 2))
     F, P = loop.closed(gains), loop.numerator(gains)
@@ -286,7 +287,7 @@ def _seen(plant: AnyPlantInHand, gains: Gains, theta: complex) -> complex:
 
 
 def _zero(f: Callable[[complex], complex], start: complex) -> complex | None:
-    """Return the zero of an analytic function that Newton's method leads to; None if to none."""
+    """Return the zero of an analytic function to which Newton's method converges; None if it does not converge."""
     at = start
     for _ in range(STEPS):
         h = DIFFERENCE * abs(at)

@@ -15,11 +15,11 @@ from vctune.running import check_time
 Floats = NDArray[np.float64]
 
 POINTS_PER_DECADE = 60
-"""Of the grid whose local minima are refined: neighbours are 4 % apart. Half: two minima within 8 % of each other are
-taken for one. Twice: as many evaluations again in every judgement of a design."""
+"""Points per decade of the grid whose local minima are refined; neighbours are 4 % apart. Half would merge two minima
+within 8 % of each other. Twice doubles the evaluations in every judgement of a design."""
 ZOOMS = 3
 """Rounds of a finer grid: each narrows an interval 8 times. Half leave the parabola an interval 23 times as wide, and a
-frequency right to 1e-5; twice narrow it below what rounding lets a minimum show."""
+frequency correct to 1e-5. Twice narrow it below what rounding resolves of a minimum."""
 ZOOM_POINTS = 17
 """Points of a finer grid, both ends included. Half and twice as many narrow it 4 and 16 times a round."""
 
@@ -41,13 +41,13 @@ def frequency_grid(
     Parameters
     ----------
     omega_min, omega_max : rad/s, 0 < omega_min < omega_max
-    points_per_decade : of the logarithmic part
+    points_per_decade : points per decade of the logarithmic part
     widest : greatest step, rad/s
 
     Returns
     -------
     array of float
-        Increasing, read-only: it is shared by all who ask for the same grid.
+        Increasing, read-only: it is shared by all who require the same grid.
     """
     decades = np.log10(omega_max / omega_min)
     grid = np.geomspace(omega_min, omega_max, max(9, int(np.ceil(decades * points_per_decade)) + 1))
@@ -69,7 +69,7 @@ def local_minima(f: Callable[[Floats], Floats], grid: Floats) -> Minima:
 
     Parameters
     ----------
-    f : elementwise over arrays of any shape; nan counts as +inf
+    f : elementwise over arrays of any shape; nan is treated as +inf
     grid : increasing, rad/s
 
     Returns
@@ -111,7 +111,7 @@ def local_minima(f: Callable[[Floats], Floats], grid: Floats) -> Minima:
 
 
 def _vertex(points: Floats, values: Floats, rows: NDArray[np.intp], k: NDArray[np.intp]) -> Floats:
-    """Return where the parabolas through the k-th points and their neighbours are least, the point itself at an end."""
+    """Return the minima of the parabolas through the k-th points and their neighbours; the point itself at an end."""
     middle = np.clip(k, 1, ZOOM_POINTS - 2)
     left, centre, right = (values[rows, middle + side] for side in (-1, 0, 1))
     with np.errstate(all="ignore"):

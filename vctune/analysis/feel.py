@@ -21,15 +21,15 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
 
 FREE_HZ = (1.0, 10.0)
-"""Where free motion is looked at, Hz: a slow reach and the fastest that an arm does by itself."""
+"""Frequencies of the numbers in free motion, Hz: a slow reach, and the fastest motion of an arm by itself."""
 WALL_HZ = 10.0
-"""Where a wall and the force path are looked at, Hz: the upper end of what a hand moves and pushes by itself."""
+"""Frequency of the wall and of the force path, Hz: the upper end of voluntary motion and force."""
 SPEED = 0.1
-"""At which the handle is moved steadily, m/s or rad/s."""
+"""Speed of the steady motion of the handle, m/s or rad/s."""
 HALF_POWER = sqrt(0.5)
-"""What |G_he| falls below where tracking ends: to half of the power."""
+"""Value of |G_he| at which tracking ends: half of the power."""
 LOWEST = 1e-6
-"""Where tracking is looked at first, relative to the Nyquist frequency: half a millihertz at 1 kHz."""
+"""Lowest frequency of the search for the end of tracking, relative to Nyquist: half a millihertz at 1 kHz."""
 ZOOMS, ZOOM_POINTS = 3, 33
 """Finer grids between the two frequencies where tracking ends, and points of each: 4 % apart become 1e-6."""
 NO_LOOP = Gains(0.0, 0.0), Coupling(0.0, 0.0, 0.0)
@@ -43,12 +43,13 @@ class Feel:
     Attributes
     ----------
     mass, damping : apparent ones in free motion, at each of `FREE_HZ`, kg and N s/m
-    static_stiffness, stiffness : of the stiffest wall, at 0 and at `WALL_HZ`, N/m; inf for a servo, which stands still
+    static_stiffness, stiffness : those of the stiffest wall, at 0 and at `WALL_HZ`, N/m; inf for a servo, which
+        stands still
     force : to move the handle steadily at `SPEED`, N
-    loop_latency : around the loop at low frequency, s; of a servo, from its command to its motion
-    force_latency : from the hand's force to the velocity that answers it, at `WALL_HZ`, s
-    tracking_bandwidth : up to which |G_he| is at least `HALF_POWER`, Hz, the Nyquist frequency at most and 0 where it
-        is nowhere; of an impedance display that of |A H/N|
+    loop_latency : lag around the loop at low frequency, s; for a servo, from its command to its motion
+    force_latency : lag from the hand's force to the velocity that answers it, at `WALL_HZ`, s
+    tracking_bandwidth : frequency up to which |G_he| is at least `HALF_POWER`, Hz, the Nyquist frequency at most and 0
+        if there is none; for an impedance display that of |A H/N|
     """
 
     mass: tuple[float | None, ...]
@@ -67,8 +68,8 @@ def feel(device: Device, gains: Gains, coupling: AnyCoupling) -> Feel:
     Parameters
     ----------
     device : plain numbers; its least operator is not counted
-    gains : of its loop, plain numbers
-    coupling : of no account without a loop: nothing of it reaches the hand then
+    gains : gains of its loop, plain numbers
+    coupling : virtual coupling; it has no effect without a loop
     """
     nyquist = 0.5 / device.sample_time
     free = [_free(device, gains, coupling, hz) if hz <= nyquist else None for hz in FREE_HZ]
@@ -98,9 +99,9 @@ def felt_impedance(
     Parameters
     ----------
     device : plain numbers
-    gains, coupling : of its design
-    omega : rad/s, > 0, or 0 of what is finite there; shape (n,)
-    environment : Z_e, of that shape; None for a rigid one
+    gains, coupling : those of its design
+    omega : rad/s, > 0, or 0 for quantities that are finite there; shape (n,)
+    environment : Z_e, an array of that shape; None for a rigid one
     """
     if isinstance(coupling, SpringDamper):
         return _felt_force(device, gains, coupling, omega, environment)
@@ -113,7 +114,8 @@ def felt_impedance(
 def _felt_force(
     device: Device, gains: Gains, coupling: SpringDamper, omega: Floats, environment: Complex | None
 ) -> Complex:
-    """Return D/N of an impedance display: the motor's W carries coupling and environment, which meet its position."""
+    """Return D/N of an impedance display, where the motor's W includes coupling and environment, which act on its
+    position."""
     at, theta, s = device_response(device, omega, FLOATS), omega * device.sample_time, 1j * omega
     late = np.asarray(at.drive.re - 1j * omega * at.drive.lag)
     tool = 0j * omega
@@ -136,10 +138,10 @@ def impedance_at_handle(device: Device, gains: Gains, omega: Floats, beyond: Com
     Parameters
     ----------
     device : plain numbers
-    gains : of its loop
-    omega : rad/s, > 0, or 0 of what is finite there; shape (n,)
-    beyond : Z_c + Z_e of the coupling and an environment, of that shape; None for a rigid environment, or without a
-        loop
+    gains : gains of its loop
+    omega : rad/s, > 0, or 0 for quantities that are finite there; shape (n,)
+    beyond : Z_c + Z_e of the coupling and an environment, an array of that shape; None for a rigid environment, or
+        without a loop
     """
     if beyond is None and device.servo is not None:
         return np.full(np.shape(omega), complex(inf))
@@ -160,7 +162,7 @@ def _free(device: Device, gains: Gains, coupling: AnyCoupling, hz: float) -> com
 def _static_stiffness(device: Device, gains: Gains, coupling: AnyCoupling) -> float:
     """Return the limit of |j omega D/N| for omega -> 0, in which D carries the scale omega: 0 without an integrator.
 
-    Of an impedance display it is the coupling's spring, in a row with that of a structure.
+    For an impedance display it is the coupling's spring, in series with that of a structure.
     """
     if isinstance(coupling, SpringDamper):
         give = 0.0 if device.structure is None else 1 / mechanism(device, device.structure, FLOATS).stiffness

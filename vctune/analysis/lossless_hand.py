@@ -1,8 +1,8 @@
 """The lossless hand in which a refused impedance display grows (model/README.md, section 15).
 
 The disc of any hand is a sum of discs, one for each alias of the frequency, and its worst point has each of them at the
-edge: a reactance of the hand at each alias. By Foster's theorem a mass or a spring with resonators has it at as many as
-one likes. What grows with it in exact time is found as in one hand of a box.
+edge: a reactance of the hand at each alias. By Foster's theorem a mass or a spring with resonators has this reactance
+at any number of aliases. The environment with which it grows in exact time is found as in one hand of a box.
 """
 
 from __future__ import annotations
@@ -27,17 +27,19 @@ from vctune.model.sampled.any_hand import drive_at, motor_disc
 from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
 
 TURNED = (1, 3, 5, 9, 17, 33)
-"""At how many aliases, the nearest first, the hand has the reactance that is worst: as few as will do. One design in
-160 that are refused by 1 % or more needs 33; every second of these, or twice as many, serve the same others."""
+"""Numbers of aliases, the nearest first, at which the hand has the worst reactance; the least number that suffices is
+used. One design in 160 that are refused by 1 % or more needs 33; every second of these, or twice as many, serve the
+same others."""
 DETUNED = (0.1, 1e-2, 1e-3, 1e-4)
 """How far a resonator is from its alias, relative: the nearer, the less it does at the others, and the slower a motion
 grows. Half as many find growth up to eight times slower, twice as many a hand for one design of 60 more."""
 SUMMED = 250
-"""Aliases on either side that are added up for what the hand answers: the rest is below 1e-5. Half and twice: the same
+"""Aliases on either side that are summed for the hand's response; the rest is below 1e-5. Half and twice: the same
 growth to four digits."""
 FROM_ENDS = (0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3)
-"""How far from 0 Hz and Nyquist, where nothing grows, it is looked for, rad, the first that will do. Half and twice as
-many find hands for the same designs, some with a sixth of the growth and some with six times as much."""
+"""Distances from 0 Hz and Nyquist, where nothing grows, at which the hand is sought, rad; the first success ends the
+search. Half and twice as many find hands for the same designs, some with a sixth of the growth and some with six times
+as much."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +48,7 @@ class LosslessHand:
 
     Attributes
     ----------
-    mass, stiffness : kg and N/m, of which one is 0
+    mass, stiffness : kg and N/m; one of them is 0
     resonators : mass and stiffness of each
     """
 
@@ -75,7 +77,7 @@ def growing_in_any_hand(
     Returns
     -------
     tuple or None
-        The hand without what is always held; None where nothing grows, as where the demand is met.
+        The hand without the least operator; None if nothing grows, for example where the constraint holds.
     """
     with np.errstate(all="ignore"):
         places = list(_places(device, gains, coupling))
@@ -126,7 +128,7 @@ def _places(device: Device, gains: Gains, coupling: SpringDamper) -> Iterator[fl
 
 
 def _hands(device: Device, gains: Gains, theta: float, count: int) -> Iterator[LosslessHand]:
-    """Yield hands that have at a number of aliases, which is odd, the reactance that is worst there."""
+    """Yield hands that have the worst reactance at a number of aliases, which is odd."""
     at = theta + 2 * pi * np.array([0, *(sign * n for n in range(1, count // 2 + 1) for sign in (-1, 1))])
     reactance = np.sign(at) * _reactance(device, gains, theta, at)
     for detuned in DETUNED if count > 1 else DETUNED[:1]:
@@ -136,13 +138,13 @@ def _hands(device: Device, gains: Gains, theta: float, count: int) -> Iterator[L
 
 
 def _reactance(device: Device, gains: Gains, theta: float, at: Floats) -> Floats:
-    """Return the hand's reactance with which the motor answers at the edge of its disc, where that is worst.
+    """Return the hand's worst reactance, with which the motor's response is at the edge of its disc.
 
     Parameters
     ----------
     device, gains : plain numbers
     theta : omega T, rad
-    at : that of the aliases, rad; nothing is answered at others
+    at : angles of the aliases, rad; other angles have no response
     """
     omega, drive = at / device.sample_time, _numbers(drive_at(device, theta, at, FLOATS))
     radius, reactance, leak = motor_disc(device, omega, FLOATS)
@@ -159,7 +161,8 @@ def _reactance(device: Device, gains: Gains, theta: float, at: Floats) -> Floats
 
 
 def _worst_direction(c: complex, r: float, k: complex) -> complex:
-    """Return (G - c)/r on a disc's edge where Re G/(1 + k G) is least, or k G where that can be less than -1."""
+    """Return (G - c)/r on a disc's edge where Re G/(1 + k G) is least; if k G can be less than -1, where that is
+    least."""
     size = abs(1 + k * c) ** 2 - abs(k * r) ** 2
     if size <= 0:
         along = -np.conj(k) / abs(k)
@@ -170,13 +173,14 @@ def _worst_direction(c: complex, r: float, k: complex) -> complex:
 
 
 def _with_reactance(omega: Floats, reactance: Floats, detuned: float) -> LosslessHand | None:
-    """Return a hand with that reactance at these frequencies, a resonator beside each but the first; None if not so.
+    """Return a hand with that reactance at these frequencies, a resonator beside each but the first; None if there is
+    none.
 
     Parameters
     ----------
     omega : rad/s, > 0
     reactance : N s/m
-    detuned : how far the resonators are from their frequencies, relative
+    detuned : relative distance of the resonators from their frequencies
     """
     heavy = reactance[0] > 0
     own = omega if heavy else -1 / omega

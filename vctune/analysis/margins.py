@@ -17,25 +17,26 @@ from vctune.model.gains import Gains
 from vctune.model.numbers.pair import Pair
 
 BISECTIONS = 40
-"""Of an interval of the grid: to 1e-12 of it, beyond what is shown. Half: to 1e-6, which is shown. Twice: rounding."""
+"""Bisections of an interval of the grid, down to 1e-12 of it, which is more than the output shows. Half reaches 1e-6,
+which the output shows. Twice: rounding."""
 MARGIN_POINTS_PER_DECADE = 100
-"""Of the grid on which crossings are found. Half: two crossings within 5 % are missed together. Twice: twice the
-time."""
+"""Points per decade of the grid for crossings. Half may miss two crossings within 5 %; twice takes twice the time."""
 DECADES_BELOW_NYQUIST = 7
-"""No loop crosses over as far below Nyquist but one whose bandwidth is a millionth of its sampling rate.
-Half it misses crossings of slow loops; twice it is grid for nothing."""
+"""No loop crosses over as far below Nyquist but one whose bandwidth is a millionth of its sampling rate. Half misses
+crossings of slow loops; twice is wasted."""
 STEPS, FARTHEST = 16, 32
-"""Steps in which the delay grows to its estimated margin, and how many times as far it is followed. Half the steps: an
-interval of delays in which the loop is unstable may be jumped over that is twice as long. Twice: twice the time."""
+"""Steps in which the delay grows to its estimated margin, and the multiple of the margin up to which it is followed.
+Half the steps: an interval of delays in which the loop is unstable may be jumped over that is twice as long. Twice
+takes twice the time."""
 NEWTON_STEPS = 8
 """From ten bisections' accuracy quadratic convergence takes three; the others are for a double crossing, where it is
 linear. Half would do for a simple one, twice are rounding."""
 DIFFERENCE = 1e-6
 """Step of the central differences in Newton's method, of log omega and of delay over sample time. Its error of 1e-12
-and its rounding of 1e-10 slow down the method and do not move what it converges to; half and twice it neither."""
+and its rounding of 1e-10 slow the method down but do not change its limit; nor do half and twice."""
 FARTHEST_CORRECTION = 0.05
-"""Share of the delay by which Newton's method may correct a bisection, which is right to 1e-4 of the estimate. Farther
-off it has found another crossing; half and twice it tell the same apart."""
+"""Share of the delay by which Newton's method may correct a bisection, which is correct to 1e-4 of the estimate. If it
+moves farther, it has found another crossing; half and twice it decide alike."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,7 @@ def loop_margins(device: Device, gains: Gains) -> Margins:
     Parameters
     ----------
     device : let go, plain numbers
-    gains : with which its sampled loop is stable
+    gains : gains with which its sampled loop is stable
 
     Returns
     -------
@@ -92,13 +93,13 @@ def unit_gain_frequencies(device: Device, gains: Gains) -> Floats:
     Parameters
     ----------
     device : let go, plain numbers
-    gains : one of them not 0
+    gains : gains, one of them not 0
     """
     return _roots(lambda omega: np.log(np.abs(loop_gain(device, gains, omega))), _grid(device))
 
 
 def unstable_poles(device: Device, gains: Gains) -> int:
-    """Return how many poles of the closed sampled loop lie outside the unit circle, from the turns of F around 0.
+    """Return the number of poles of the closed sampled loop outside the unit circle, from the turns of F around 0.
 
     Parameters
     ----------

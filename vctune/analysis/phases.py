@@ -16,7 +16,8 @@ from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.loop.affine import Affine, LoopConstants, loop_constants
 from vctune.model.loop.device_response import device_response, hold_response
-from vctune.model.loop.filters import FilterResponse, actuator_response, force_sensor_response
+from vctune.model.loop.drive import drive_response
+from vctune.model.loop.filters import FilterResponse, sensor_response
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import Pair
 
@@ -24,7 +25,7 @@ SENSOR, SENSOR_DELAY, ESTIMATE, LAW = "force sensor", "force sensor's delay", "v
 HOLD, DELAY, ACTUATOR, MECHANISM = "hold", "delay", "actuator", "mechanism"
 FEEDBACK, ALIASES = "feedback", "aliases of sampling"
 PARTS = (SENSOR, SENSOR_DELAY, ESTIMATE, LAW, HOLD, DELAY, ACTUATOR, MECHANISM, FEEDBACK, ALIASES)
-"""What has a phase, as it is called on a page, from the hand on."""
+"""The parts that have a phase, under their names on a page, from the hand on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,7 @@ class Phases:
     Attributes
     ----------
     omega : rad/s
-    shares : by part, rad; only of parts that there are
+    shares : phases by part, rad; only for existing parts
     """
 
     omega: float
@@ -47,11 +48,11 @@ class Phases:
 
 
 def crossover(device: Device, gains: Gains) -> float | None:
-    """Return the highest frequency at which the sampled loop has |L| = 1, rad/s; None where it has none.
+    """Return the highest frequency at which the sampled loop has |L| = 1, rad/s; None if it has none.
 
     Parameters
     ----------
-    device : plain numbers, SI units; nobody holds it
+    device : plain numbers, SI units; without a hand
     gains : K_v, K_p, N s/m and N/m
     """
     if not gains.closed:
@@ -63,11 +64,11 @@ def crossover(device: Device, gains: Gains) -> float | None:
 def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
     """Return the contribution of each part to the phase of L = A H (K_v F + K_p/s) P_mu of the sampled loop.
 
-    What sampling adds to the frequency model is a share of its own. The hold is the exact one: it is what runs.
+    The effect of sampling on the frequency model has a share of its own. The hold is the exact one.
 
     Parameters
     ----------
-    device : plain numbers, SI units; nobody holds it
+    device : plain numbers, SI units; without a hand
     gains : K_v, K_p, N s/m and N/m
     omega : rad/s, 0 < omega <= pi/T
     """
@@ -86,8 +87,7 @@ def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
 def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
     """Return the contribution of each part to the phase of q = F_s G_he, with G_he = P_hu C_0/(1 + P_mu C_f).
 
-    The feedback, 1/(1 + P_mu C_f), makes up for most of what is late within the loop; nothing does for the force
-    sensor.
+    The feedback, 1/(1 + P_mu C_f), makes up for most of the lag within the loop; nothing makes up for the force sensor.
 
     Parameters
     ----------
@@ -95,11 +95,10 @@ def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
     gains : K_v, K_p, N s/m and N/m
     omega : rad/s, > 0
     """
-    known, shares = _constants(device, omega), {}
-    if device.force_sensor is not None:
-        low_pass = force_sensor_response(replace(device.force_sensor, delay=0.0), np.array(omega), FLOATS)
-        shares = {SENSOR: _angle(_response(low_pass, omega))} if low_pass is not None else {}
-        shares |= {SENSOR_DELAY: -omega * device.force_sensor.delay} if device.force_sensor.delay > 0 else {}
+    known, sensor = _constants(device, omega), device.sensing
+    low_pass = sensor_response(replace(sensor, delay=0.0), np.array(omega), FLOATS)
+    shares = {SENSOR: _angle(_response(low_pass, omega))} if low_pass is not None else {}
+    shares |= {SENSOR_DELAY: -omega * sensor.delay} if sensor.delay > 0 else {}
     shares |= _law_phase(gains, omega)
     shares |= _drive_phases(device, omega)
     idle, e = _without_loop(known), _number(known.factor)
@@ -109,11 +108,11 @@ def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
 
 
 def sensor_miss(device: Device, omega: Floats) -> Floats | None:
-    """Return |1 - F_s|, by how much the sensed force misses the hand's; None where it is the same.
+    """Return |1 - F_s|, the error of the sensed force; None if it is 0.
 
     Parameters
     ----------
-    device : only its force sensor counts
+    device : only its force sensor matters
     omega : rad/s, > 0, shape (n,)
     """
     sensor = device_response(device, omega, FLOATS).sensor
@@ -125,8 +124,8 @@ def _drive_phases(device: Device, omega: float) -> dict[str, float]:
     held = hold_response(replace(device, delay=0.0), np.array(omega), FLOATS)
     shares = {HOLD: _angle(complex(held.re, -omega * held.lag))}
     shares |= {DELAY: -omega * device.delay} if device.delay > 0 else {}
-    if device.actuator is not None:
-        shares[ACTUATOR] = _angle(_response(actuator_response(device.actuator, np.array(omega), FLOATS), omega))
+    late = drive_response(device, np.array(omega), FLOATS)
+    shares |= {ACTUATOR: _angle(_response(late, omega))} if late is not None else {}
     return shares
 
 
@@ -141,7 +140,7 @@ def _without_loop(known: LoopConstants) -> complex:
 
 
 def _law_phase(gains: Gains, omega: float) -> dict[str, float]:
-    """Return the phase of K_v + K_p/s where it has one."""
+    """Return the phase of K_v + K_p/s, if the law is not 0."""
     return {LAW: _angle(complex(gains.velocity, -gains.position / omega))} if gains.position > 0 else {}
 
 

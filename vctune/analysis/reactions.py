@@ -7,9 +7,10 @@ reactance alone: -Y, or -1/Y of an impedance display (model/README.md, section 1
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from itertools import product
 from math import inf, pi
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +62,7 @@ class Reactions:
 
     def curves(self, at: Numbers) -> Reactions:
         """Return some of the curves."""
-        hands = Hand(*(number[at] for number in astuple(self.hands)))
+        hands = self.hands.mapped(itemgetter(at))
         return Reactions(
             self.theta, self.u, self.device[at], hands, self.share[at], self.damping[at], self.reactance[at]
         )
@@ -118,11 +119,11 @@ def _over(
     shares: tuple[float, ...],
     theta: Floats,
 ) -> Reactions:
-    ranges = zip(astuple(hands.low), astuple(hands.high), strict=True)
-    places = [np.unique(np.minimum(low + (high - low) * np.array(shares), high)) for low, high in ranges]
+    places = [np.unique(np.minimum(low + (high - low) * np.array(shares), high)) for low, high in hands.ranges.values()]
     of_coupling = np.unique((1.0, 0.5 * (1 + 1 / factor), min(1.0, (1 + INWARDS) / factor)))
     every = np.array(list(product(range(len(devices)), of_coupling, *places))).T
-    start = Reactions(theta, theta, every[0], Hand(*every[2:]), every[1], theta, theta)
+    each = Hand(**dict(zip(hands.ranges, every[2:], strict=True)))
+    start = Reactions(theta, theta, every[0], each, every[1], theta, theta)
     return _along(devices, start, gains, coupling, theta)
 
 
@@ -135,7 +136,7 @@ def _along(
     for k in np.unique(curves.device).astype(int):
         check_time()
         device, at = devices[k], np.flatnonzero(curves.device == k)
-        hand = Hand(*(number[at, None] for number in astuple(curves.hands)))
+        hand = curves.hands.mapped(itemgetter(at[:, None]))
         seen = seen_in_hand(loop_in_hand(plant_in_hand(device, hand, delays_of(device), FLOATS), theta, FLOATS), gains)
         s, share, T = np.sin(theta / 2), curves.share[at, None], device.sample_time
         reaction = -(seen.lost / seen.size) - 1j * seen.swing / (s * seen.size)

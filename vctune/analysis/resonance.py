@@ -10,15 +10,16 @@ from vctune.analysis.extrema import Floats
 from vctune.model.device import Device
 
 RESONANCE_REACH, NARROWEST = 1.1, 2e-3
-"""How far around a structure's resonances the grid is as fine as half their damping ratio, and how fine at the finest.
-Half a reach and twice as far decide alike: the loop moves a resonance between these two. Half as fine may miss what a
-resonance does between two frequencies, which the proof would then find; twice as fine takes twice the time there."""
+"""Range around a structure's resonances in which the grid is as fine as half their damping ratio, and its finest
+spacing. Half and twice the range decide alike, because the loop moves a resonance between these two. Half as fine may
+miss the effect of a resonance between two frequencies, which the proof would then find; twice as fine takes twice the
+time there."""
 
 
 def with_resonance(device: Device, grid: Floats) -> Floats:
-    """Return a grid, rad/s, with more frequencies from where the handle swings by itself to where both masses do.
+    """Return a grid, rad/s, with more frequencies between the resonance of the handle alone and that of both masses.
 
-    A rigid device has none, and its grid stays as it is.
+    A rigid device has no resonance, and its grid stays as it is.
 
     Parameters
     ----------

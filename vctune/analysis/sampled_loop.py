@@ -36,8 +36,8 @@ def _sampled(device: Device) -> SampledPlant:
 
 
 _sampled_once = lru_cache(maxsize=1024)(_sampled)
-"""Of a device known exactly: all frequencies and all rounds of an exchange ask for the same exponential. As many as are
-looked at in a box of devices; half and twice as many take the same time."""
+"""Cache for a device known exactly, because all frequencies and all rounds of an exchange need the same exponential.
+Its size is the number of devices tried in a box; half and twice as many take the same time."""
 
 
 def return_difference_at(device: Device, omega: Floats, *, position: bool) -> ReturnDifference:

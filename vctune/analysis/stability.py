@@ -24,21 +24,21 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.velocity_loop import ReturnDifference, return_difference
 
 FIRST_ANGLE, ANGLES_PER_DECADE = 1e-4, 46
-"""Of the grid on which turns are counted: chords between neighbours 5 % apart pass 0 on the side of the curve unless it
-is `TOO_CLOSE`. A loop slower than the first angle has no lag to turn by. Half as many angles: more loops that are asked
-of the proof; twice: twice the time of a scan."""
+"""Grid for counting turns: chords between neighbours 5 % apart pass 0 on the side of the curve unless it is
+`TOO_CLOSE`. A loop slower than the first angle has no lag to turn by. With half as many angles the proof has to decide
+more loops; twice as many take twice the time of a scan."""
 TOO_CLOSE = 0.03
-"""Least |F| at which the grid is believed, a little less than the distance of neighbouring angles. Half: chords may
-pass on the wrong side of 0. Twice: more loops that are asked of the proof. Neither endangers a verdict."""
+"""Least |F| at which the grid counts as reliable, a little less than the distance of neighbouring angles. With half,
+chords may pass 0 on the wrong side; with twice, the proof has to decide more loops. Neither endangers a verdict."""
 LARGEST_TURN = 1.0
 """Greatest turn between neighbouring angles at which they are believed, rad: well below half a turn, where its sense is
-lost. Half and twice it ask the proof about more and fewer loops."""
+lost. Half and twice it leave more and fewer loops to the proof."""
 CROSSING_POINTS, CROSSING_ROUNDS = 33, 3
-"""Of the search along a segment of gains for where a pole crosses: to 1/32768 of it. A cut need not be nearer: it is
-one of several rounds. Half and twice the points: to 1/4096 and 1/262144."""
+"""Points and rounds of the search along a segment of gains for a pole's crossing, down to 1/32768 of it. A cut need not
+be closer, because several rounds follow. Half and twice the points: to 1/4096 and 1/262144."""
 DIFFERENCE = 1e-4
-"""Of the central difference in theta, relative, that gives the direction of a cut: right to 1e-8, rounded to 1e-12.
-Half and twice it give the same direction."""
+"""Relative step of the central difference in theta that gives the direction of a cut: correct to 1e-8, rounded to
+1e-12. Half and twice it give the same direction."""
 
 Curve = Callable[[Floats, Floats, Floats], Complex]
 """F(theta, K_v, K_p) = 1 + loop gain, affine in the gains: theta is omega T, rad."""
@@ -86,7 +86,7 @@ def angles(device: Device, first: float = FIRST_ANGLE) -> Floats:
     Returns
     -------
     array of float
-        omega T, rad, increasing to pi; not to be written to.
+        omega T, rad, increasing to pi; read-only.
     """
     grid, T = _angles(first), device.sample_time
     return grid if device.structure is None else np.minimum(with_resonance(device, grid / T) * T, np.pi)
@@ -134,12 +134,12 @@ def makes_no_turn(F: Pair) -> NDArray[np.bool_]:
 
 
 def clearly_stable(device: Device, gains: Gains) -> bool | None:
-    """Return whether neither loop makes a turn around 0, or None where one comes too close to it to tell.
+    """Return whether neither loop makes a turn around 0, or None if one comes too close to it.
 
     Parameters
     ----------
     device : one of `Device.loops`, plain numbers
-    gains : plain numbers; without a loop nothing is told
+    gains : plain numbers; without a loop the result is None
 
     Returns
     -------
@@ -171,8 +171,8 @@ class Cut:
 def stability_cut(device: Device, inside: Gains, outside: Gains, level: float) -> Cut | None:
     """Return the tangent to the stability boundary between a stable and an unstable pair of gains.
 
-    On the boundary F(theta) = 0 for some theta; moving along it changes theta, so that its tangent is where
-    dF is parallel to dF/dtheta. Both the sampled loop and the frequency model are looked at.
+    On the boundary F(theta) = 0 for some theta; moving along it changes theta, so that its tangent is where dF is
+    parallel to dF/dtheta. The function examines both the sampled loop and the frequency model.
 
     Parameters
     ----------

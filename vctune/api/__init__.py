@@ -1,7 +1,7 @@
-"""What the commands do, as functions: `from vctune import ...`.
+"""The commands as functions: `from vctune import ...`.
 
-A command reads its options, calls one of these and prints. Whatever takes a problem takes the path of its file, its
-tables as a dict, a `Problem`, or the `ProblemFile` that `problem` makes of any of these; what is wrong with it is an
+A command reads its options, calls one of these and prints. Every function that takes a problem accepts the path of its
+file, its tables as a dict, a `Problem`, or the `ProblemFile` that `problem` makes of any of these; a fault raises an
 `InputError`, which is a `ValueError`.
 
 >>> from vctune import check, problem, solve

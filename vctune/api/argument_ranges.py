@@ -9,9 +9,9 @@ from vctune.document.text.toml import STDIN as STDIN
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS, WORLD
 
 Format = Literal["c", "fmu", "json", "ros2"]
-"""What an export can be."""
+"""Formats of an export."""
 GAPS = (1e-4, 10.0)
-"""Least and greatest gap: below, rounding shows; above, a bound says nothing."""
+"""Least and greatest gap: below, rounding shows; above, a bound is useless."""
 RESOLUTIONS = (1 / 2048, 1 / 8)
 """Least and greatest side of a region's smallest cell, as a share of the plane's."""
 VARIABLES = (*KEYS, *SPRING_KEYS[3:])

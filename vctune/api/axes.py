@@ -50,7 +50,7 @@ class AxisDesign:
     Attributes
     ----------
     axis : its problem
-    record : of its design, or of why there is none
+    record : record of its design, or of the reason why there is none
     """
 
     axis: AxisProblem
@@ -68,12 +68,12 @@ def of_each(
     ----------
     axes : the problem file
     work : is called with an axis
-    given : what else the work on an axis depends on
+    given : other inputs of the work on an axis
 
     Returns
     -------
     list
-        Of each axis and what was made of its problem, in the file's order.
+        Each axis with the result for its problem, in the file's order.
     """
     done: dict[Hashable, Found] = {}
     found = []
@@ -93,8 +93,8 @@ def solve_axes(
     Parameters
     ----------
     axes : the problem file
-    gap, prices : as for `vctune.solve`
-    progress : told the axis and the stage of the work
+    gap, prices : see `vctune.solve`
+    progress : function that receives the axis and the stage of the work
 
     Returns
     -------
@@ -146,7 +146,7 @@ def write_axes(axes: AxesFile, designs: list[AxisDesign], out: Path, *, reported
     Parameters
     ----------
     axes : the problem file
-    designs : of its axes
+    designs : designs of its axes
     out : in which the folder of the problem is
     reported : whether each folder has a report or will have one
 
@@ -169,7 +169,7 @@ def gains_of_axes(axes: AxesFile, folder: Path) -> dict[str, GainsFile]:
     Parameters
     ----------
     axes : the problem file
-    folder : of the problem, in which each axis has its own
+    folder : folder of the problem, in which each axis has its own
 
     Raises
     ------
@@ -189,8 +189,8 @@ def check_axes(
     Parameters
     ----------
     axes : the problem file
-    gains : by the name of the axis; None for the numbers that the file fixes
-    progress : told the axis
+    gains : gains by the name of the axis; None for the numbers that the file fixes
+    progress : function that receives the axis
 
     Returns
     -------
@@ -220,14 +220,14 @@ def check_parameters(
     Parameters
     ----------
     axes : the problem file
-    path : of the parameter file
+    path : path of the parameter file
     only : names of the axes to check; empty for all that the file selects
-    progress : told the stage of the work
+    progress : function that receives the current stage
 
     Returns
     -------
     list of Checked
-        One for each axis that was looked at.
+        One for each axis that was examined.
 
     Raises
     ------
@@ -292,14 +292,14 @@ def export_axes(
     unproved: bool = False,
     progress: Progress = lambda stage: None,
 ) -> list[tuple[Exported, Path]]:
-    """Export each axis into its folder, or all as the parameters of one ROS 2 controller into that of the problem.
+    """Export each axis into its folder, or all axes as the parameters of one ROS 2 controller into that of the problem.
 
     Parameters
     ----------
     axes : the problem file
-    gains : by the name of the axis; None for the numbers that the file fixes
+    gains : gains by the name of the axis; None for the numbers that the file fixes
     out : in which the folder of the problem is
-    to, precision, unproved, progress : as of `vctune.export`
+    to, precision, unproved, progress : see `vctune.export`
 
     Returns
     -------
@@ -309,7 +309,7 @@ def export_axes(
     Raises
     ------
     NotCertifiedError
-        If a design is not certified, and `unproved` was not asked for; an `InputError` as well.
+        If a design is not certified, and `unproved` is not set; an `InputError` as well.
     InputError
         If an axis has no design, or cannot be exported.
     """

@@ -19,12 +19,12 @@ def benchmark(
 
     Parameters
     ----------
-    name : of a module of `vctune.bench` that measures
-    folder : for the files, made if it is not there
+    name : name of a module of `vctune.bench` that measures
+    folder : folder for the files, made if it is not there
     quick : whether to stay under a minute
-    seed : of the random devices
-    command : that makes it again, for the page
-    progress : told what is being measured
+    seed : seed of the random devices
+    command : command that makes it again, for the page
+    progress : function that receives the current stage
 
     Raises
     ------

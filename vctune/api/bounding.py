@@ -45,9 +45,9 @@ class Known:
 
     Attributes
     ----------
-    record : of its design
-    best : what is proved of its design today; None if it has none
-    resume : where an earlier search stood; None if there was none
+    record : record of its design
+    best : today's judgement of its design; None if it has none
+    resume : state of an earlier search; None if there was none
     """
 
     record: DesignRecord
@@ -62,9 +62,9 @@ class Bounded:
     Attributes
     ----------
     file : the problem
-    record : of its design, with the bound in it; `to_json()` is the object of design.json
-    judgement : of the best design known; None if none is
-    optimality : `bound`, `gap` and `proved`; None where the problem was known to be infeasible, or time was too short
+    record : record of its design, with the bound in it; `to_json()` is the object of design.json
+    judgement : judgement of the best design known; None if none is
+    optimality : `bound`, `gap` and `proved`; None if the problem was known to be infeasible, or time was too short
     """
 
     file: ProblemFile
@@ -84,7 +84,7 @@ class Bounded:
 
     @property
     def improved(self) -> bool:
-        """Whether the search has met a better design than the one that was known."""
+        """Whether the search has found a better design than the known one."""
         return self.optimality is not None and self.optimality.improved is not None
 
     def _repr_html_(self) -> str:
@@ -104,28 +104,28 @@ def bound(
     stopped: Callable[[], bool] = lambda: False,
     progress: Progress = lambda stage: None,
 ) -> Bounded:
-    """Prove a lower bound on the error of every admissible design of a problem.
+    """Prove a lower bound on the error of every feasible design of a problem.
 
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem; one that leaves something free
-    design : what `solve` has found, or the path of a design.json; None to solve the problem first
+    design : the result of `solve`, or the path of a design.json; None to solve the problem first
     gap : stop when the design's error is at most 1 + gap times the bound
     jobs : threads
-    time_limit : s, after which the bound reached so far is returned, solving the problem first included
+    time_limit : s, after which the function returns the bound reached so far; includes solving the problem first
     stopped : whether to give up now
-    progress : told where the search stands
+    progress : function that receives the state of the search
 
     Returns
     -------
     Bounded
-        The bound is valid whenever the search ends. `optimality` is None where the time limit cut the
-        proof of the design, or ended before the search could begin.
+        The bound is valid whenever the search ends. `optimality` is None if the time limit cut the proof of the design,
+        or ended before the search could begin.
 
     Raises
     ------
     InputError
-        If the problem is none or fixes every number, or the design is not of it or not proved.
+        If the problem is invalid or fixes every number, or the design is not of it or not proved.
     """
     require_gap(gap)
     file = require_bounded(require_free(problem_of(problem)))
@@ -159,7 +159,7 @@ def require_free(file: ProblemFile, purpose: str = "choose") -> ProblemFile:
     Parameters
     ----------
     file : the problem
-    purpose : what it is to be free for
+    purpose : purpose for which it must be free
 
     Raises
     ------
@@ -177,13 +177,13 @@ def known_design(file: ProblemFile, path: Path, *, given: bool) -> Known | None:
     Parameters
     ----------
     file : the problem
-    path : of design.json, beside which a search leaves what is left to do
-    given : whether there has to be one
+    path : path of design.json, beside which a search leaves its state
+    given : whether it must exist
 
     Raises
     ------
     InputError
-        If it has to be there, and is not, is of another problem, or is not proved.
+        If it must exist and does not, is of another problem, or is not proved.
     """
     resume = read_resume(path.parent / SAVED, file.sha256)
     if resume is None and not given:
@@ -203,8 +203,8 @@ def write_bounded(bounded: Bounded, path: Path) -> None:
 
     Parameters
     ----------
-    bounded : what a search has proved
-    path : of the design.json; one of another name is written alone, without gains.toml
+    bounded : result of a search
+    path : path of the design.json; one of another name is written alone, without gains.toml
 
     Raises
     ------

@@ -51,8 +51,8 @@ def check(
     Returns
     -------
     Checked
-        `result`, `message` in one line, `warnings`; `finding.judgement` is what is proved, `finding.repairs` what
-        would mend a violated design.
+        `result`, `message` in one line, `warnings`; `finding.judgement` has the proved claims, `finding.repairs` the
+        repairs of a violated design.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def check(
 
 
 def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
-    """Prove again, with a problem as it is today, the cells and gain sets that a region file had proved.
+    """Prove the cells and gain sets of a region file again, for today's problem.
 
     Parameters
     ----------
@@ -76,12 +76,12 @@ def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
     Returns
     -------
     Checked
-        `result`, `message`, `warnings`; `finding.again` is what was proved again.
+        `result`, `message`, `warnings`; `finding.again` has the verdicts.
 
     Raises
     ------
     InputError
-        If problem or baseline are none, or the problem no longer has such a region.
+        If problem or baseline is invalid, or the problem no longer has such a region.
     """
     return recheck(problem_of(problem), Path(baseline))[0]
 
@@ -93,7 +93,7 @@ def recheck(file: ProblemFile, baseline: Path, progress: Progress = lambda stage
     ----------
     file : the problem
     baseline : path of a region.json
-    progress : told the stage of the work
+    progress : function that receives the current stage
     """
     from vctune.study.region_check import recheck_region
 
@@ -114,8 +114,8 @@ def check_parameter_files(
     problems : path of the problem file of the device; one
     files : paths of the parameter files
     axes : names of the axes to check; empty for all that are selected
-    progress : told the stage of the work
-    begun : told the problem before the work begins
+    progress : function that receives the current stage
+    begun : function that receives the problem before the work begins
 
     Returns
     -------
@@ -158,7 +158,7 @@ def write_lost(checked: Checked, again: Recheck, folder: Path) -> None:
 
     Parameters
     ----------
-    checked : whose finding becomes lost.json
+    checked : check whose finding becomes lost.json
     again : the cells and gain sets, drawn in lost.svg
     folder : made if it is not there
 

@@ -29,7 +29,7 @@ SAME = 1e-9
 def compare(
     a: ProblemSource | DesignRecord, b: ProblemSource | DesignRecord, *, progress: Progress = lambda stage: None
 ) -> ComparisonRecord:
-    """Set two designs side by side. A problem is solved for its design; nothing is written.
+    """Set two designs side by side. vctune solves a problem for its design; it writes nothing.
 
     The error of both is measured over the band and with the Z_0 of `a`, which `b` is solved for too, unless `b` states
     its own or is a design that was made on another; then both errors are given on either.
@@ -37,7 +37,7 @@ def compare(
     Parameters
     ----------
     a, b : path of a design.json or of a problem file, the tables of a problem, a problem, or the record of a design
-    progress : told the stage of the work
+    progress : function that receives the current stage
 
     Returns
     -------
@@ -47,7 +47,7 @@ def compare(
     Raises
     ------
     InputError
-        If one of them is none.
+        If one of them is invalid.
     """
     record_a, problem_a = _designed(a, None, progress)
     record_b, problem_b = _designed(b, problem_a, progress)
@@ -65,7 +65,7 @@ def _designed(source: Any, base: Problem | None, progress: Progress) -> tuple[De
         return known, parse_problem(known.problem.text, known.problem.name, known.problem.name)
     file = problem_of(source)
     if base is not None and _alike(base, file.problem):
-        file = on_yardstick(file, base.transparency)
+        file = on_yardstick(file, base)
     return record_of(file, solve(file, progress=progress)), file.problem
 
 
@@ -75,7 +75,8 @@ def _alike(a: Problem, b: Problem) -> bool:
 
 
 def _same(a: Transparency, b: Transparency) -> bool:
-    """Return whether two yardsticks are one, but for the last digits of numbers that are stated here, default there."""
+    """Return whether two yardsticks are one, except for the last digits of numbers that are stated here, default
+    there."""
     numbers = [(each.band.min, each.band.max, each.reference_impedance) for each in (a, b)]
     close = all(isclose(*pair, rel_tol=SAME) for pair in zip(*numbers, strict=True))
     return close and (a.norm, a.weights) == (b.norm, b.weights)
@@ -92,7 +93,7 @@ def _side(source: Any, record: DesignRecord, problem: Problem, yardsticks: Seque
 
 
 def _measured(record: DesignRecord, problem: Problem, yardstick: Transparency) -> MeasuredRecord | None:
-    """Return a design's error on a yardstick; None without a design, or where its device does not reach."""
+    """Return a design's error on a yardstick; None without a design, or if the yardstick is beyond its device."""
     if record.design is None or yardstick.band.max > problem.nyquist:
         return None
     posed = pose(replace(problem, transparency=yardstick)).problem

@@ -31,9 +31,9 @@ def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> 
 
     Parameters
     ----------
-    problem : that was solved
-    solved : what came of it
-    folder : made if it is not there; what is of an earlier design in it is renamed
+    problem : problem that was solved
+    solved : its result
+    folder : made if it does not exist; files of an earlier design in it are renamed
 
     Returns
     -------
@@ -43,7 +43,7 @@ def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> 
     Raises
     ------
     InputError
-        If the folder cannot be written, or holds the design of another problem or file; what is there stays.
+        If the folder cannot be written, or holds the design of another problem or file; its files stay.
     """
     file, folder = problem_of(problem), Path(folder)
     claim_folder(file, folder)
@@ -56,14 +56,14 @@ def write_solved(folder: Path, file: ProblemFile, solved: Solved) -> tuple[Desig
 
     Parameters
     ----------
-    folder : one that is there
+    folder : an existing folder
     file : the problem
-    solved : what came of it
+    solved : its result
 
     Returns
     -------
-    record : of the design, as it is written
-    renamed : files of an earlier design that were renamed, and to what
+    record : record of the design, as it is written
+    renamed : files of an earlier design that were renamed, and their new names
     """
     from vctune.design.nlp.nlp import ipopt_version
 
@@ -72,7 +72,7 @@ def write_solved(folder: Path, file: ProblemFile, solved: Solved) -> tuple[Desig
 
 
 def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: str | Path | None = None) -> Path:
-    """Write the report of a design, report.html and its figures; nothing is solved.
+    """Write the report of a design, report.html and its figures, without solving.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: 
     Raises
     ------
     InputError
-        If there is no such design, or its object is none, or the folder cannot be written.
+        If there is no such design, or its object is invalid, or the folder cannot be written.
     """
     from vctune.report.design_report import write_report as write
 
@@ -128,14 +128,14 @@ def known_record(source: Any) -> DesignRecord | None:
 def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> dict[Path, Path]:
     """Write design.json, and gains.toml with it, and remove the report of an earlier design.
 
-    What else is of the earlier design, such as its firmware, is renamed where the design is another one now; so is
-    gains.toml where there is no design now.
+    If the design has changed, other files of the earlier design, such as its firmware, are renamed; gains.toml is
+    renamed if there is no design now.
 
     Parameters
     ----------
-    folder : one that is there
+    folder : an existing folder
     file : the problem
-    record : of its design, or of why there is none
+    record : record of its design, or of the reason why there is none
 
     Returns
     -------

@@ -15,7 +15,7 @@ SCHEMA_FILE = "document/problem.schema.json"
 
 
 def example_names() -> tuple[str, ...]:
-    """Return the names of the problems that there are."""
+    """Return the names of the example problems."""
     return tuple(sorted(path.stem for path in _folder().glob("*.toml")))
 
 
@@ -29,7 +29,7 @@ def example_text(name: str) -> str:
     Raises
     ------
     InputError
-        If there is none of this name.
+        If there is no example of this name.
     """
     if name not in example_names():
         raise InputError.of(name, "unknown-name", f"is no example; there are: {', '.join(example_names())}")
@@ -39,7 +39,7 @@ def example_text(name: str) -> str:
 
 
 def write_example(name: str, folder: Path) -> Path:
-    """Write a problem file, in the place of no other.
+    """Write a problem file; it never replaces another file.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def write_example(name: str, folder: Path) -> Path:
     Raises
     ------
     InputError
-        If there is none of this name, or a file is there already.
+        If there is no example of this name, or a file exists already.
     """
     text, path = example_text(name), folder / f"{name}.toml"
     if path.exists():
@@ -65,7 +65,7 @@ def write_example(name: str, folder: Path) -> Path:
 
 
 def _folder() -> Path:
-    """Return the folder of the problems: in an installed package, or beside the package where it is developed."""
+    """Return the folder of the problems: in an installed package, or beside the package in a checkout."""
     package = Path(str(files("vctune")))
     inside = package / "problems"
     return inside if inside.is_dir() else package.parent / "problems"

@@ -42,7 +42,7 @@ class Simulation:
     file : the problem
     gains, coupling : the design
     experiments : each with the runs of the design and of the regular PID: `traces`, `metrics`, `mode`
-    controller, made_for : name of the compiled controller that ran in the place of the design's own, and digest of the
+    controller, made_for : name of the compiled controller that ran instead of the design's own, and digest of the
         problem that it was made for; None for none
     """
 
@@ -90,14 +90,14 @@ def simulate(
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
-    gains : N s/m and N/m, with their coupling; or a gains file or its path; None for what `solve` finds
+    gains : N s/m and N/m, with their coupling; or a gains file or its path; None for the design of `solve`
     coupling : N s/m and kg
-    experiment : the only one to simulate, by name or as it is; None for all of the problem
-    controller : a compiled controller, or its path, or that of its folder, to run in the place of the design's own;
-        each experiment then has its `difference`
-    tolerance : greatest difference of its commands from the design's that passes, in their unit; None for what rounding
-        explains
-    progress : told the stage of the work
+    experiment : the only one to simulate, by name or as an object; None for all of the problem
+    controller : a compiled controller, or its path, or that of its folder, to run instead of the design's own; each
+        experiment then has its `difference`
+    tolerance : greatest difference of its commands from the design's that passes, in their unit; None for the effect of
+        rounding
+    progress : function that receives the current stage
 
     Returns
     -------
@@ -128,12 +128,12 @@ def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment,
     Parameters
     ----------
     file : the problem
-    name : of the only experiment; None for all
+    name : name of the only experiment; None for all
 
     Raises
     ------
     InputError
-        If there is none.
+        If there is no experiment.
     """
     experiments = file.problem.experiments
     if not experiments:
@@ -154,7 +154,7 @@ def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
     Parameters
     ----------
     file : the problem
-    progress : told the stage of the work
+    progress : function that receives the current stage
     """
     from vctune.design.solve import solve
     from vctune.design.verdict.prices import with_prices
@@ -167,8 +167,8 @@ def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
 
     Parameters
     ----------
-    simulation : to be written
-    folder : one that is there
+    simulation : simulation to write
+    folder : an existing folder
 
     Returns
     -------

@@ -20,7 +20,7 @@ from vctune.proof.claims.registry import CLAIMS, Claim
 
 GUIDE = "README.md"
 CODE = re.compile(r"^### `([a-z-]+)`\n(.*?)(?=^#|\Z)", re.MULTILINE | re.DOTALL)
-"""A code of what is refused, warned of or left out, and its page."""
+"""The code of a refusal, a warning or a left-out line, and its page."""
 KEYS = re.compile(r"<!-- (?:reference|log|columns) -->\n(.*?)<!-- /", re.DOTALL)
 KEY = re.compile(r"^\| \*{0,2}`\[{0,2}([\w.]+)\]{0,2}`\*{0,2} \| (.*) \|$", re.MULTILINE)
 GLOSSARY = re.compile(r"^## Glossary\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
@@ -32,7 +32,7 @@ LABEL_ENDS = (
     r" [A-Za-z](_\w+)?$",
     r"_(hz|db|deg|s|per_s)$",
 )
-"""What a label of a table, or a key of JSON, adds to a word: a frequency, a number of a part, a symbol, a unit."""
+"""Ends that a label of a table, or a key of JSON, adds to a word: a frequency, a number of a part, a symbol, a unit."""
 TURNING = (("inertia", "mass"), ("torque", "force"))
 """Words for a rotary device, and those for a linear one."""
 CLAIMS_GUIDE = "vctune/proof/README.md"
@@ -47,8 +47,8 @@ class Entry:
     ----------
     kind : "code", "key", "term" or "claim"
     names : under which it is found
-    text : in Markdown
-    guide : where it stands
+    text : text in Markdown
+    guide : guide that contains it
     """
 
     kind: Literal["code", "key", "term", "claim"]
@@ -62,7 +62,7 @@ def explain(name: str) -> ExplanationRecord:
 
     Parameters
     ----------
-    name : a code as it stands in brackets behind what was said; a key with its tables or the last part of it; a word or
+    name : a code as it stands in brackets after a message; a key with its tables or the last part of it; a word or
         a symbol; a claim's identifier or label
 
     Returns
@@ -74,7 +74,7 @@ def explain(name: str) -> ExplanationRecord:
     Raises
     ------
     InputError
-        If there is no such name, with the nearest that there are.
+        If there is no such name, with the nearest existing ones.
     """
     asked = _plain(name)
     found = next(filter(None, map(_called, _alike(asked))), [])
@@ -155,7 +155,7 @@ def _cells(row: str) -> list[str]:
 
 
 def _term(guide: str, heads: list[str], cells: list[str]) -> Entry:
-    """Return a row of the glossary; several words or symbols in it are names of it each."""
+    """Return a row of the glossary; each of several words or symbols in it is a name of it."""
     row = {head: cell.replace("\\|", "|") for head, cell in zip(heads, cells, strict=True)}
     symbols = [part for part in re.findall(r"\$([^$]*)\$|([^$,]+)", row.get("symbol", "")) for part in part if part]
     terms = row["term"].split(", ")

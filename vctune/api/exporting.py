@@ -32,7 +32,7 @@ from vctune.simulation.firmware.stepped import Precision as Precision
 Files = Mapping[str, Content]
 """Contents by name."""
 FOLDER = "firmware"
-"""Of what is exported, in that of the design."""
+"""Folder of the exported files, inside that of the design."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class Exported:
     Attributes
     ----------
     file : the problem
-    firmware : the design as it is exported, `certified` or not
+    firmware : the exported design, `certified` or not
     files : contents by name
     """
 
@@ -61,7 +61,7 @@ def export(
     unproved: bool = False,
     progress: Progress = lambda stage: None,
 ) -> Exported:
-    """Prove a design again, with the constants that its firmware will have, and make files of it.
+    """Prove a design again, with the constants of its firmware, and make the files.
 
     Parameters
     ----------
@@ -70,9 +70,9 @@ def export(
         that the problem fixes
     coupling : N s/m and kg
     to : "c" with vectors to replay, "fmu", "json", or "ros2" for the parameters of an admittance_controller
-    precision : of the firmware's numbers
-    unproved : export what is not proved too; every file then says so at its top
-    progress : told the stage of the work
+    precision : precision of the firmware's numbers
+    unproved : also export a design that is not proved; every file then says so at its top
+    progress : function that receives the current stage
 
     Returns
     -------
@@ -81,10 +81,10 @@ def export(
     Raises
     ------
     NotCertifiedError
-        If the design is not certified, and `unproved` was not asked for; an `InputError` as well.
+        If the design is not certified, and `unproved` is not set; an `InputError` as well.
     InputError
-        If there is no design, or it is for another kind of device than the problem's, or an FMU is asked for where
-        there is no C compiler.
+        If there is no design, or it is for another kind of device than the problem's, or an FMU is required where there
+        is no C compiler.
     """
     for name, value, known in (("to", to, Format), ("precision", precision, Precision)):
         if value not in get_args(known):
@@ -123,8 +123,8 @@ def export_parameters(
     ----------
     named : the problem by whose name the export goes
     axes : the designs, at least one
-    unproved : export what is not proved too
-    progress : told the stage of the work
+    unproved : also export a design that is not proved
+    progress : function that receives the current stage
 
     Returns
     -------
@@ -134,7 +134,7 @@ def export_parameters(
     Raises
     ------
     NotCertifiedError
-        If a design is not certified, and `unproved` was not asked for; an `InputError` as well.
+        If a design is not certified, and `unproved` is not set; an `InputError` as well.
     InputError
         If the controller cannot render them.
     """
@@ -150,7 +150,7 @@ def export_parameters(
 RIGID = (
     "; the controller renders mass and drag alone, without a damper in a row: write coupling.damping = inf, solve again"
 )
-"""What may help a design that is refuted as an admittance_controller steps it."""
+"""Hint for a design that is refuted as an admittance_controller steps it."""
 
 
 class NotCertifiedError(InputError):
@@ -169,7 +169,7 @@ def write_export(exported: Exported, folder: str | Path) -> Path:
     Parameters
     ----------
     exported : the files
-    folder : of the design, in which a folder is made for them
+    folder : folder of the design, in which a folder is made for them
 
     Returns
     -------
@@ -213,7 +213,7 @@ def stated_design(
 
     Parameters
     ----------
-    source, gains, coupling : as of `export`
+    source, gains, coupling : see `export`
 
     Raises
     ------

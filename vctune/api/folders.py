@@ -19,13 +19,13 @@ DESIGN_FILE, GAINS_FILE = "design.json", "gains.toml"
 OWNER_FILE = "problem-file.txt"
 """Holds the path of the problem file that the folder is of, relative to the folder, so that both may move together."""
 OF_DESIGN = ("firmware", "in-the-loop", "simulation.json", "traces.npz")
-"""What other commands make of a design in its folder."""
+"""Results of other commands for a design in its folder."""
 OF_PROBLEM = ("region.json", "region.svg", "z-width.json", "z-width.svg", "front")
-"""What other commands make of a problem, whatever its design is."""
+"""Results of other commands for a problem, independent of its design."""
 
 
 def design_folder(file: ProblemFile, out: Path) -> Path:
-    """Return the folder of a problem's design in OUT, made and writable, in which there is nobody else's work.
+    """Return the folder of a problem's design in OUT, made and writable, without another problem's work.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def design_folder(file: ProblemFile, out: Path) -> Path:
 
 
 def claim_folder(file: ProblemFile, folder: Path) -> None:
-    """Make sure that a folder is there and writable, and that a design of this problem overwrites nothing else.
+    """Make sure that a folder exists and is writable, and that a design of this problem overwrites nothing else.
 
     A problem that was read from a file becomes the owner of the folder. It is refused where another file is the owner,
     unless the design that is there is of the same problem.
@@ -83,8 +83,8 @@ def outdated(folder: Path, record: DesignRecord) -> list[Path]:
 
     Parameters
     ----------
-    folder : of the design
-    record : of the design that takes its place
+    folder : folder of the design
+    record : record of the design that takes its place
     """
     try:
         earlier = read_design(folder / DESIGN_FILE)
@@ -108,7 +108,7 @@ def _held(folder: Path) -> dict[str, Any] | None:
 
 
 def _owner(folder: Path) -> Path | None:
-    """Return the problem file that a folder is of; None where that is not known."""
+    """Return the problem file of a folder; None if it is not known."""
     try:
         stated = (folder / OWNER_FILE).read_text(encoding="utf-8").strip()
     except (OSError, ValueError):

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from vctune.identification.identify import Identified
 
 LONGEST_NAME = 200
-"""Of what a problem file takes; a file's own may be longer."""
+"""Longest name that a problem file accepts; the name of a log file may be longer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +40,8 @@ class Identification:
     ----------
     found : fits, box and distances
     record : the object of identification.json
-    text : of device.toml
-    excitation : a multisine for what is still uncertain; None if it was not asked for
+    text : text of device.toml
+    excitation : a multisine for the numbers that are still uncertain; None if not requested
     """
 
     found: Identified
@@ -68,10 +68,10 @@ def identify(
     Parameters
     ----------
     logs : CSV files, plain or .gz, all of the same device
-    config : the log.toml that says what their columns are; None if the headers say it
+    config : the log.toml that assigns their columns; None if the headers do
     servo : whether they are of a servo, its command and its position
-    excitation : whether to suggest a multisine for what is still uncertain
-    progress : told the stage of the work
+    excitation : whether to suggest a multisine for the numbers that are still uncertain
+    progress : function that receives the current stage
 
     Returns
     -------
@@ -80,7 +80,7 @@ def identify(
     Raises
     ------
     InputError
-        If a file cannot be read or says nothing, with line, column and remedy, or SciPy is not there.
+        If a file cannot be read or has no information, with line, column and remedy, or SciPy is not installed.
     """
     paths = [Path(logs)] if isinstance(logs, str | Path) else [Path(path) for path in logs]
     if not paths:
@@ -110,7 +110,7 @@ def write_identification(identified: Identification, folder: str | Path, *, repo
 
     Parameters
     ----------
-    identified : to be written
+    identified : identification to write
     folder : made if it is not there
     report : whether to draw
 

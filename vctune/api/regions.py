@@ -40,10 +40,11 @@ REGION_FILES, WORLD_FILES = ("region.json", "region.svg"), ("z-width.json", "z-w
 SOLVING = 0.5
 """The share of a time limit that solving takes at most, whose design a region shows and does not need."""
 DRAWING = 1.5
-"""Seconds that are left for the picture of the cells, as long as that is no more than half of them. Half leaves regions
-without a picture on a slow machine, twice as much leaves cells undecided."""
+"""Seconds reserved for the picture of the cells, at most half of the remaining time. Half leaves regions without a
+picture on a slow machine, twice as much leaves cells undecided."""
 LOADING = 0.5
-"""Seconds that loading what draws takes, which nothing interrupts: with less no picture is begun. Half ends late."""
+"""Seconds to load the drawing packages, which nothing interrupts: with less time left no picture is begun. Half ends
+late."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +54,8 @@ class AdmissibleGains:
     Attributes
     ----------
     file : the problem
-    region : the cells; `interrupted` where it was stopped
-    solved : the problem's best design, if it has one; None where it was not looked for
+    region : the cells; `interrupted` if the search was stopped
+    solved : the problem's best design, if it has one; None if the search did not need it
     design : the gains and the coupling whose environments the cells are; None for a plane of design variables
     """
 
@@ -109,20 +110,20 @@ def region(
     stopped: Callable[[], bool] = lambda: False,
     progress: Progress = lambda stage: None,
 ) -> AdmissibleGains:
-    """Find the set of gains for which a problem's demands hold, or of environments that given gains bear.
+    """Find the set of gains that meet a problem's constraints, or of environments that given gains render, by cells.
 
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
-    x, y : dotted keys of two variables that are free; None for K_v and K_p, or of an impedance display b_c and k_c.
-        Where others are free, feasible means that some values of theirs within their bounds will do. Or numbers of
-        an environment: what may be rendered in every hand of the problem
-    gains, coupling : the design whose environments are looked at, or its file; None for the problem's own
+    x, y : dotted keys of two variables that are free; None for K_v and K_p, or of an impedance display b_c and k_c. If
+        others are free, feasible means that some of their values within their bounds suffice. Numbers of an environment
+        give the environments that may be rendered in every hand of the problem
+    gains, coupling : the design that renders the environments, or its file; None for the problem's own
     resolution : side of the smallest cell as a share of the plane's, 1/2048 to 1/8
-    solved : what `solve` has found of the problem; None to solve it first
-    time_limit : s, after which what is known is returned
-    stopped : whether to give up now; what is not decided by then is undecided
-    progress : told the stage of the work
+    solved : the result of `solve` for the problem; None to solve it first
+    time_limit : s, after which the function returns the result so far
+    stopped : whether to give up now; the remaining cells are undecided
+    progress : function that receives the current stage
 
     Returns
     -------
@@ -131,7 +132,7 @@ def region(
     Raises
     ------
     InputError
-        If the problem is none, x and y span no plane, or there is no design whose environments could be looked at.
+        If the problem is invalid, x and y span no plane, or there is no design that could render environments.
     """
     file = problem_of(problem)
     x, y = axes_of(file.problem, x, y)
@@ -167,12 +168,12 @@ def _best(file: ProblemFile, solved: Solved | None) -> Design:
 
 
 def best_design(problem: Problem, progress: Progress = lambda stage: None) -> Solved:
-    """Return the best design of a problem, for its region to be shown with; of a time limit it takes `SOLVING`.
+    """Return the best design of a problem, to show it in its region; it takes the share `SOLVING` of a time limit.
 
     Parameters
     ----------
-    problem : in SI units
-    progress : told the stage of the work
+    problem : problem in SI units
+    progress : function that receives the current stage
     """
     with limited(SOLVING * seconds_left()):
         return solve(problem, progress)
@@ -224,12 +225,12 @@ def write_region(found: AdmissibleGains, folder: Path) -> tuple[Path | None, boo
 
     Parameters
     ----------
-    found : what was proved of the plane; of a search that was interrupted, an earlier region that was not is kept
-    folder : one that is there
+    found : the region; if its search was interrupted, an earlier complete region is kept
+    folder : an existing folder
 
     Returns
     -------
-    kept : what region.json of an earlier search was renamed to, None if it was not
+    kept : new name of an earlier search's region.json, None if it was not renamed
     drawn : whether the picture was
 
     Raises

@@ -26,27 +26,27 @@ def solve(
     time_limit: float = inf,
     progress: Progress = lambda stage: None,
 ) -> Solved:
-    """Find the most transparent admissible design and prove it; judge it when every number is fixed.
+    """Find the most transparent feasible design and prove it; judge it when every number is fixed.
 
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
     gap : prove that no design has an error lower by more than this share
-    prices : work out what each number of the device would be worth if it were better by a hundredth
-    time_limit : s, after which what is known is returned; `cut` then says what was cut short
-    progress : told the stage of the work
+    prices : compute the value of each number of the device if it were better by a hundredth
+    time_limit : s, after which the function returns the result so far; `cut` then names the missing parts
+    progress : function that receives the current stage
 
     Returns
     -------
     Solved
-        `status`; `judgement`, the best design and what is proved of it, None if there is none; else `reason` and
-        `repairs`, the changes of one number after which there is one, the least error first. `prices`, the greatest
-        gain first, where they were asked for.
+        `status`; `judgement`, the best design and its proved claims, None if there is none; else `reason` and
+        `repairs`, the changes of one number that give a design, the least error first. `prices`, the greatest gain
+        first, if requested.
 
     Raises
     ------
     InputError
-        If the problem is none, or the gap out of range.
+        If the problem is invalid, or the gap out of range.
     """
     file = problem_of(problem)
     if gap is not None:

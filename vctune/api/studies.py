@@ -37,8 +37,8 @@ class Swept:
 
     Attributes
     ----------
-    study : what was solved
-    table : a row a point: its axes, what became of it, error, design and least ratio
+    study : the solved study
+    table : a row for each point: its axes, status, error, design and least ratio
     dropped : torn lines of an interrupted earlier run, whose points were solved again
     """
 
@@ -48,7 +48,7 @@ class Swept:
 
     @property
     def cut(self) -> int:
-        """How many points the time limit has cut short."""
+        """Number of points that the time limit has cut short."""
         return sum(has_code(reason, "time-limit") for reason in self.table.reason)
 
     @property
@@ -66,8 +66,8 @@ class Fronts:
 
     Attributes
     ----------
-    terms : in |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0
-    band : in error and upper edge of the stability band; None where hands are to be met at every frequency, no others
+    terms : terms in |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0
+    band : front in error and upper edge of the stability band; None if hands are required at every frequency, no others
     """
 
     terms: Table
@@ -103,23 +103,23 @@ def sweep(
         or `{"log": [a, b], "n": n}`, in the units of the problem file
     sample : `{"kind": "grid"}`, every combination, the default; `{"kind": "lhs", "n": n, "seed": seed}`, a Latin
         hypercube; or `{"kind": "list"}`, the axes' lists side by side
-    folder : for rows, table and picture, where an interrupted sweep goes on; None to keep nothing
-    jobs : number of workers; None for the cores that there are
+    folder : folder for rows, table and picture, where an interrupted sweep continues; None to keep nothing
+    jobs : number of workers; None for the number of cores
     executor : "serial" for this process alone; "processes", which a script starts from under `if __name__ ==
         "__main__":`; "dask" or "dask:ADDRESS"
-    restart : begin anew instead of going on
-    time_limit : s of a point, whose row is undecided where it is not enough
+    restart : begin again instead of going on
+    time_limit : s for each point, whose row is undecided if this is not enough
     on_done : called once a point
 
     Returns
     -------
     Swept
-        `table.columns()` is what `pandas.DataFrame` takes, `table.rows()` a dict a point.
+        `pandas.DataFrame` accepts `table.columns()`; `table.rows()` has a dict for each point.
 
     Raises
     ------
     InputError
-        If problem or study are none, or the folder cannot be written.
+        If problem or study is invalid, or the folder cannot be written.
     """
     study = _study(problem, axes, sample)
     with worker_pool(executor, jobs or available_cores()) as pool, _kept(folder) as place:
@@ -153,7 +153,7 @@ def front(
     Raises
     ------
     InputError
-        If the problem is none or fixes every number, or the folder cannot be written.
+        If the problem is invalid or fixes every number, or the folder cannot be written.
     """
     file = require_free(problem_of(problem), "trade")
     studies = [terms_study(file.document, file.problem)]

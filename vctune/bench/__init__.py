@@ -1,1 +1,1 @@
-"""Benchmarks: what vctune's answers cost and what they are worth, against its peers and at the extremes."""
+"""Benchmarks: the cost and the quality of vctune's answers, against its peers and at the extremes."""

@@ -16,7 +16,7 @@ from vctune.report.figures.benchmark_figures import Panel, benchmark_figure
 from vctune.report.page.page import svg
 
 Tick = Callable[[str], None]
-"""Told what is being measured."""
+"""A function that receives the current stage of the measurement."""
 DIGITS = 6
 
 
@@ -26,10 +26,10 @@ class Measured:
 
     Attributes
     ----------
-    title, reading : what it is, and how the picture is read
-    rows : of one frozen dataclass
-    facts : what the rows say, a sentence each
-    panels : of the picture
+    title, reading : title of the benchmark, and how to read its picture
+    rows : rows of one frozen dataclass
+    facts : the findings, a sentence each
+    panels : panels of the picture
     """
 
     title: str
@@ -63,9 +63,9 @@ def page(name: str, measured: Measured, command: str, machine: str) -> str:
     Parameters
     ----------
     name : stem of the benchmark's files
-    measured : what it found
-    command : that makes it again
-    machine : on which it ran
+    measured : its result
+    command : command that makes it again
+    machine : machine of the run
     """
     lines = [
         f"# {measured.title}",
@@ -86,9 +86,9 @@ def record_of(name: str, measured: Measured, machine: str) -> BenchRecord:
 
     Parameters
     ----------
-    name : of the benchmark
-    measured : what it found
-    machine : on which it ran
+    name : name of the benchmark
+    measured : its result
+    machine : machine of the run
     """
     rows = [{key: _existing(value) for key, value in asdict(row).items()} for row in measured.rows]
     return BenchRecord(name=name, title=measured.title, machine=machine, facts=measured.facts, table=rows)
@@ -99,15 +99,15 @@ def _existing(value: Any) -> Any:
 
 
 def write_measured(folder: Path, name: str, measured: Measured, command: str, machine: str) -> None:
-    """Write a benchmark's table, picture and page, all of them together.
+    """Write a benchmark's table, picture and page together.
 
     Parameters
     ----------
-    folder : for the files
+    folder : folder for the files
     name : their stem
-    measured : what was found
-    command : that makes it again
-    machine : on which it ran
+    measured : the result
+    command : command that makes it again
+    machine : machine of the run
 
     Raises
     ------

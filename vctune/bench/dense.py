@@ -38,8 +38,8 @@ class Dense:
     Attributes
     ----------
     prepared : the problem
-    structure, free, fixed : what the NLP contains, its variables, and the values of the others
-    numbers : where to start, parameters, bounds
+    structure, free, fixed : structure of the NLP, its variables, and the values of the others
+    numbers : start, parameters, bounds
     """
 
     prepared: Prepared
@@ -49,27 +49,27 @@ class Dense:
     numbers: NlpNumbers
 
     def values(self, z: Floats) -> tuple[Floats, Floats]:
-        """Return the objective, log error, and the constraints beyond their levels: >= 0 where a design meets them.
+        """Return the objective, log error, and the constraints beyond their levels: >= 0 where a design satisfies them.
 
-        Where Re G_hh <= 0 there is no logarithm: such a demand is missed by `MISSED`.
+        Where Re G_hh <= 0 there is no logarithm: the violation of such a constraint is `MISSED`.
         """
         f, g = functions(self.structure).values(z, self.numbers.parameters)
         beyond = np.nan_to_num(np.array(g).ravel()[self.posed] - self.levels, nan=-MISSED, neginf=-MISSED)
         return np.nan_to_num(np.array(f).ravel(), nan=MISSED, posinf=MISSED), beyond
 
     def slopes(self, z: Floats) -> tuple[Floats, Floats]:
-        """Return the gradient of the objective and the Jacobian of the demands."""
+        """Return the gradient of the objective and the Jacobian of the constraints."""
         df, dg = functions(self.structure).slopes(z, self.numbers.parameters)
         return np.array(df).ravel(), np.array(dg)[self.posed]
 
     @property
     def posed(self) -> Any:
-        """Which of the structure's constraints are demands, not slots that nobody uses."""
+        """The constraints of the structure that are in use, not empty slots."""
         return self.numbers.least > -np.inf
 
     @property
     def levels(self) -> Floats:
-        """The least values of the demands."""
+        """The least values of the constraints."""
         return self.numbers.least[self.posed]
 
     def design(self, z: Floats) -> tuple[Gains, AnyCoupling]:
@@ -82,7 +82,7 @@ class Dense:
 
 @dataclass(frozen=True, slots=True)
 class Functions:
-    """Objective and demands, and their first derivatives."""
+    """Objective and constraints, and their first derivatives."""
 
     values: ca.Function
     slopes: ca.Function
@@ -101,19 +101,19 @@ def functions(structure: NlpStructure) -> Functions:
 
 
 def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> Dense:
-    """Pose a problem on `count` frequencies for Llewellyn's conditions and as many for |S|, both log-spaced.
+    """Impose a problem on `count` frequencies for Llewellyn's conditions and as many for |S|, both log-spaced.
 
     Parameters
     ----------
     prepared : the problem
-    start : where to begin; decides whether the law has an integrator
-    count : frequencies of each kind
-    reserve : relative sharpening of the demands
+    start : start; it decides whether the law has an integrator
+    count : number of frequencies of each kind
+    reserve : relative tightening of the constraints
 
     Returns
     -------
     Dense
-        The NLP of one solve, and where it starts.
+        The NLP of one solve, and its start.
     """
     integrator = start.gains.position > 0
     posed, scaled = prepared.scaled, prepared.scaled.problem
@@ -137,7 +137,7 @@ def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> Dense
 
 @dataclass(frozen=True, slots=True)
 class Stopped:
-    """Where a solver stopped, and whether it says that it has converged."""
+    """The final point of a solver, and whether it reports convergence."""
 
     z: Floats
     converged: bool

@@ -18,7 +18,7 @@ def device(seed: int, number: int) -> tuple[dict[str, Any], Problem]:
 
     Parameters
     ----------
-    seed : of the whole series
+    seed : seed of the whole series
     number : within it
     """
     rng = np.random.default_rng((seed, number))

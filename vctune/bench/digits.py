@@ -21,9 +21,9 @@ class Exact:
 
     Attributes
     ----------
-    offered, required, ratio : Re Z_c, R, and their quotient, inf where R <= 0; R has no meaning where Re h11 <= 0
+    offered, required, ratio : Re Z_c, R, and their quotient, inf if R <= 0; R has no meaning where Re h11 <= 0
     resistance : Re h11
-    rollett : Rollett's stability factor of the two-port with Z_c; inf where q = 0
+    rollett : Rollett's stability factor of the two-port with Z_c; inf if q = 0
     admittance, tracking, coupling : |G_hh|, |1 - G_he|, |Z_c|, without the operator
     """
 
@@ -45,7 +45,7 @@ def exact(case: Case, omega: Any) -> Exact:
 
     Parameters
     ----------
-    case : one case of plain numbers, which count as the decimals that they print as
+    case : one case of plain numbers, which stand for the decimals that they print as
     omega : rad/s, > 0
 
     Returns
@@ -101,7 +101,7 @@ def characteristic(case: Case, law: Sequence[Any]) -> list[Any]:
     Parameters
     ----------
     case : one case; whether its K_p is positive decides the polynomial's order
-    law : K_v and K_p, N s/m and N/m, in the place of the case's own; both 0 for the open loop
+    law : K_v and K_p, N s/m and N/m, instead of the case's own; both 0 for the open loop
 
     Returns
     -------

@@ -1,8 +1,8 @@
 """An independent implementation of the theory in plain complex numbers, which shares no code with the model.
 
 Dense grids instead of a proof, matrix exponentials and eigenvalues instead of a return difference. The tests judge with
-it too, many designs or many devices at a time: of one `Case` a function of k frequencies, rad/s and not 0, gives k
-numbers in SI units, and of n cases n rows of them.
+it too, many designs or many devices at a time. For one `Case`, a function of k frequencies, rad/s and not 0, returns k
+numbers in SI units; for n cases it returns n rows of them.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from vctune.model.problem import Problem
 Floats = NDArray[np.float64]
 
 POINTS = 20_001
-"""Frequencies looked at in each band; odd, for Simpson's rule."""
+"""Frequencies examined in each band; odd, for Simpson's rule."""
 ENDLESS = 1e-6
-"""Where a band from 0 begins, and the reciprocal of where one to inf ends, relative to the other frequencies."""
+"""Lower end of a band from 0, and reciprocal of the upper end of one to inf, relative to the other frequencies."""
 WHOLE = 1e-12
-"""Share of a sample by which a delay may miss a whole number of them."""
+"""Share of a sample by which a delay may deviate from a whole number of samples."""
 SERIES = 1e-2
-"""Up to here (1 - e^-x)/x and its integral are Taylor series, whose closed forms cancel."""
+"""Argument up to which (1 - e^-x)/x and its integral are Taylor series, because their closed forms cancel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class Case:
 
     Attributes
     ----------
-    mass, damping, sample_time, delay, hold : of the device
+    mass, damping, sample_time, delay, hold : those of the device
     K_v, K_p : gains
     b_c, m_c, b_0 : damping, mass and drag of the coupling
     m_h, b_h : mass and damping of the least operator
@@ -99,7 +99,7 @@ def case_of(device: Device, gains: Gains, coupling: AnyCoupling) -> Case:
     ----------
     device : plain numbers, SI units
     gains : K_v and K_p, N s/m and N/m
-    coupling : of an admittance display
+    coupling : coupling of an admittance display
 
     Returns
     -------
@@ -110,7 +110,7 @@ def case_of(device: Device, gains: Gains, coupling: AnyCoupling) -> Case:
 
 
 def _column(number: Any) -> Any:
-    """Return a number, or an array of cases to be spread over frequencies."""
+    """Return a number, or an array of cases that broadcasts over frequencies."""
     return number[:, None] if np.ndim(number) else number
 
 
@@ -150,11 +150,11 @@ def coupling_impedance(case: Case, s: Any) -> Any:
 
 
 def required(case: Case, omega: Any) -> Any:
-    """Return R = (|q| - Re q)/(2 Re h11) - Re h22, the least admissible Re Z_c (paper eq. 19).
+    """Return R = (|q| - Re q)/(2 Re h11) - Re h22, the least feasible Re Z_c (paper eq. 19).
 
-    The two-port has absorbed the operator's damping: h11 = 1/(W + C), h22 = b_h C/(W + C),
-    q = -h12 h21 = C (Z_d + C)/(W + C)^2 with W = Z_d + b_h. |q| - Re q is (Im q)^2/(|q| + Re q) where Re q > 0, and
-    Im q that of 1 - q, so that nothing cancels. A mass in the hand changes nothing: any reactance may be there anyway.
+    The two-port has absorbed the operator's damping: h11 = 1/(W + C), h22 = b_h C/(W + C), q = -h12 h21 = C (Z_d +
+    C)/(W + C)^2 with W = Z_d + b_h. |q| - Re q is (Im q)^2/(|q| + Re q) where Re q > 0, and Im q that of 1 - q, so that
+    nothing cancels. A mass in the hand changes nothing, because any reactance is allowed anyway.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def required(case: Case, omega: Any) -> Any:
     Returns
     -------
     array of float
-        N s/m, shape (k,), or (n, k) for n cases; inf where Re h11 <= 0.
+        N s/m, shape (k,), or (n, k) for n cases; inf if Re h11 <= 0.
     """
     Z_d, C = impedances(case, 1j * omega)
     W = Z_d + case.b_h
@@ -187,7 +187,7 @@ def stability_ratio(case: Case, omega: Any) -> Any:
     Returns
     -------
     array of float
-        Shape (k,), or (n, k) for n cases; inf where R <= 0, -inf where Re h11 <= 0.
+        Shape (k,), or (n, k) for n cases; inf if R <= 0, -inf if Re h11 <= 0.
     """
     R = required(case, omega)
     with np.errstate(divide="ignore"):
@@ -223,7 +223,7 @@ def sensitivity(case: Case, omega: Any) -> Any:
 
 
 def _samples(case: Case) -> tuple[Any, Any]:
-    """Return the delay as whole samples and the rest of it, s."""
+    """Return the delay as whole samples and a remainder, s."""
     T = case.sample_time
     whole = np.floor(np.asarray(case.delay) / T + WHOLE)
     late = np.maximum(case.delay - whole * T, 0.0)
@@ -361,15 +361,15 @@ def squared_error(problem: Problem, case: Case, omega: Any) -> Any:
 
 
 def violation(problem: Problem, case: Case, extra: Sequence[float] = ()) -> float:
-    """Return the log of how much one case misses the demand on Re Z_c/R or |S| that it misses most; 0 if it meets both.
+    """Return the log of one case's greatest violation of the constraints on Re Z_c/R and |S|; 0 if it meets both.
 
-    Looked at are dense grids, and extra frequencies, rad/s, that someone has pointed at.
+    The function evaluates dense grids, and the given extra frequencies, rad/s.
 
     Parameters
     ----------
-    problem : the demands
+    problem : the constraints
     case : one case, of the problem's device
-    extra : rad/s; those beyond a demand's band are left out of it
+    extra : rad/s; those beyond a constraint's band are left out of it
 
     Returns
     -------

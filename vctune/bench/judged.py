@@ -21,7 +21,7 @@ class Worth:
     Attributes
     ----------
     error : transparency error, by the independent evaluator
-    violation : by how much the demands are missed at the worst, relative; also where the prover pointed
+    violation : greatest relative violation of the constraints, also at the prover's witnesses
     stable : whether the sampled loop is stable, by its eigenvalues
     verdict : the prover's
     consistent : whether prover and evaluator do not contradict each other
@@ -39,13 +39,13 @@ def worth(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Worth:
 
     Parameters
     ----------
-    problem : with its demands
+    problem : problem with its constraints
     gains, coupling : the answer
 
     Returns
     -------
     Worth
-        What vctune says of it, and an independent evaluation.
+        The verdict of vctune, and of an independent evaluation.
     """
     judged = judge(problem, gains, coupling)
     witnesses = [outcome.witness for outcome in judged.certificate.outcomes.values() if outcome.witness]

@@ -32,7 +32,7 @@ def slsqp(dense: Dense) -> Stopped:
 
 
 def slsqp_differences(dense: Dense) -> Stopped:
-    """SciPy's SLSQP as it is called most often: its own finite differences."""
+    """SciPy's SLSQP in its most common use: its own finite differences."""
     return _slsqp(dense, exact=False)
 
 

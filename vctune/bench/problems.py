@@ -51,15 +51,16 @@ DOCUMENTS: dict[str, dict[str, Any]] = {
     "at-bound": _wheel(LIMITS, 250.0, mass=1.0, delay=5e-4),
     "fixed-loop": _wheel({"velocity": 150.0, "position": 6000.0}, 100.0),
 }
-"""As problem files would state them, by name; the first has two basins and demands that bind between frequencies."""
+"""The problems by name, as files would state them; the first has two basins and constraints that bind between
+frequencies."""
 
 
 def posed(name: str, document: dict[str, Any]) -> Problem:
-    """Return the problem of a document that is known to be one.
+    """Return the problem of a valid document.
 
     Parameters
     ----------
-    name : of the problem
+    name : name of the problem
     document : its tables
     """
     problem, faults = pose(document, name)
@@ -68,5 +69,5 @@ def posed(name: str, document: dict[str, Any]) -> Problem:
 
 
 def reference_problems(count: int | None = None) -> dict[str, Problem]:
-    """Return the first so many reference problems, or all, by name."""
+    """Return the first n reference problems, or all, by name."""
     return {name: posed(name, document) for name, document in list(DOCUMENTS.items())[:count]}

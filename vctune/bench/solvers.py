@@ -31,9 +31,9 @@ GRID = 2000
 GRIDS = (8, 32, 128, 512)
 """Coarser ones for IPOPT."""
 RESERVE = 1e-5
-"""Sharpening of the peers' demands on `GRID`, about what they miss between neighbours."""
+"""Tightening of the peers' constraints on `GRID`, about their violation between neighbours."""
 MET = 1e-6
-"""A violation on the grid up to which a peer's answer counts as one."""
+"""Violation on the grid up to which a peer's answer is accepted."""
 REPEATS, SLOW = 5, 1.0
 """Pairs of a solver and vctune, and the seconds from which there is one only."""
 OURS, MULTISTART, IPOPT = "vctune", "SciPy SLSQP", "IPOPT, "
@@ -49,9 +49,9 @@ class Peer:
 
     Attributes
     ----------
-    name, count : how it is called, and frequencies of each kind in its grid
-    work : what it does with a problem
-    reserve : relative sharpening of its demands
+    name, count : name of the solver, and number of frequencies of each kind in its grid
+    work : function that solves a problem
+    reserve : relative tightening of its constraints
     """
 
     name: str
@@ -70,9 +70,9 @@ class Row:
     seconds : median processor time to its result, its functions compiled before; vctune's has the scan for the starts
         and the proof in it, the others' has not
     pace : vctune's time over the solver's, median of pairs measured one after the other
-    starts, unstable : starts that it was run from, and how many answers it gave whose sampled loop is unstable
-    succeeded : whether the solver says so of the answer that it gave
-    gap : by what share its error is above the best proved one of all solvers
+    starts, unstable : number of its starts, and of its answers whose sampled loop is unstable
+    succeeded : whether the solver reports success
+    gap : share by which its error is above the best proved one of all solvers
     error, violation, stable, verdict, consistent : see `vctune.bench.judged.Worth`
     """
 
@@ -106,13 +106,13 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
     Parameters
     ----------
     quick : whether on the first problem alone
-    seed : not used: nothing here is random
-    tick : told what is measured next
+    seed : not used; nothing here is random
+    tick : function that receives the next stage
 
     Returns
     -------
     Measured
-        A row for each solver on each problem, and what they come to.
+        A row for each solver on each problem, and sentences on them.
 
     Raises
     ------
@@ -190,7 +190,7 @@ class _Answer:
 
     @property
     def rank(self) -> tuple[bool, float]:
-        """Answers that meet their grid in a stable loop first, best first; then by how much is missed."""
+        """First answers that satisfy their grid in a stable loop, best first; then by their violation."""
         good = self.missed <= MET and self.stable
         return (not good, self.error if good else self.missed + 1e3 * (not self.stable))
 

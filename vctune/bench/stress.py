@@ -29,9 +29,9 @@ from vctune.study.executors import available_cores, worker_pool
 
 QUICK, FULL = 40, 3000
 PATIENCE = 20.0
-"""Processor time, s, after which a device counts as failed."""
+"""Processor time, s, after which a device is recorded as failed."""
 FREQUENCIES = 40
-"""Where a certified design is evaluated with 50 digits, log-spaced over each of its bands."""
+"""Frequencies at which a certified design is evaluated with 50 digits, log-spaced over each of its bands."""
 FAILED = "failed"
 SCAN_GAINS, SCAN_DAMPING, SCAN_FREQUENCIES = 28, 48, 120
 SLOWEST = 8
@@ -43,12 +43,12 @@ class Row:
 
     Attributes
     ----------
-    status : certified, infeasible, undecided, or failed: an exception, a number that is none, no answer in time
+    status : certified, infeasible, undecided, or failed: an exception, an invalid number, no answer in time
     seconds : processor time of the solve
-    wrong : what contradicts the verdict, "" if nothing does
+    wrong : contradiction of the verdict, "" if there is none
     float_error : largest relative error of the float formulas against 50 digits, over Re Z_c/R, |G_hh|, |1 - G_he| and
-        |Z_c|; nan where no design was found
-    reason, device : what is said of a device without an answer or with a wrong one, and its numbers; else ""
+        |Z_c|; nan if no design was found
+    reason, device : remark on a device without an answer or with a wrong one, and its numbers; else ""
     """
 
     number: int
@@ -65,14 +65,14 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
 
     Parameters
     ----------
-    quick : whether only `QUICK` of them
-    seed : of the devices
-    tick : told how many are done
+    quick : whether to test only `QUICK` devices
+    seed : seed of the devices
+    tick : function that receives the number of finished devices
 
     Returns
     -------
     Measured
-        A row for each device, and what they come to.
+        A row for each device, and sentences on them.
 
     Raises
     ------
@@ -101,12 +101,12 @@ def examined(seed: int, number: int) -> Row:
 
     Parameters
     ----------
-    seed, number : of the device
+    seed, number : those of the device
 
     Returns
     -------
     Row
-        Its status, its time, and what of it an independent evaluation contradicts.
+        Its status, its time, and the contradictions of an independent evaluation.
     """
     document, problem = device(seed, number)
     said, began = json.dumps(document), process_time()
@@ -151,8 +151,8 @@ def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
 
     Parameters
     ----------
-    problem : with its demands
-    judgement : of a design, of any status; only a certified one can be contradicted
+    problem : problem with its constraints
+    judgement : judgement of a design, of any status; only a certified one can be contradicted
     """
     from vctune.bench import digits
 
@@ -188,9 +188,9 @@ def _floats(problem: Problem, judgement: Judgement, omega: float) -> tuple[float
 
 
 def feasible(problem: Problem) -> str | None:
-    """Scan gains and couplings with the independent evaluator; return a design that meets every demand, or None.
+    """Scan gains and couplings with the independent evaluator; return a design that meets every constraint, or None.
 
-    m_c and b_0 are at their upper bounds, which ease the demands; b_c is scanned.
+    m_c and b_0 are at their upper bounds, which ease the constraints; b_c is scanned.
     """
     bounds, stability = problem.bounds, problem.stability
     omega = np.geomspace(*demands.sampled_span(problem), SCAN_FREQUENCIES)
@@ -209,7 +209,7 @@ def feasible(problem: Problem) -> str | None:
 
 
 def _spread(bounds: Range, count: int) -> list[float]:
-    """Return values over a range, log-spaced, ends and 0 included where they belong to it."""
+    """Return values over a range, log-spaced, including ends and 0 if they belong to it."""
     if bounds.fixed:
         return [bounds.min]
     if bounds.min > 0:

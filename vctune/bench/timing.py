@@ -32,7 +32,7 @@ def timed(work: Callable[[], Made], repeats: int = 1) -> tuple[Made, float]:
     Parameters
     ----------
     work : called each time
-    repeats : how often; the last result is returned
+    repeats : number of runs; the result of the last is returned
     """
     seconds = []
     for _ in range(repeats):

@@ -8,10 +8,11 @@ from vctune.analysis.demands import sampled_span, transparency_error
 from vctune.design.variables import Point
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.parts import DELAYS
 from vctune.model.problem import Demands, Problem
 from vctune.model.transparency import TERMS, TermName, Terms
 from vctune.proof.claims.whole_samples import beside_whole_sample, next_to_whole_samples, reaching_whole_sample
-from vctune.proof.device_box import DELAYS, DeviceBox, device_box, in_longer_hands, moved_as_one
+from vctune.proof.device_box import DeviceBox, device_box, in_longer_hands, moved_as_one
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,18 +55,19 @@ class Units:
 class Posed:
     """A problem and the devices at which its constraints are imposed.
 
-    What lies between the vertices of a box is the prover's business: a device of it that is refuted joins them. Two are
-    the same only if they are one, so that what is worked out of one can be kept for it.
+    The prover covers the space between the vertices of a box: a refuted device of it joins them. Two are equal only if
+    they are one object, so that results for one can be cached.
 
     Attributes
     ----------
-    problem : in SI or in the optimiser's units
+    problem : problem in SI or in the optimiser's units
     cases : the problem of each device, known exactly: the nominal one and, if it is uncertain, its box's vertices; the
-        same of other delays for which the demands hold too
-    hand_cases : the problem of each device whose hands are looked at: those of `cases`, and delays at which it matters
-    objective : those of them whose greatest error is the objective
+        same of other delays for which the constraints hold too
+    hand_cases : the problems of the devices that are evaluated in hands: those of `cases`, and other delays if they
+        matter
+    objective : the devices among them whose greatest error is the objective
     box : all devices for which a design is to be proved; None for the problem's own alone
-    demands : what a design has to meet
+    demands : the constraints on a design
     span : the part of the stability band that sampling can reach, rad/s
     """
 
@@ -78,7 +80,7 @@ class Posed:
     span: tuple[float, float]
 
     def error(self, gains: Gains, coupling: AnyCoupling) -> float:
-        """Return the objective of a design: its error, or the greatest of the devices that count.
+        """Return the objective of a design: its error, or the greatest over the devices of the objective.
 
         Parameters
         ----------
@@ -97,11 +99,11 @@ class Prepared:
 
     @property
     def problem(self) -> Problem:
-        """The problem as it was given."""
+        """The problem as given."""
         return self.given.problem
 
     def on_device(self, device: Device) -> Device:
-        """Return a device of the given problem in the optimiser's units, one with its own response in a disc of it."""
+        """Return a device of the given problem in the optimiser's units, with its own response in a disc."""
         disc = self.problem.device.unmodelled if device.unmodelled is None else device.unmodelled
         return _dimensionless(with_device(self.problem, replace(device, unmodelled=disc)), self.units).device
 
@@ -114,7 +116,7 @@ def prepare(problem: Problem) -> Prepared:
 
 
 def pose(problem: Problem) -> Posed:
-    """Return a problem with its devices and demands, in the units that it has."""
+    """Return a problem with its devices and constraints, in its units."""
     posed = _posed(problem)
     beside = [_posed(other) for other in problems_beside(problem)]
     return replace(
@@ -163,9 +165,9 @@ def compared(posed: Posed) -> Posed:
 def acting_terms(problem: Problem) -> tuple[TermName, ...]:
     """Return the terms of the error that have a weight and can differ between designs, so that they are optimised.
 
-    How an impedance display meets the commanded force is the device's business, and so is its free motion, where K_v is
-    fixed; a rigid one meets the command alike with any K_v. The coupling alone acts on the error of a servo. Added to
-    the mean square the other terms would only hide what the coupling does.
+    No design of an impedance display changes how it follows the commanded force; nor does it change free motion if K_v
+    is fixed. A rigid one follows the command alike with any K_v. The coupling alone acts on the error of a servo. In
+    the mean square the other terms would only hide the effect of the coupling.
     """
     objective, device, fixed = problem.transparency, problem.device, set[str]()
     if not device.kind.banded and objective.norm == "rms" and objective.weights.coupling > 0:
@@ -194,8 +196,8 @@ def with_device(problem: Problem, device: Device) -> Problem:
 
     Parameters
     ----------
-    problem : whose device is replaced and whose uncertainty is dropped
-    device : in the problem's units
+    problem : problem whose device is replaced and whose uncertainty is dropped
+    device : device in the problem's units
     """
     return replace(problem, device=device, uncertainty=None)
 

@@ -100,7 +100,7 @@ class Rendered:
             at = np.flatnonzero(self.curves.device[which[0]] == k)
             if at.size:
                 curve, start, end = which[:, at]
-                hand = np.array([number[curve] for number in astuple(self.curves.hands)])
+                hand = np.array([number[curve] for number in self.curves.hands.by_key.values()])
                 theta = self.curves.theta
                 there = Witnesses(theta[start], theta[end], hand, self.curves.share[curve])
                 design = Design(device, self.gains, self.coupling)

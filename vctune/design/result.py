@@ -29,11 +29,11 @@ class Solution:
     ----------
     z : coordinates of the free variables
     error : objective there
-    converged : whether IPOPT says so; no evidence of anything
+    converged : whether IPOPT reports convergence; this is no evidence
     peak_tracked : whether the tracked peak of |S| stayed within its reach
     iterations : number of IPOPT iterations
     others : the other unknowns: log frequencies of tracked peaks, and the epigraph variable if there is one
-    multipliers : of the constraints in use, in the order of the NLP; negative where a lower bound binds
+    multipliers : multipliers of the constraints in use, in the order of the NLP; negative where a lower bound binds
     """
 
     z: Floats
@@ -51,8 +51,8 @@ class Round:
 
     Attributes
     ----------
-    frequencies : how many frequencies it knew
-    solution : where IPOPT stopped
+    frequencies : number of its frequencies
+    solution : point at which IPOPT stopped
     """
 
     frequencies: int
@@ -61,15 +61,15 @@ class Round:
 
 @dataclass(frozen=True, slots=True)
 class Polished:
-    """A local optimum in dimensionless units that meets the demands at every frequency, in double precision.
+    """A local optimum in dimensionless units that meets the constraints at every frequency, in double precision.
 
     Attributes
     ----------
-    start : where it began
+    start : its start
     values : K_v, K_p, b_c, m_c, b_0
     error : transparency error
     structure, working_set, solution : the last NLP, its working set and where IPOPT stopped
-    tightening : by what share the demands were sharpened
+    tightening : relative tightening of the constraints
     rounds : history
     """
 
@@ -87,17 +87,17 @@ class Polished:
 class Repair:
     """A change of one number of the problem file after which there is a design, while 90 % of it is not enough.
 
-    Of a number that is 0 it may be that any other is enough; then it is a small one. A number of a design that is
-    given is not changed as little as will do, but to the value with the least error, or back to what was solved.
+    If a number is 0, any other value may suffice; then the change is to a small one. A given number of a design does
+    not change as little as possible, but to the value with the least error, or back to that of the solved design.
 
     Attributes
     ----------
     key : dotted key
     old, new : its values, in the unit of the file
-    change : what that means
-    needs : what the file has to say, a line of TOML
+    change : the meaning of the change
+    needs : the new text of the file, a line of TOML
     size : change relative to the greater of both values; of repairs with the same error the smallest comes first
-    error : transparency error of the design that there is then
+    error : transparency error of the repaired design
     """
 
     key: str
@@ -123,9 +123,9 @@ class Price:
 
     Attributes
     ----------
-    key : of the number in the problem file
+    key : key of the number in the problem file
     old, new : its value and one that is better by a hundredth, in SI units and hertz
-    change : of the least error, relative to it, to first order; at most 0
+    change : change of the least error, relative to it, to first order; at most 0
     """
 
     key: str
@@ -136,14 +136,14 @@ class Price:
 
 @dataclass(frozen=True, slots=True)
 class Alternative:
-    """The error of a design under one criterion alone, as the optimiser finds it: nothing of it is proved.
+    """The error of a design under one criterion alone, from the optimiser, without proof.
 
     Attributes
     ----------
     criterion : "hands" or "passive"
-    error : of its design
-    stiffness : of an impedance display's, N/m
-    drag : of an admittance display's, N s/m
+    error : error of its design
+    stiffness : stiffness of an impedance display's coupling, N/m
+    drag : drag of an admittance display's coupling, N s/m
     """
 
     criterion: Criterion
@@ -159,18 +159,19 @@ class Solved:
     Attributes
     ----------
     problem : the problem
-    judgement : of the best design, None when there is none
+    judgement : judgement of the best design, None when there is none
     polished : the local optimum it was rounded from, None when nothing was optimised
-    optima : how many local optima were found
+    optima : number of local optima
     infeasibility : why there is no design, else None
-    scanned : what the scan saw, None when nothing was scanned
+    scanned : result of the scan, None if there was none
     seconds : by stage
-    optimality : how much better any design could be, None when nobody asked
-    nominal_error : of the best design for the nominal device alone, not proved, None when no device is uncertain
-    repairs : changes of the problem that would make a design possible, None when nobody asked
-    alternatives : what either criterion alone would allow, None when there is one or nobody asked
-    prices : what a better device would be worth, the greatest gain first, None when nobody asked or there is no optimum
-    cut : what the time limit cut short, in words
+    optimality : how much better any design could be, None if not requested
+    nominal_error : error of the best design for the nominal device alone, not proved, None when no device is
+        uncertain
+    repairs : changes of the problem that would make a design possible, None if not requested
+    alternatives : error that either criterion alone would allow, None if there is one criterion or it was not requested
+    prices : values of a better device, the greatest gain first, None if not requested or without an optimum
+    cut : stages that the time limit cut short, in words
     """
 
     problem: Problem

@@ -26,45 +26,45 @@ if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality, SearchState
 
 BOUND = "the search of every box"
-"""What a time limit may cut short, too."""
+"""Another stage that a time limit may cut short."""
 SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
-"""Effort of the search for a design, or for the proof that there is none, where the optimiser found none, shared by the
-devices at which a box is looked at: as long as somebody waits for an answer. Half as many prove fewer problems
-infeasible, twice as many a few more. And how good a design it is content with: a gap of 1 %."""
+"""Effort of the search for a design, or for the proof that there is none, if the optimiser found none, shared by the
+devices at which a box is evaluated: as long as somebody waits for an answer. Half as many prove fewer problems
+infeasible, twice as many a few more. SEARCH_GAP is the gap at which the search accepts a design, 1 %."""
 STABILITY_BOXES = 1_500_000
-"""The same of boxes that prove loops stable or unstable, which take a tenth of the time each. Searches of problems/
+"""The same for boxes that prove loops stable or unstable, which take a tenth of the time each. Searches of problems/
 take about as many as lower bounds; a loop that is sampled once in half an hour takes a hundred times as many, and never
-ends. Half and twice: half and twice as long to give up."""
+ends. Half and twice take half and twice as long to give up."""
 EARLY_BOXES = 20_000
-"""Effort of a first proof that there is no design, before the optimiser tries to make one of what is none: a small
-share of `SEARCH_BOXES`. Nothing is lost, since the later search goes on where this one ended."""
+"""Effort of a first proof that there is no design, before the optimiser tries an infeasible problem: a small share of
+`SEARCH_BOXES`. Nothing is lost, since the later search continues where this one ended."""
 BOUND_BOXES = 20_000_000
-"""Effort of the search for a bound that was asked for: as good as unlimited. Ctrl-C and a time limit end it
-before, and leave the bound reached."""
+"""Effort of the search for a required bound: practically unlimited. Ctrl-C and a time limit end it before, and leave
+the bound reached."""
 
 
 @np.errstate(all="ignore")
 def solve(
     problem: Problem, progress: Progress = lambda stage: None, *, gap: float | None = None, exhaustive: bool = True
 ) -> Solved:
-    """Find the most transparent admissible design and prove it; judge it when every number is fixed.
+    """Find the most transparent feasible design and prove it; judge it when every number is fixed.
 
-    Where the optimiser finds none, a search over all designs (`vctune.design.bound`) finds one, or proves that there is
-    none, or gives up. Where the device is uncertain, the nominal device alone is solved for too: its design is a start,
-    and its error says what robustness costs.
+    If the optimiser finds none, a search over all designs (`vctune.design.bound`) finds one, or proves that there is
+    none, or gives up. If the device is uncertain, the nominal device alone is solved for too: its design is a start,
+    and its error shows the cost of robustness.
 
     Parameters
     ----------
-    problem : in SI units
-    progress : told the stage of the work
+    problem : problem in SI units
+    progress : function that receives the current stage
     gap : prove that no design has an error lower by more than this share
-    exhaustive : whether every box is searched where the optimiser finds no design
+    exhaustive : whether to search every box if the optimiser finds no design
 
     Returns
     -------
     Solved
-        The design with its certificate, or why there is none; SI units. Repairs are not looked for. At the end of
-        the time limit it is the best design by then with what is proved of it, and `cut` says what was cut short.
+        The design with its certificate, or why there is none; SI units. Repairs are not sought. At the end of the time
+        limit it is the best design so far with its proved claims, and `cut` names the stages that were cut short.
     """
     began = perf_counter()
     if problem.bounds.fixed:
@@ -130,7 +130,7 @@ def _found(problem: Problem, progress: Progress, gap: float | None, *, exhaustiv
 
 
 def _early(prepared: Prepared) -> Optimality:
-    """Search the boxes for a short while: where the scan met no admissible point there may be nothing to polish."""
+    """Search the boxes for a short while: if the scan found no feasible point there may be nothing to polish."""
     from vctune.design.bound.search import bound
 
     share = EARLY_BOXES / SEARCH_BOXES

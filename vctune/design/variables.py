@@ -11,7 +11,7 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.problem import Problem, Range
 
 Point = tuple[float, ...]
-"""K_v, K_p, b_c, m_c, b_0; of an impedance display K_v, K_p, which is 0, b_c, k_c."""
+"""K_v, K_p, b_c, m_c, b_0; for an impedance display K_v, K_p, which is 0, b_c, k_c."""
 
 
 def keys_for(problem: Problem) -> tuple[str, ...]:
@@ -50,8 +50,8 @@ class Coordinate:
 
     Attributes
     ----------
-    index : of the variable among a design's numbers
-    name : of the variable
+    index : index of the variable among a design's numbers
+    name : name of the variable
     scale : 0, or the size below which x hardly matters, so that x = 0 is an ordinary point
     low, high : bounds of z
     """

@@ -1,1 +1,1 @@
-"""What is read and written: problem, gains and design files."""
+"""Files that vctune reads and writes: problem, gains and design files."""

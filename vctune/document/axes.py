@@ -27,9 +27,9 @@ class Axis:
     Attributes
     ----------
     key : dotted key, in the unit of the problem file
-    path : where it stands in the problem
+    path : its place in the problem
     scale : "list", or how a range is divided
-    values : of a list; the two ends of a range
+    values : values of a list; the two ends of a range
     n : number of values; None for a range that is only sampled
     """
 
@@ -65,7 +65,7 @@ def read_axis(key: str, value: Any, *, sampled: bool) -> tuple[Axis | None, list
 
     Parameters
     ----------
-    key, value : of the [axes] table
+    key, value : those of the [axes] table
     sampled : whether a range is sampled, so that it needs no n
     """
     at: KeyPath = ("axes", key)

@@ -11,8 +11,8 @@ import numpy as np
 
 from vctune.document.reading import GAINS_DOCUMENTS, GainsFile, ProblemFile, pose, read_gains, read_problem
 from vctune.document.schema.device_contradictions import impossible_parts
+from vctune.document.schema.device_schema import DeviceTable
 from vctune.document.schema.kinds import DISPLAYS, require_gains_of
-from vctune.document.schema.problem_schema import DeviceTable
 from vctune.document.schema.statement import statement, table_of
 from vctune.document.schema.validation import examined, refusal, shown
 from vctune.document.text.errors import InputError
@@ -24,9 +24,9 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 
 ProblemSource = str | Path | Mapping[str, Any] | Problem | ProblemFile
-"""What states a problem: the path of its file, the file's tables, or the problem itself."""
+"""A problem: the path of its file, the file's tables, or the problem itself."""
 DesignSource = Gains | GainsFile | str | Path
-"""What states a design: the path of a gains file, the file, or gains beside a coupling."""
+"""A design: the path of a gains file, the file, or gains beside a coupling."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Device(devices.Device):
     delay : s, from sampling to actuation, beyond the hold
     hold : "zoh", the exact zero-order hold, or "lag", the first-order lag 2/(2 + sT)
     operator : the least impedance that is always at the handle; None for none
-    velocity, actuator, force_sensor, structure : what an ideal device has not; None for ideal
+    velocity, actuator, ... : its parts (`vctune.model.parts`), None for those that an ideal device has not
     units : "linear", or "rotary": kg m2, N m s/rad and the like in place of kg and N s/m
 
     Raises
@@ -96,8 +96,8 @@ def design(gains: DesignSource, coupling: AnyCoupling | None = None, kind: Displ
     Parameters
     ----------
     gains : a gains file or its path, or the gains of a coupling
-    coupling : None with a file
-    kind : of the device that a coupling is for, if it is the coupling of such a device
+    coupling : None if a file is given
+    kind : kind of the device that a coupling is for, if it is the coupling of such a device
 
     Raises
     ------
@@ -133,7 +133,7 @@ def design_for(file: ProblemFile, gains: DesignSource, coupling: AnyCoupling | N
     Parameters
     ----------
     file : the problem
-    gains, coupling : as of `design`
+    gains, coupling : see `design`
 
     Raises
     ------

@@ -19,7 +19,7 @@ def design_numbers(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[s
 
     Parameters
     ----------
-    kind : of the device
+    kind : kind of the device
     gains, coupling : plain floats
     """
     numbers = zip(kind.keys, astuple(gains) + astuple(coupling), strict=True)
@@ -31,7 +31,7 @@ def design_tables(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[st
 
     Parameters
     ----------
-    kind : of the device
+    kind : kind of the device
     gains, coupling : plain floats
     """
     tables: dict[str, dict[str, float]] = {}
@@ -46,19 +46,19 @@ def numbers_text(kind: Display, gains: Gains, coupling: AnyCoupling) -> str:
 
     Parameters
     ----------
-    kind : of the device
+    kind : kind of the device
     gains, coupling : plain floats
     """
     return " ".join(repr(number) for number in design_numbers(kind, gains, coupling).values())
 
 
 def numbers_in(text: str, kind: Display) -> dict[str, float]:
-    """Return the numbers that `numbers_text` wrote by their keys; none where they are not those of such a design.
+    """Return the numbers that `numbers_text` wrote by their keys; empty if they are not those of such a design.
 
     Parameters
     ----------
-    text : of the numbers
-    kind : of the device
+    text : text of the numbers
+    kind : kind of the device
     """
     try:
         return dict(zip(kind.stated, map(float, text.split()), strict=True))
@@ -73,10 +73,10 @@ def gains_text(
 
     Parameters
     ----------
-    kind : of the device
+    kind : kind of the device
     gains, coupling : plain floats, written in their shortest exact decimals
     origin : keys and texts of the [design] table, beside the display and the units
-    units : of the device
+    units : units of the device
     """
     stated, tables = {**origin, "display": kind.name, "units": units}, design_tables(kind, gains, coupling)
     written = [

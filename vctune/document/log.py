@@ -33,9 +33,9 @@ class LogMap:
 
     Attributes
     ----------
-    document : as written, checked
-    source : path of the file; "log.toml" where there is none
-    text : of the file, "" where there is none
+    document : document as written, checked
+    source : path of the file; "log.toml" if there is none
+    text : text of the file, "" if there is none
     servo : whether the logs are of a servo and its command
     """
 
@@ -51,11 +51,11 @@ class LogMap:
 
 
 def read_log_map(path: Path | None, *, servo: bool = False) -> LogMap:
-    """Read a log.toml; None for the map of a log whose headers say everything.
+    """Read a log.toml; None for a log whose headers suffice.
 
     Parameters
     ----------
-    path : of the file
+    path : path of the file
     servo : whether the logs are of a servo and its command
 
     Returns
@@ -79,18 +79,18 @@ def read_log(path: Path, known: LogMap) -> Recording:
 
     Parameters
     ----------
-    path : of a CSV file, or of one packed by gzip; separated by commas, semicolons or tabs, with a line of headers
-    known : which column is what
+    path : path of a CSV file, or of one packed by gzip; separated by commas, semicolons or tabs, with a line of headers
+    known : roles of the columns
 
     Returns
     -------
     Recording
-        Columns in SI units, by what they are.
+        Columns in SI units, by their roles.
 
     Raises
     ------
     InputError
-        Listing what cannot be read, each with its line and column.
+        If the log cannot be read; each fault has its line and column.
     """
     table = read_table(path)
     headers = table.headers
@@ -136,7 +136,7 @@ def _columns(path: Path, headers: list[str], known: LogMap) -> dict[str, ColumnT
 
 
 def _stood_for(stated: Mapping[str, ColumnTable]) -> tuple[str, ...]:
-    """Return the roles that need not be looked for: a servo is sent one command."""
+    """Return the roles that are not needed: a servo receives one command."""
     return SERVO_COMMANDS if set(SERVO_COMMANDS) & set(stated) else ()
 
 

@@ -17,12 +17,12 @@ from vctune.document.schema.validation import MAX_MISTAKES, shown
 from vctune.document.text.errors import InputError, Mistake
 
 MAX_BYTES = 400_000_000
-"""A log of a million samples with ten columns has a quarter of it."""
+"""A log of a million samples with ten columns has a quarter of this size."""
 GZIP, ZIP, OLE = b"\x1f\x8b", b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 """How packed files, new workbooks and old ones begin."""
 SEPARATORS = (",", ";", "\t")
 LOOKED_AT = 10
-"""Rows in which decimal commas are looked for."""
+"""Rows in which decimal commas are sought."""
 WHOLE = re.compile(r'"?[+-]?\d+(e[+-]?\d+)?"?', re.IGNORECASE)
 COMMA = re.compile(r'"?[+-]?\d+,\d+(e[+-]?\d+)?"?', re.IGNORECASE)
 
@@ -33,10 +33,10 @@ class LogTable:
 
     Attributes
     ----------
-    headers : of the columns
+    headers : headers of the columns
     numbers : shape (rows, columns), finite
-    first_line : line of the file on which the first row stands
-    sha256 : of the file
+    first_line : line of the file with the first row
+    sha256 : digest of the file
     """
 
     headers: list[str]
@@ -50,7 +50,7 @@ def read_table(path: Path) -> LogTable:
 
     Parameters
     ----------
-    path : of a CSV file, or of one packed by gzip
+    path : path of a CSV file, or of one packed by gzip
 
     Returns
     -------
@@ -59,7 +59,7 @@ def read_table(path: Path) -> LogTable:
     Raises
     ------
     InputError
-        Listing what cannot be read, each with its line and column.
+        If the log cannot be read; each fault has its line and column.
     """
     packed = _bytes(path)
     _check_text(path, packed)
@@ -151,7 +151,7 @@ def _is_number(text: str) -> bool:
 
 
 def _at_once(data: bytes, separator: str, columns: int, first_line: int) -> Floats | None:
-    """Return the samples of a table without a fault, which needs no list of its lines; None of any other."""
+    """Return the samples of a table without a fault, which needs no list of its lines; None for any other."""
     stream = _stream(data)
     try:
         for _ in range(first_line - 1):

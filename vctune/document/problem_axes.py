@@ -26,9 +26,9 @@ class AxisProblem:
 
     Attributes
     ----------
-    name : of the axis
+    name : name of the axis
     file : its problem, named after the file's and its own name; the text is that of the merged tables
-    line : of its [[axis]]
+    line : line of its [[axis]]
     """
 
     name: str
@@ -42,8 +42,8 @@ class AxesFile:
 
     Attributes
     ----------
-    name : of the problem
-    axes : in the file's order, at least one
+    name : name of the problem
+    axes : axes in the file's order, at least one
     """
 
     name: str
@@ -55,12 +55,12 @@ def read_axes(path: str | Path) -> AxesFile | None:
 
     Parameters
     ----------
-    path : of a TOML file
+    path : path of a TOML file
 
     Returns
     -------
     AxesFile
-        None where the file has no [[axis]], or is no TOML: `read_problem` reads it then.
+        None if the file has no [[axis]], or is no TOML: `read_problem` reads it then.
 
     Raises
     ------
@@ -82,12 +82,12 @@ def read_problem_or_axes(path: str | Path) -> ProblemFile | AxesFile:
 
     Parameters
     ----------
-    path : of a TOML file
+    path : path of a TOML file
 
     Returns
     -------
     ProblemFile or AxesFile
-        The latter where the file has any [[axis]].
+        An AxesFile if the file has any [[axis]].
 
     Raises
     ------
@@ -104,7 +104,7 @@ def axes_file(text: str, path: Path) -> AxesFile | None:
     Parameters
     ----------
     text : TOML
-    path : of the file, whose stem is the problem's name unless the text has one
+    path : path of the file, whose stem is the problem's name unless the text has one
 
     Raises
     ------
@@ -137,11 +137,11 @@ def axes_file(text: str, path: Path) -> AxesFile | None:
 
 
 def merged(shared: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """Return tables with those that override them: a table key by key, anything else as a whole.
+    """Return tables with the overriding ones: tables are merged key by key, other values are replaced.
 
     Parameters
     ----------
-    shared : of the file
+    shared : shared tables of the file
     own : of an axis
     """
     found = deepcopy(dict(shared))
@@ -177,7 +177,7 @@ def _misstated(tables: Any) -> Iterator[Fault]:
 
 
 def _at(fault: Fault, shared: Mapping[str, Any], own: Mapping[str, Any], index: int) -> Fault:
-    """Return a fault of the merged tables where it stands in the file."""
+    """Return a fault of the merged tables at its place in the file."""
     path: KeyPath = ("axis", index, *fault.path)
     if _has(own, fault.path) or (not _has(shared, fault.path) and fault.path[0] in own):
         return fault._replace(path=path)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from math import pi
+from math import inf, pi
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from vctune.document.text.digest import problem_digest
 from vctune.model.display import ADMITTANCE, DISPLAYS, IMPEDANCE, SERVO, Display, DisplayName
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.units import Units, UnitSystem
-from vctune.model.problem import Problem, Transparency
+from vctune.model.problem import Problem
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class ProblemFile:
     ----------
     problem : every default filled in
     text : TOML
-    source : the path of its file; "problem" where there is none
+    source : the path of its file; "problem" if there is none
     """
 
     problem: Problem
@@ -58,7 +58,7 @@ def read_problem(path: str | Path) -> ProblemFile:
 
     Parameters
     ----------
-    path : of a TOML file
+    path : path of a TOML file
 
     Returns
     -------
@@ -79,7 +79,7 @@ def problem_file(text: str, path: Path) -> ProblemFile:
     Parameters
     ----------
     text : TOML
-    path : of the file, whose stem is the problem's name unless the text has one
+    path : path of the file, whose stem is the problem's name unless the text has one
 
     Raises
     ------
@@ -97,8 +97,8 @@ def parse_problem(text: str, source: str, default_name: str) -> Problem:
     Parameters
     ----------
     text : TOML
-    source : what messages call it
-    default_name : of the problem, unless the text has one
+    source : its name in messages
+    default_name : default name of the problem, unless the text has one
 
     Raises
     ------
@@ -112,7 +112,7 @@ def parse_problem(text: str, source: str, default_name: str) -> Problem:
 
 
 def pose(
-    raw: dict[str, Any], default_name: str, yardstick: Transparency | None = None
+    raw: dict[str, Any], default_name: str, yardstick: Problem | None = None
 ) -> tuple[Problem | None, list[Fault]]:
     """Return the problem that parsed TOML states, or None and everything that is wrong with it.
 
@@ -120,7 +120,7 @@ def pose(
     ----------
     raw : tables
     default_name : of the problem, unless they have one
-    yardstick : by whose band and Z_0 its designs are compared with others, unless the tables state them; None for its
+    yardstick : by whose bands and Z_0 its designs are compared with others, unless the tables state them; None for its
         own
 
     Returns
@@ -134,18 +134,17 @@ def pose(
     problem = resolve(document, default_name, yardstick)
     if problem.stability.band.min >= problem.stability.band.max:
         return None, [_empty_default_band(problem)]
-    if yardstick is not None and problem.transparency.band.max > problem.nyquist * (1 + 1e-12):
-        return None, [_beyond_nyquist(problem)]
-    return problem, []
+    beyond = [] if yardstick is None else _beyond_nyquist(problem)
+    return (None, beyond) if beyond else (problem, [])
 
 
-def on_yardstick(file: ProblemFile, yardstick: Transparency) -> ProblemFile:
-    """Return a problem whose designs are compared by another's band and Z_0, unless it states its own.
+def on_yardstick(file: ProblemFile, yardstick: Problem) -> ProblemFile:
+    """Return a problem whose designs are compared by another's bands and Z_0, unless it states its own.
 
     Parameters
     ----------
     file : the problem
-    yardstick : the other's objective; one whose band the sample time does not reach is of no account
+    yardstick : the other; one with a band that the device does not reach is of no account
     """
     problem, _ = pose(file.document, file.problem.name, yardstick)
     return file if problem is None else replace(file, problem=problem)
@@ -162,13 +161,13 @@ class GainsFile:
 
     Attributes
     ----------
-    kind : of display that the design is for
+    kind : kind of display of the design
     gains, coupling : the design
     sha256 : digest of the problem that it was made for, if the file says so
-    units : that the numbers are in, if the file says so
+    units : units that the numbers are in, if the file says so
     text : the file's text
-    source : the path of the file; "design" where there is none
-    solved : the numbers of the design that it was made of, by key; none if the file does not say so
+    source : the path of the file; "design" if there is none
+    solved : the numbers of the design that it was made from, by key; empty if the file does not state them
     """
 
     kind: Display
@@ -192,7 +191,7 @@ def gains_file(text: str, path: Path) -> GainsFile:
     Parameters
     ----------
     text : TOML
-    path : of the file, for messages
+    path : path of the file, for messages
 
     Raises
     ------
@@ -217,7 +216,7 @@ GAINS_DOCUMENTS: dict[DisplayName, type[GainsDocument | SpringGainsDocument | Se
 
 
 def _kind_of(raw: dict[str, Any]) -> Display:
-    """Return the kind of display that a gains file is for: its coupling tells, and whether it has gains."""
+    """Return the kind of display of a gains file, from its coupling and from whether it has gains."""
     coupling, origin = raw.get("coupling"), raw.get("design")
     if isinstance(coupling, dict) and "stiffness" in coupling:
         return IMPEDANCE
@@ -247,10 +246,20 @@ def _empty_default_band(problem: Problem) -> Fault:
     return Fault(("transparency", "band_hz"), message, "contradiction")
 
 
-def _beyond_nyquist(problem: Problem) -> Fault:
-    high, nyquist = problem.transparency.band.max / (2 * pi), problem.nyquist / (2 * pi)
-    message = (
-        f"the errors are compared up to {high:g} Hz, which is above the Nyquist frequency {nyquist:g} Hz; state a band "
-        "that every sample time reaches"
-    )
-    return Fault(("transparency", "band_hz"), message, "contradiction")
+def _beyond_nyquist(problem: Problem) -> list[Fault]:
+    """Return which bands of a yardstick a problem does not reach."""
+    compared = {"transparency": ("the errors are compared", problem.transparency.band.max)}
+    endless = problem.device.ideal and problem.device.hold == "lag" and problem.device.delay == 0
+    if problem.passive and not (problem.stability.band.max == inf and endless):
+        compared["stability"] = ("the designs are held to the same stability band", problem.stability.band.max)
+    nyquist = problem.nyquist / (2 * pi)
+    return [
+        Fault(
+            (table, "band_hz"),
+            f"{what} up to {edge / (2 * pi):g} Hz, which is above the Nyquist frequency {nyquist:g} Hz; state a band "
+            "that every sample time reaches",
+            "contradiction",
+        )
+        for table, (what, edge) in compared.items()
+        if edge > problem.nyquist * (1 + 1e-12)
+    ]

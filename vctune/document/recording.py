@@ -13,10 +13,10 @@ from vctune.model.numbers.units import UNITS, Units
 
 Floats = NDArray[np.float64]
 ROLES = ("time", "position", "command", "force", "hand", "handle", "reference")
-"""What a column of a device's log can be."""
+"""The roles of a column in a device's log."""
 SERVO_COMMANDS = ("velocity_command", "position_command")
 SERVO_ROLES = ("time", "position", *SERVO_COMMANDS, "force", "hand")
-"""What a column of a servo's log can be."""
+"""The roles of a column in a servo's log."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,11 +25,11 @@ class Channel:
 
     Attributes
     ----------
-    header : of the column in the file
+    header : header of the column in the file
     values : shape (n,), SI units
     scale : SI units per unit of the column
     quantum : resolution as the map states it, SI units; None if it does not
-    limit : where it saturates, SI units; None if nobody said
+    limit : value at which it saturates, SI units; None if not known
     """
 
     header: str
@@ -46,10 +46,10 @@ class Recording:
     Attributes
     ----------
     source : path of its file
-    sha256 : of the file
-    first_line : line of the file on which its first sample stands
+    sha256 : digest of the file
+    first_line : line of the file with its first sample
     channels : by role, one of `ROLES` or `SERVO_ROLES`
-    ignored : headers of columns that nothing was made of
+    ignored : headers of unused columns
     rotary : whether positions are angles
     """
 
@@ -74,5 +74,5 @@ class Recording:
         return next((channel.values.size for channel in self.channels.values()), 0)
 
     def values(self, role: str) -> Floats | None:
-        """Return a column by its role; None where the log has not got it."""
+        """Return a column by its role; None if the log does not have it."""
         return self.channels[role].values if role in self.channels else None

@@ -13,7 +13,7 @@ from vctune.document.text.errors import InputError, Mistake
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 COEFFICIENT, JOINT_DAMPING = 0.05, 5.0
-"""filter_coefficient and joint_damping where the file states none: the controller's own defaults."""
+"""Default filter_coefficient and joint_damping: the controller's own defaults."""
 LIGHTEST, HEAVIEST, STIFFEST = 1e-4, 1e6, 1e8
 """The controller loads no smaller mass, and no greater mass and stiffness."""
 SUFFIXES = (".yaml", ".yml")
@@ -23,7 +23,7 @@ TUNED = (
     "admittance.joint_damping",
     "ft_sensor.filter_coefficient",
 )
-"""What a user tunes until the axis is stable; the stiffness is what the axis is to feel like."""
+"""The numbers that a user tunes until the axis is stable; the stiffness is part of the intended feel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class Admittance:
     damping_ratio : zeta
     stiffness : S, N/m; N m
     joint_damping : share of each joint's velocity that it loses beside D, 1/s
-    line : of the file, with the masses
+    line : line of the file, with the masses
     """
 
     axis: str
@@ -59,7 +59,7 @@ class Admittance:
 
     @property
     def joint_loss(self) -> float:
-        """Damping that joint_damping comes to, which is an acceleration of every joint and so of the tool, N s/m."""
+        """The damping of joint_damping, which acts as an acceleration on every joint and so on the tool, N s/m."""
         return self.joint_damping * self.mass
 
 
@@ -69,10 +69,10 @@ class AdmittanceFile:
 
     Attributes
     ----------
-    axes : in the file's order, at least one
+    axes : axes in the file's order, at least one
     filter_coefficient : share of each new sample in the filter of the force
-    line : of the file, with the selection
-    lines : of the file, by the dotted keys of `TUNED` or of the nearest table that is there
+    line : line of the file, with the selection
+    lines : lines of the file, by the dotted keys of `TUNED` or of the nearest table that is there
     """
 
     axes: tuple[Admittance, ...]
@@ -91,7 +91,7 @@ def read_admittance(path: Path) -> AdmittanceFile:
 
     Parameters
     ----------
-    path : of a YAML file with `NAME: ros__parameters: admittance: ...`
+    path : path of a YAML file with `NAME: ros__parameters: admittance: ...`
 
     Raises
     ------

@@ -16,7 +16,7 @@ def admittance_text(given: AdmittanceFile, comments: Sequence[str]) -> str:
     Parameters
     ----------
     given : the selected axes; the numbers of the others, which the controller does not use, are those of the first
-    comments : at the top, a line each
+    comments : comments at the top, a line each
     """
     first, named = given.axes[0], {axis.axis: axis for axis in given.axes}
     axes = [named.get(name, first) for name in AXES]

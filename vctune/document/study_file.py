@@ -21,10 +21,10 @@ from vctune.document.schema.validation import Contradiction, Fault, KeyPath, dot
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError
 from vctune.document.text.raw import placed
-from vctune.model.problem import Problem, Transparency
+from vctune.model.problem import Problem
 
 FORM_OF = dict.fromkeys((0, 1), "[lower, upper]") | dict.fromkeys(("min", "max"), "{ min = ..., max = ... }")
-"""What the problem must have for an element of a list or an end of a range to have a place."""
+"""The form of a key in the problem that gives an element of a list or an end of a range a place."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Sample:
     Attributes
     ----------
     kind : every combination, a Latin hypercube, or the axes' lists side by side
-    n, seed : of a Latin hypercube
+    n, seed : those of a Latin hypercube
     """
 
     kind: Literal["grid", "lhs", "list"] = "grid"
@@ -48,17 +48,17 @@ class Study:
 
     Attributes
     ----------
-    name : of the study
+    name : name of the study
     document : the problem file, parsed
     axes : what varies
-    yardstick : the objective of the problem as it is, whose band and Z_0 every point has unless an axis states others
+    yardstick : the problem as it is, whose bands and Z_0 every point has unless an axis states others
     sample : how the axes vary
     """
 
     name: str
     document: dict[str, Any]
     axes: tuple[Axis, ...]
-    yardstick: Transparency
+    yardstick: Problem
     sample: Sample = Sample()
 
     @property
@@ -71,7 +71,7 @@ class Study:
 
     @property
     def sha256(self) -> str:
-        """The digest that ties rows to their study: the problem and which of its numbers vary, not their values."""
+        """The digest that ties rows to their study: the problem and the keys that vary, not their values."""
         said = {key: value for key, value in self.document.items() if key not in ("name", "description")}
         text = json.dumps([said, [axis.key for axis in self.axes]], sort_keys=True, default=str)
         return sha256(text.encode()).hexdigest()
@@ -79,8 +79,8 @@ class Study:
     def posed(self, values: Iterable[float]) -> dict[str, Any]:
         """Return the document of the problem at a point, which may be none.
 
-        Where the document leaves a band or a range at its default, one of whose numbers varies, the other is that of
-        the default at this point, or of the yardstick.
+        If the document leaves a band or a range at its default and one of its numbers varies, the other is that of the
+        default at this point, or of the yardstick.
         """
         return _posed(self.document, self.axes, values, self.yardstick)
 
@@ -138,8 +138,8 @@ def build_study(
     ----------
     problem : read or built
     axes : by dotted key: values, or `{"linear": [a, b], "n": n}`, or `{"log": [a, b], "n": n}`
-    sample : `kind`, and what it needs of `n` and `seed`; None for every combination
-    name : of the study
+    sample : `kind`, with `n` and `seed` if it needs them; None for every combination
+    name : name of the study
 
     Raises
     ------
@@ -154,7 +154,7 @@ def build_study(
     homeless = [fault for axis in axes_ for fault in _homeless(tables, axis)]
     if homeless:
         raise refusal(homeless, None, name)
-    return Study(name, tables, axes_, problem.problem.transparency, sample_)
+    return Study(name, tables, axes_, problem.problem, sample_)
 
 
 def _planned(document: StudyDocument) -> tuple[tuple[Axis, ...], Sample]:
@@ -166,7 +166,7 @@ def _planned(document: StudyDocument) -> tuple[tuple[Axis, ...], Sample]:
 
 
 def _posed(
-    document: dict[str, Any], axes: Sequence[Axis], values: Iterable[float], yardstick: Transparency | None = None
+    document: dict[str, Any], axes: Sequence[Axis], values: Iterable[float], yardstick: Problem | None = None
 ) -> dict[str, Any]:
     """Return the document with the values of axes in it, and the other ends of bands and ranges at their defaults."""
     varied = dict(zip((axis.path for axis in axes), values, strict=True))
@@ -231,7 +231,7 @@ def _homeless(problem: dict[str, Any], axis: Axis) -> list[Fault]:
 
 
 def _is_default(document: dict[str, Any], path: KeyPath, varied: Mapping[KeyPath, float]) -> bool:
-    """Whether a path is of one number of a band or a range that the document leaves at its default."""
+    """Whether a path leads to one number of a band or a range that the document leaves at its default."""
     siblings = {other[-1] for other in varied if other[:-1] == path[:-1]}
     return path[-1] in FORM_OF and len(siblings) == 1 and _at(document, path[:-1]) is None
 
@@ -253,12 +253,12 @@ def _first(problem: dict[str, Any], axes: Sequence[Axis]) -> dict[str, Any]:
     return _posed(problem, axes, (axis.values[0] for axis in axes))
 
 
-def _yardstick(problem: dict[str, Any], axes: Sequence[Axis]) -> tuple[Transparency | None, list[Fault]]:
-    """Return the objective of the problem; if axes give numbers that it lacks, with their first values."""
+def _yardstick(problem: dict[str, Any], axes: Sequence[Axis]) -> tuple[Problem | None, list[Fault]]:
+    """Return the problem; if axes give numbers that it lacks, with their first values."""
     for document in (problem, _first(problem, axes)):
         found, faults = pose(document, "study")
         if found is not None:
-            return found.transparency, []
+            return found, []
     message = (
         "neither the problem alone nor that at the first value of each axis is one, which all errors could be compared "
         f"on: {dotted(faults[0].path)}: {faults[0].message}; begin with values that are possible"

@@ -18,15 +18,15 @@ from vctune.simulation.firmware.expression import Symbol
 BUILT_IN = ("inertance", "inertia_carry", "stiffness", "zero", "slope", "least_contact")
 """Coefficients of a built-in environment."""
 LIMITING = ("limit", "position_reach")
-"""Coefficients of a limited force; an impedance display has no reach, since nothing winds up, and a servo neither."""
+"""Coefficients of a limited force; an impedance display and a servo have no reach, since nothing winds up."""
 SYSTEM = {
     "linear": "SI units; of a rotary device kg m^2, N m and rad in place of\n * kg, N and m.",
     "rotary": "SI units of a rotary device: kg m2, N m and rad; its\n * force is a torque, its mass an inertia.",
 }
-"""What a header says of units, by the motion."""
+"""The remark of a header on units, by the motion."""
 GAINS = "velocity_gain", "position_gain"
 WIDTH = 118
-"""Of a line of C."""
+"""Width of a line of C."""
 
 
 def c_source(made: Firmware) -> dict[str, str]:
@@ -45,8 +45,8 @@ def rendered_template(name: str, given: dict[str, Any]) -> str:
 
     Parameters
     ----------
-    name : without .j2
-    given : what its variables are
+    name : name without .j2
+    given : its variables
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -117,7 +117,7 @@ def names_and_numbers(made: Firmware) -> dict[str, Any]:
 
 
 def _start_head(made: Firmware) -> str:
-    """Return the head of vctune_start; only a difference needs to know where the motor was."""
+    """Return the head of vctune_start; only a difference needs the start position of the motor."""
     first = "vctune_real position, " if made.parts.difference else ""
     last = ", vctune_real limit" if limiting(made) else ""
     indent = " " * len("vctune_state vctune_start(")

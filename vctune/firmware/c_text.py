@@ -16,7 +16,7 @@ from vctune.simulation.firmware.stepped import Precision
 BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "negative": 3}
 """How strongly an operator holds its operands."""
 HOLDING = BINDING | {"choice": 0}
-"""The same of operators that are operands themselves; what is not here is a call."""
+"""The same for operators that are operands themselves; all others are calls."""
 COUNTED = {"+": "additions", "-": "additions", "*": "multiplications", "/": "divisions"}
 
 
@@ -26,7 +26,7 @@ def literal(number: float, precision: Precision) -> str:
     Parameters
     ----------
     number : one of the precision
-    precision : of the constant
+    precision : precision of the constant
     """
     if number in (inf, -inf):
         return "VCTUNE_NONE" if number > 0 else "-VCTUNE_NONE"
@@ -42,8 +42,8 @@ def code(term: Term, names: Mapping[Symbol, str], precision: Precision) -> str:
     Parameters
     ----------
     term : a number, a symbol or an operation on terms
-    names : what symbols are called in C
-    precision : of constants
+    names : names of symbols in C
+    precision : precision of constants
     """
 
     def called(operator: str, operands: list[str]) -> str:
@@ -70,7 +70,7 @@ def _written(
     number: Callable[[float], str],
     called: Callable[[str, list[str]], str],
 ) -> str:
-    """Return a term as text, in parentheses where an operand is held less strongly than its operator asks."""
+    """Return a term as text, in parentheses if an operand binds less strongly than its operator."""
     if isinstance(term, Symbol):
         return name(term)
     if not isinstance(term, Operation):
@@ -87,7 +87,7 @@ def _written(
 
 
 def operations(equations: Iterable[Equation]) -> Counter[str]:
-    """Return how many operations equations take: additions, multiplications, divisions, comparisons."""
+    """Return the number of operations of equations: additions, multiplications, divisions, comparisons."""
     counted: Counter[str] = Counter()
     terms: list[Term] = [equation.right for equation in equations]
     while terms:
@@ -105,7 +105,7 @@ def comment(text: str, width: int = 110) -> list[str]:
     Parameters
     ----------
     text : any text, of the user's too
-    width : characters of a line at most, where no word is longer
+    width : greatest number of characters of a line, unless a word is longer
     """
     lines, line = [], ""
     plain_text = printable(text).encode("ascii", "replace").decode()
@@ -118,6 +118,6 @@ def comment(text: str, width: int = 110) -> list[str]:
 
 
 def _held(text: str, term: Term, binding: int) -> str:
-    """Return an operand, in parentheses where it is held less strongly than the operator around it asks."""
+    """Return an operand, in parentheses if it binds less strongly than the operator around it."""
     own = HOLDING.get(term.operator, 9) if isinstance(term, Operation) else 9
     return f"({text})" if own < binding else text

@@ -26,7 +26,7 @@ FORMULAS = {
     "limit": "the greatest force, infinity for none",
     "position_reach": "limit / position_gain, infinity for none",
 }
-"""How what is set at run time gives the coefficients that are no constants of the design."""
+"""Formulas of the coefficients that are set at run time and are no constants of the design."""
 
 
 def controller_record(made: Firmware) -> dict[str, Any]:

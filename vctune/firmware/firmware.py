@@ -33,12 +33,13 @@ class Firmware:
 
     Attributes
     ----------
-    record : of the design as it is exported: in single precision that of the rounded constants
-    device : what the certificate is about
+    record : record of the exported design; in single precision that of the rounded constants
+    device : the certified device
     gains, coupling : the decimals of the design
-    parts : what the firmware consists of, with every built-in environment, and a limit where it commands a force
-    precision : of its numbers
-    coefficients : of the controller by their names in `vctune.simulation.firmware.equations`, as the firmware has them
+    parts : parts of the firmware, with every built-in environment, and a limit if it commands a force
+    precision : precision of its numbers
+    coefficients : coefficients of the controller by their names in `vctune.simulation.firmware.equations`, as the
+        firmware has them
     problem_sha256, design_sha256 : digests of the problem, and of problem, gains and coupling
     """
 
@@ -80,7 +81,7 @@ def firmware(file: ProblemFile, gains: Gains, coupling: AnyCoupling, precision: 
     ----------
     file : the problem
     gains, coupling : the design
-    precision : of the firmware; single rounds every coefficient, and it is the rounded ones that are proved
+    precision : precision of the firmware; single rounds every coefficient, and the rounded ones are proved
     """
     device = file.problem.device
     law = designed_law(device, gains, coupling, NOTHING)
@@ -110,7 +111,7 @@ def judged(problem: Problem, design: tuple[Gains, AnyCoupling]) -> Judgement:
 
     Parameters
     ----------
-    problem : the device and the demands, SI units
+    problem : the device and the constraints, SI units
     design : gains and coupling as the firmware has them
     """
     return judge_all(problem, [design])[0]
@@ -121,8 +122,8 @@ def controller_coefficients(coefficients: dict[str, float], command: Commanded) 
 
     Parameters
     ----------
-    coefficients : of a whole firmware, by their names
-    command : what it commands
+    coefficients : coefficients of a whole firmware, by their names
+    command : its command
     """
     of_law: tuple[str, ...] = ("velocity_gain", "position_gain")
     of_coupling: tuple[str, ...] = ("coupling_step", "coupling_decay")
@@ -135,14 +136,14 @@ def controller_coefficients(coefficients: dict[str, float], command: Commanded) 
 
 
 def rounded(problem: Problem, coefficients: dict[str, float]) -> tuple[Problem, tuple[Gains, AnyCoupling]]:
-    """Return the problem and the design of which rounded coefficients are the exact ones.
+    """Return the problem and the design whose exact coefficients are the rounded ones.
 
     The sample time is then the rounded one too: it is that of the firmware's integrators.
 
     Parameters
     ----------
-    problem : in SI units; supplies what the coefficients do not say
-    coefficients : as of `controller_coefficients`
+    problem : problem in SI units; supplies the data that the coefficients lack
+    coefficients : see `controller_coefficients`
     """
     T, device, stability = coefficients["sample_time"], problem.device, problem.stability
     estimate = device.velocity

@@ -58,7 +58,7 @@ DIMENSIONS = {
         "stiffness": 'kg="1" m="2" s="-2" rad="-1"',
     },
 }
-"""What the units consist of, by the motion."""
+"""The dimensions of the units, by the motion."""
 BOOLEANS = (
     ("wall", "whether damping and stiffness only push, towards negative positions"),
     ("trapezoidal", "whether the environment follows the trapezoidal rule, not backward Euler; then it is no wall"),
@@ -87,7 +87,7 @@ ABSENT = {
     "fmi2GetBooleanStatus": "fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value",
     "fmi2GetStringStatus": "fmi2Component c, const fmi2StatusKind kind, fmi2String *value",
 }
-"""Functions that the standard asks for and a controller has no use for, and what they take."""
+"""Functions that the standard requires and a controller does not use, and their arguments."""
 
 
 def fmu(made: Firmware) -> bytes:

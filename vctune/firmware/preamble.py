@@ -8,6 +8,7 @@ from typing import Any
 from vctune.firmware.firmware import Firmware, certified
 from vctune.model.device import Device
 from vctune.model.numbers.units import Units
+from vctune.model.parts import PARTS
 from vctune.version import __version__
 
 
@@ -46,27 +47,26 @@ def assumptions(made: Firmware) -> list[str]:
     if device.servo is not None:
         return [
             f"Assumed: {built}; the {units.force_name} is sampled just before a command is given; environments are "
-            f"passive as they run. Nothing is proved of a limited speed or acceleration, of a command that is lost or "
-            f"late, and of the rounding of each operation.",
+            "passive as they run. The proof does not cover a limited speed or acceleration, a lost or late command, "
+            "and the rounding of each operation.",
         ]
     sampled = "" if made.parts.spring else f"; the {units.force_name} is sampled just before"
     return [
         f"Assumed: {built}; the command acts {device.delay!r} s after the "
-        f"sample and is held{sampled}; environments are passive as they run. Of static "
-        f"friction, a limited {units.force_name}, quantisation and the rounding of each operation nothing is proved.",
+        f"sample and is held{sampled}; environments are passive as they run. The "
+        f"proof does not cover static friction, a limited {units.force_name}, quantisation and the rounding of each "
+        "operation.",
     ]
 
 
 def _mechanics(device: Device, units: Units) -> str:
     """Return the device in words."""
-    parts = [
-        (device.velocity, "velocity estimate"),
-        (device.actuator, "actuator"),
-        (device.force_sensor, f"{units.force_name} sensor"),
-        (device.structure, "structure"),
-    ]
-    known = ", ".join(f"{name} ({_numbers(part)})" for part, name in parts if part is not None)
     servo = device.servo
+    known = ", ".join(
+        f"{units.translated(part.label)} ({_numbers(getattr(device, key))})"
+        for key, part in PARTS.items()
+        if key != "servo" and getattr(device, key) is not None
+    )
     if servo is None:
         own = f"{device.mass!r} {units.mass} and {device.damping!r} {units.damping}"
         return f"a linear device of {own} with {known or 'ideal parts'}"

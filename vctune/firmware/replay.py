@@ -11,7 +11,7 @@ from vctune.firmware.preamble import not_proved, statement
 from vctune.firmware.vectors import Replay, experiment_line, greatest_difference, vectors_text
 
 ALLOWED_ULP = 0
-"""Every operation is rounded as it was simulated: no digit differs."""
+"""Every operation is rounded as in the simulation: no digit differs."""
 
 
 def replay_files(made: Firmware, simulated: list[Replay]) -> dict[str, str]:
@@ -20,7 +20,7 @@ def replay_files(made: Firmware, simulated: list[Replay]) -> dict[str, str]:
     Parameters
     ----------
     made : the design as firmware
-    simulated : what it is to replay
+    simulated : the simulated runs to replay
     """
     given: dict[str, Any] = {
         **names_and_numbers(made),

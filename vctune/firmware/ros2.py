@@ -49,8 +49,8 @@ def ros2_firmware(axes: Sequence[RosAxis]) -> list[Firmware]:
     Raises
     ------
     InputError
-        If a device is no servo, for what follows the command is then a loop that vctune designs; or if an axis moves
-        otherwise than its device, or the axes need what the controller has once for all of them.
+        If a device is no servo, because vctune designs the loop that follows the command; or if an axis moves
+        differently from its device, or the axes need different values of a parameter that the controller has only once.
     """
     for axis in axes:
         _require_servo(axis)
@@ -74,9 +74,9 @@ def ros2_files(name: str, axes: Sequence[RosAxis], made: Sequence[Firmware]) -> 
 
     Parameters
     ----------
-    name : of the problem
+    name : name of the problem
     axes : the designs
-    made : what `ros2_firmware` made of them
+    made : result of `ros2_firmware`
     """
     told: dict[str, list[str]] = {}
     for axis, one in zip(axes, made, strict=True):

@@ -22,19 +22,19 @@ from vctune.simulation.run import run
 from vctune.simulation.scene import designed_scene, equilibrium
 
 USUAL_STIFFNESS = 1000.0
-"""Of the hand that replays a linear device, N/m."""
+"""Stiffness of the hand that replays a linear device, N/m."""
 
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """An experiment as the firmware met it; all arrays have the same length.
+    """An experiment from the firmware's side; all arrays have the same length.
 
     Attributes
     ----------
     experiment : its description
-    position, reference : of the motor, and x_e, where it starts, m
+    position, reference : start position of the motor, and of x_e, m
     measured : position [m], velocity [m/s] and force [N] at each sample, shape (n, 3)
-    command : u, N; of a servo m/s or m
+    command : u, N; for a servo m/s or m
     """
 
     experiment: Experiment
@@ -45,13 +45,13 @@ class Replay:
 
 
 def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] = lambda stage: None) -> list[Replay]:
-    """Simulate a design in the experiments of its problem, or in the usual ones where it has none.
+    """Simulate a design in the experiments of its problem, or in the usual ones if it has none.
 
     Parameters
     ----------
     file : the problem
     made : the design as firmware, whose decimals are simulated in double precision
-    progress : told the stage of the work
+    progress : function that receives the current stage
 
     Returns
     -------
@@ -65,7 +65,7 @@ def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] =
 def usual(problem: Problem) -> tuple[Experiment, ...]:
     """Return the experiments for a problem without experiments of its own: a spring, and a wall that saturates.
 
-    A servo has no mass to say how large what it meets is, and no force that could saturate: its hands do.
+    A servo has no mass to set the size of its environments, and no force that could saturate; its hands set it.
     """
     device, stiffest = problem.device, problem.hands.high.stiffness
     share = usual_share(device.mass, device.units) if device.kind.own_loop else stiffest / USUAL_STIFFNESS or 1.0
@@ -97,8 +97,8 @@ def vectors_text(made: list[Replay], units: Units, commanded: Commanded) -> str:
     Parameters
     ----------
     made : the vectors
-    units : of the device, which the columns name
-    commanded : what the last column is
+    units : units of the device, which the columns name
+    commanded : quantity of the last column
     """
     measured = {
         "position": units.position,
@@ -115,12 +115,12 @@ def vectors_text(made: list[Replay], units: Units, commanded: Commanded) -> str:
 
 
 def greatest_difference(firmware: Firmware, made: list[Replay]) -> float:
-    """Return by how much a firmware's commands differ from the simulated ones: in its own precision, unfused.
+    """Return the difference of a firmware's commands from the simulated ones: in its own precision, unfused.
 
     Parameters
     ----------
-    firmware : in single precision
-    made : what it is to replay
+    firmware : firmware in single precision
+    made : the simulated runs to replay
     """
     return max(float(np.abs(commands(firmware, one) - one.command).max()) for one in made)
 
@@ -130,8 +130,8 @@ def commands(firmware: Firmware, one: Replay) -> Floats:
 
     Parameters
     ----------
-    firmware : with its coefficients
-    one : what it is to replay
+    firmware : firmware with its coefficients
+    one : the simulated runs to replay
     """
     start = Start(one.experiment.environment, one.experiment.limit, one.position, one.reference)
     stepped = SteppedFirmware(firmware.parts, firmware.coefficients, start, firmware.precision)
@@ -143,8 +143,8 @@ def experiment_line(one: Replay, parts: Parts) -> str:
 
     Parameters
     ----------
-    one : what was simulated
-    parts : of the firmware, which say what it is told at the start: the position for a difference, and a limit
+    one : the simulated run
+    parts : parts of the firmware, which determine its start values: the position for a difference, and a limit
     """
     rendered = one.experiment.environment
     numbers = [rendered.mass, rendered.damping, rendered.stiffness, rendered.zero]

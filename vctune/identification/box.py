@@ -9,7 +9,7 @@ from vctune.document.text.codes import Note
 from vctune.identification.motion.covariance import joint_factor
 
 MASS_FLOOR = 0.01
-"""Least half-width of a mass, a share of it: what differs between two days."""
+"""Least half-width of a mass, a share of it, which allows for the difference between two days."""
 DELAY_FLOOR = 0.1
 """Least half-width of a delay, sample times."""
 WIDEST = 0.99
@@ -25,7 +25,7 @@ FLOORS = {
 }
 """Least half-widths, shares: a frequency goes with the root of a mass."""
 COULOMB_SHARE = 0.1
-"""How much of Coulomb friction, over the speed of the motion, may be viscous or less than that: it is no exact law."""
+"""Share of Coulomb friction, over the speed of the motion, that may be viscous, or less: it is no exact law."""
 
 
 BAND = Note("limit-band", "model error: the band that is kept changes it")
@@ -33,16 +33,16 @@ BAND = Note("limit-band", "model error: the band that is kept changes it")
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A number of the device as one record, or one direction of it, has it.
+    """The estimate of a number of the device from one record, or from one direction of it.
 
     Attributes
     ----------
-    key : in the device's table
+    key : name in the device's table
     value, sigma : SI units, frequencies in Hz
-    source : which record, and how
-    excess : by how much other ways to look at the record differ more than they should, below and above
+    source : the record, and the method
+    excess : excess difference of other estimates from the same record, below and above
     stated : whether it is the user's, and no record's
-    reason : of the excess
+    reason : reason of the excess
     """
 
     key: str
@@ -60,12 +60,12 @@ class Bounded:
 
     Attributes
     ----------
-    key : in the device's table
+    key : name in the device's table
     value : middle of the interval
     low, high : its ends
     sampled : half-width of the widest interval that a single estimate has by its sigma
-    limits : what the interval is made by
-    estimates : that it holds
+    limits : sources of the interval
+    estimates : estimates that it holds
     """
 
     key: str
@@ -92,7 +92,7 @@ def box(estimates: Sequence[Estimate], sample_time: float) -> tuple[Bounded, ...
 
     Parameters
     ----------
-    estimates : of any records and directions
+    estimates : estimates of any records and directions
     sample_time : s
     """
     keys = list(dict.fromkeys(estimate.key for estimate in estimates))

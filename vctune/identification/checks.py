@@ -13,15 +13,15 @@ from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError, Mistake
 
 LEAST_SAMPLES = 500
-"""Fewer do not hold a second at any rate that a haptic loop runs at."""
+"""Least number of samples; fewer are less than a second at any rate of a haptic loop."""
 SAMPLE_TIMES = (1e-6, 0.05)
 """Sample times that a haptic loop can have, s."""
 SPEEDS = {False: 30.0, True: 3000.0}
 """Greatest speed of a device, m/s and, if it is rotary, rad/s."""
 GREATEST_FORCE = 1e4
-"""Of a device, N or N m."""
+"""Greatest force of a haptic device, N or N m."""
 FEW_STEPS = 30
-"""A motion of fewer resolutions than this says nothing of an acceleration."""
+"""Motion in resolutions below which a recording shows no acceleration."""
 SATURATED = 0.2
 """Greatest share of the samples that may be at a limit."""
 
@@ -49,14 +49,14 @@ def check(recording: Recording, sample_time: float | None, *, servo: bool = Fals
 
     Parameters
     ----------
-    recording : as it was read
-    sample_time : as the map states it, s; None for that of its column
-    servo : whether it is of a servo, which is sampled when its link lets it
+    recording : the recording as it was read
+    sample_time : sample time from the map, s; None for that of its column
+    servo : whether it is a servo's log, whose samples depend on its link
 
     Raises
     ------
     InputError
-        Listing what is wrong.
+        If it is unusable, with all faults.
     """
     _refuse(recording, _too_short(recording))
     T, faults = _sample_time(recording, sample_time, LINK if servo else LOOP)
@@ -214,7 +214,7 @@ def _speed(recording: Recording, channel: Channel) -> Iterator[Mistake]:
 
 
 def _held_for(values: Floats) -> int:
-    """Return every how many rows a column changes."""
+    """Return the number of rows after which a column changes."""
     changes = np.flatnonzero(np.diff(values))
     if changes.size < 50:
         return 1
@@ -223,7 +223,7 @@ def _held_for(values: Floats) -> int:
 
 
 def _at_limit(channel: Channel) -> float:
-    """Return the share of the samples that stand at the limit, or at an extreme for three samples on end."""
+    """Return the share of the samples that stay at the limit, or at an extreme for three samples in a row."""
     size = np.abs(channel.values)
     limit = channel.limit if channel.limit is not None else float(size.max())
     at = size >= limit * (1 - 1e-9)

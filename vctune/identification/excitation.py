@@ -14,7 +14,7 @@ from vctune.identification.motion.signals import position_noise
 from vctune.identification.response.physics import antiresonance_hz, compliances
 
 LINES = 60
-"""From the lowest to the highest, evenly on a logarithmic axis; a fit of seven numbers needs no more."""
+"""Lines from the lowest to the highest, evenly spaced on a logarithmic axis; a fit of seven numbers needs no more."""
 NEAR = 24
 """Lines within a tenth of a resonance and of an antiresonance each."""
 HIGHEST = 0.2
@@ -22,8 +22,8 @@ HIGHEST = 0.2
 LONGEST = 8.0
 """Longest period, s."""
 PEAK = 1.0
-"""Greatest force, of the greatest in the logs: half of it may leave the device in its friction. The speed is at most
-that of the logs."""
+"""Greatest force as a share of the logs' greatest; half of it may not overcome the friction. The speed is at most that
+of the logs."""
 SPREAD = 0.005
 """Relative standard deviation of a line that is aimed at."""
 PERIODS = (5, 60)
@@ -38,10 +38,10 @@ class Excitation:
     force : shape (n,), N
     sample_time : s
     lines_hz : excited
-    periods : how many to record, the first of them dropped
+    periods : number of periods to record; the first of them is dropped
     peak, speed : greatest force and predicted root mean square speed, N and m/s
     spread : relative standard deviation that is predicted of the worst line
-    reasons : what it is for
+    reasons : its purpose
     """
 
     force: Floats
@@ -59,7 +59,7 @@ def excitation(found: Identified) -> Excitation:
 
     Parameters
     ----------
-    found : what is known of it so far
+    found : the estimates so far
     """
     device, T = found.device, float(found.device.sample_time)
     low = min(max(float(device.damping / device.mass) / (2 * pi), 8 / LONGEST), 0.1 * HIGHEST / T)

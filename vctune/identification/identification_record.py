@@ -43,8 +43,8 @@ def identification_record(
     ----------
     found : device, box and studies of the recordings
     description : free text of the user's
-    versions : of what determines the result
-    next_one : a multisine for what is still uncertain; None if it was not asked for
+    versions : versions of everything that determines the result
+    next_one : a multisine for the numbers that are still uncertain; None if not requested
     """
     rotary = found.records[0].recording.rotary
     units: UnitSystem = "rotary" if rotary else "linear"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -14,7 +14,13 @@ from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError
 from vctune.identification.box import Bounded, box
 from vctune.identification.checks import check
-from vctune.identification.known import check_known, known_actuator, known_sensor, velocity_estimate, with_known
+from vctune.identification.known import (
+    SENSOR,
+    check_known,
+    known_parts,
+    known_sensor,
+    with_known,
+)
 from vctune.identification.motion.friction_fit import FrictionFound
 from vctune.identification.readable import readable
 from vctune.identification.record_study import RecordStudy, record_study
@@ -23,11 +29,12 @@ from vctune.identification.response.periodic_study import behind_force
 from vctune.identification.response.unmodelled import distances, envelope
 from vctune.identification.servo.servo_study import likelier_order
 from vctune.identification.servo.servo_unmodelled import off_other_order, servo_distances
-from vctune.model.device import Actuator, Device, ForceSensor, Servo, Structure
+from vctune.model.device import Device
+from vctune.model.parts import PARTS, Servo
 
 Progress = Callable[[str], None]
 LEAST_LINES = 2
-"""Fewer frequencies make no radii between them."""
+"""Least number of frequencies; fewer give no radii between them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,15 +43,15 @@ class Identified:
 
     Attributes
     ----------
-    name : of the device
-    device : in the middle of the box
+    name : name of the device
+    device : device in the middle of the box
     bounds : the box
-    unmodelled : (Hz, radius) of what no device of the box has; none of slow motion alone
+    unmodelled : (Hz, radius) of the response that no device of the box has; empty for slow motion alone
     distances : relative, of each line or band to the nearest device of the box, for each record that has them
-    friction : for the simulation; None where none was found
-    force_noise : of a sample of the sensed force, N; None where none was recorded
+    friction : friction for the simulation; None if none was found
+    force_noise : noise of a sample of the sensed force, N; None if no force was recorded
     records : one for each recording
-    remarks : what the recordings do not tell, and what was done about it
+    remarks : remarks on what the recordings do not show
     """
 
     name: str
@@ -68,19 +75,19 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
     Parameters
     ----------
     recordings : at least one, all of the same device
-    known : what the user says of them
-    name : of the device
-    progress : told the stage of the work
+    known : the user's statements about them
+    name : name of the device
+    progress : function that receives the current stage
 
     Returns
     -------
     Identified
-        The device, its box, and what the recordings do not tell; SI units and hertz.
+        The device, its box, and remarks; SI units and hertz.
 
     Raises
     ------
     InputError
-        If a recording cannot be used, says nothing, or the sample times differ.
+        If a recording cannot be used, has no information, or the sample times differ.
     """
     times = [check(recording, known.document.sample_time, servo=known.servo) for recording in recordings]
     T = times[0]
@@ -118,18 +125,11 @@ def _same_sample_time(recordings: Sequence[Recording], times: Sequence[float]) -
 
 def _device(bounds: Sequence[Bounded], known: LogMap, T: float) -> Device:
     value = {each.key: each.value for each in bounds}
-    actuator, sensor, structure = known_actuator(known), known_sensor(known), None
-    if "actuator.bandwidth_hz" in value:
-        actuator = Actuator(value["actuator.bandwidth_hz"])
-    if "structure.handle_mass" in value:
-        handle, hertz, ratio = (value[f"structure.{name}"] for name in ("handle_mass", "frequency_hz", "damping_ratio"))
-        structure = Structure(handle, hertz, ratio)
-    if sensor is None and "force_sensor.delay" in value:
-        sensor = ForceSensor(delay=value["force_sensor.delay"])
-    return Device(
-        value["mass"], value["damping"], T, value["delay"], velocity=velocity_estimate(known), actuator=actuator,
-        force_sensor=sensor, structure=structure,
-    )  # fmt: skip
+    parts: dict[str, Any] = {}
+    for key, part in PARTS.items():
+        found = {each.name: value[at] for each in part.numbers if (at := f"{key}.{each.name}") in value}
+        parts |= {key: part.record(**found)} if found else {}
+    return Device(value["mass"], value["damping"], T, value["delay"], **(parts | known_parts(known)))
 
 
 def _servo(bounds: Sequence[Bounded], known: LogMap, T: float, studies: Sequence[RecordStudy]) -> Device:
@@ -137,7 +137,8 @@ def _servo(bounds: Sequence[Bounded], known: LogMap, T: float, studies: Sequence
     value, found = {each.key: each.value for each in bounds}, [each.servo for each in studies if each.servo is not None]
     command: Literal["velocity", "position"] = "position" if found[0].seen.is_position else "velocity"
     servo = Servo(value["servo.delay"], value["servo.bandwidth_hz"], likelier_order(found), command)
-    return Device(1.0, 0.0, T, force_sensor=known_sensor(known), display="servo", servo=servo)
+    parts: dict[str, Any] = {SENSOR: known_sensor(known), "servo": servo}
+    return Device(1.0, 0.0, T, display="servo", **parts)
 
 
 def _line_distances(study: RecordStudy, device: Device, bounds: Sequence[Bounded]) -> np.ndarray:

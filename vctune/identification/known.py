@@ -7,16 +7,19 @@ from typing import Any
 
 from vctune.document.log import LogMap
 from vctune.document.recording import Recording
+from vctune.document.schema.defaults import stated_parts
 from vctune.document.schema.device_contradictions import impossible_parts
 from vctune.document.schema.validation import Fault, refusal
 from vctune.document.text import toml
 from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError
 from vctune.identification.box import DELAY_FLOOR, Estimate
-from vctune.model.device import Actuator, ForceSensor, VelocityEstimate
-from vctune.model.loop.filters import force_sensor_response
+from vctune.model.loop.filters import sensor_response
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.parts import Actuator, ForceSensor, VelocityEstimate
 
+SENSOR = "force_sensor"
+"""Key of the part that senses the force."""
 OF_OWN_LOOP = {"delay", "delay_uncertainty", "velocity", "actuator"}
 """Keys of [device] that only a device with a loop of its own has."""
 
@@ -32,7 +35,7 @@ def check_known(known: LogMap, sample_time: float) -> None:
     Raises
     ------
     InputError
-        Listing what cannot be, each with its line and key.
+        If a number is impossible, with its line and key.
     """
     raw: dict[str, Any] = toml.parse(known.text, known.source) if known.text else {}
     device = raw.get("device", {}) | {"sample_time": sample_time}
@@ -54,20 +57,26 @@ def known_actuator(known: LogMap) -> Actuator | None:
 
 def known_sensor(known: LogMap) -> ForceSensor | None:
     """Return the force sensor that is known."""
-    stated = known.document.device.force_sensor
-    return None if stated is None else ForceSensor(stated.bandwidth_hz, stated.order, stated.delay)
+    sensor: ForceSensor | None = stated_parts(known.document.device).get(SENSOR)
+    return sensor
 
 
 def velocity_estimate(known: LogMap) -> VelocityEstimate:
-    """Return how the firmware knows its velocity: by the difference of the position, where nobody says otherwise."""
+    """Return how the firmware obtains its velocity: by the difference of the position, unless the user says
+    otherwise."""
     stated = known.document.device.velocity
     if stated is None:
         return VelocityEstimate("difference")
     return VelocityEstimate(stated.source or "difference", stated.filter_hz, stated.filter_order)
 
 
+def known_parts(known: LogMap) -> dict[str, Any]:
+    """Return the parts of the device that are known, by their keys."""
+    return stated_parts(known.document.device) | {"velocity": velocity_estimate(known)}
+
+
 def velocity_assumed(known: LogMap) -> bool:
-    """Whether nobody says how the firmware knows its velocity."""
+    """Whether the user does not state how the firmware obtains its velocity."""
     stated = known.document.device.velocity
     return stated is None or stated.source is None
 
@@ -79,7 +88,7 @@ def known_delays(known: LogMap) -> dict[str, float]:
         found["delay"] = stated.delay
     sensor = known_sensor(known)
     if sensor is not None:
-        through = force_sensor_response(sensor, 0.0, FLOATS)
+        through = sensor_response(sensor, 0.0, FLOATS)
         found["sensor_delay"] = 0.0 if through is None else float(through.lag)
     return found
 
@@ -91,15 +100,15 @@ def with_known(
 
     Parameters
     ----------
-    estimates : of all recordings
+    estimates : estimates of all recordings
     known : the log.toml, which may state the delay
     T : sample time, s
-    recordings : for messages
+    recordings : recordings for messages
 
     Raises
     ------
     InputError
-        If nothing tells the delay.
+        If no recording determines the delay.
     """
     stated = known.document.device
     if known.servo:

@@ -20,8 +20,8 @@ def readable(bounds: Sequence[Bounded], recording: Recording, sample_time: float
 
     Parameters
     ----------
-    bounds : the box as it was found
-    recording : for messages
+    bounds : the identified box
+    recording : recording for messages
     sample_time : s
 
     Raises

@@ -25,10 +25,10 @@ from vctune.identification.servo.servo_study import ServoStudy, servo_notes, ser
 POOR = 0.05
 """Residual, of the force or of the response, from which on a reader is warned."""
 HELD, MEASURED = "held command", "measured force"
-"""What a force that is recorded without a command may be: the firmware's, from the sample on, or a sensor's sample."""
+"""Roles of a force that is recorded without a command: the firmware's, from the sample on, or a sensor's sample."""
 EVIDENCE, HALF = 10.0, 2.0
-"""Gain in log likelihood that tells one from the other, or how many times smaller chi2 must be. Slow motions gain less
-than 1, the noise of a closed loop 5 and more, multisines hundreds."""
+"""Gain in log likelihood that separates the two, or factor by which chi2 must be smaller. Slow motions gain less than
+1, the noise of a closed loop 5 and more, multisines hundreds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,11 +37,11 @@ class RecordStudy:
 
     Attributes
     ----------
-    recording : as it was read; a force alone as what it was taken for
+    recording : as it was read; a force alone in the role that the fit gave it
     sample_time : s
-    motion, periodic, servo : of any motion, of a periodic excitation, or of a servo; None for the others
-    remarks : what to know of the recording
-    alike : what another reading of it says that explains it as well
+    motion, periodic, servo : study of any motion, of a periodic excitation, or of a servo; None for the others
+    remarks : remarks on the recording
+    alike : result of another reading that explains it equally well
     """
 
     recording: Recording
@@ -114,17 +114,17 @@ def record_study(recording: Recording, T: float, known: LogMap) -> RecordStudy:
     ----------
     recording : checked
     T : sample time, s
-    known : what the user says of the device
+    known : the user's statements about the device
 
     Returns
     -------
     RecordStudy
-        A force without a command is taken for what explains the recording better.
+        A force without a command takes the role that explains the recording better.
 
     Raises
     ------
     InputError
-        If nothing explains it.
+        If neither role explains it.
     """
     if known.servo:
         study = servo_study(recording, T)
@@ -144,7 +144,7 @@ def record_study(recording: Recording, T: float, known: LogMap) -> RecordStudy:
 
 
 def _clearly_better(best: RecordStudy, other: RecordStudy) -> bool:
-    """Whether chi2 tells two readings apart; model error counts as noise that is as large."""
+    """Whether chi2 separates two readings; model error enters as noise of the same size."""
     (least, dof), (more, _) = best.sharp_chi2, other.sharp_chi2
     return log(more / least) > min(log(HALF), EVIDENCE * 2 * max(1.0, least) / dof)
 
@@ -178,12 +178,12 @@ def _compared(recording: Recording, fits: Mapping[str, RecordStudy], best: str, 
         for name, each in fits.items()
     ]
     text = f"{recording.name}: {recording.channels['force'].header} is taken for a {best}: {'; '.join(results)}"
-    text += "; these are not told apart: the delay holds both" if alike else ""
+    text += "; chi2 does not separate these: the delay includes both" if alike else ""
     return text + ("; what lies between command and force is in no number" if best == MEASURED else "")
 
 
 def _warned(study: RecordStudy) -> RecordStudy:
-    """Return a study that says so where much is left."""
+    """Return a study with a warning if the residual is large."""
     left = study.residual_share
     if left <= POOR:
         return study

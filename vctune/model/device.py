@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import degrees
 from typing import Any, Literal
 
 import numpy as np
@@ -13,148 +12,24 @@ from vctune.model.display import DISPLAYS, Display, DisplayName
 from vctune.model.hands import LeastOperator
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import UnitSystem
+from vctune.model.parts import (
+    ENTRIES,
+    INERT,
+    NUMBERS,
+    OF_FIRMWARE,
+    PARTS,
+    PERTURBATION,
+    Actuator,
+    ForceSensor,
+    Servo,
+    Structure,
+    Unmodelled,
+    VelocityEstimate,
+)
 
 Hold = Literal["zoh", "lag"]
 Commanded = Literal["force", "velocity", "position"]
-"""What a firmware commands: a motor's force, or the motion that a servo follows."""
-
-
-@dataclass(frozen=True, slots=True)
-class VelocityEstimate:
-    """How the firmware knows the velocity (model/README.md, section 12).
-
-    Attributes
-    ----------
-    source : "measured" by a sensor of its own, or the backward "difference" of the sampled position
-    filter_hz : corner of the low-pass y += a (x - y), a = 1 - e^(-2 pi f T), after it, Hz; None for none
-    filter_order : how many such filters follow one another
-    """
-
-    source: Literal["measured", "difference"] = "measured"
-    filter_hz: Number | None = None
-    filter_order: int = 1
-
-
-@dataclass(frozen=True, slots=True)
-class Actuator:
-    """The actuator, from command to force: a low-pass of order 1, or of order 2 with damping ratio 1/sqrt(2).
-
-    Attributes
-    ----------
-    bandwidth_hz : Hz, > 0
-    order : 1 or 2
-    """
-
-    bandwidth_hz: Number
-    order: int = 1
-
-
-@dataclass(frozen=True, slots=True)
-class ForceSensor:
-    """The sensor of the hand's force: a delay, and a low-pass like the actuator's.
-
-    Attributes
-    ----------
-    bandwidth_hz : Hz, > 0; None without a low-pass
-    order : 1 or 2
-    delay : s, >= 0
-    filter_coefficient : a of the firmware's filter y += a (x - y) of the samples, in (0, 1); None without it. Of a
-        servo alone
-    """
-
-    bandwidth_hz: Number | None = None
-    order: int = 1
-    delay: Number = 0.0
-    filter_coefficient: Number | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Servo:
-    """A closed loop that follows a velocity or position command late, and which the hand cannot push.
-
-    Attributes
-    ----------
-    delay : from sampling to motion beyond the hold, s, >= 0
-    bandwidth_hz : of the low-pass from the late command to the motion, Hz, > 0
-    order : of that low-pass, 1 or 2 with damping ratio 1/sqrt(2)
-    command : "velocity", held over a sample, or "position", interpolated linearly over it
-    stiffness : of a spring by which the firmware pulls what it measures of the position to a reference, N/m; None
-        without it. It passes no force sensor
-    radii : (Hz, r) of a disc around 1 by which what is sensed of a command may be multiplied; straight between these on
-        logarithmic axes, constant above the last, and below the first as the frequency: at rest a servo is where it was
-        told to be. Empty where the response is known
-    """
-
-    delay: Number
-    bandwidth_hz: Number
-    order: int = 1
-    command: Literal["velocity", "position"] = "velocity"
-    stiffness: Number | None = None
-    radii: tuple[tuple[float, float], ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Structure:
-    """A handle on a spring: it splits the device's mass in two; sensor and motor act on the motor's part.
-
-    Attributes
-    ----------
-    handle_mass : kg, > 0, less than the device's
-    frequency_hz : of the free resonance of both masses, Hz, > 0
-    damping_ratio : of that resonance, >= 0
-    load : what moves as one with the handle; None for nothing. Frequency and damping ratio are those without it
-    """
-
-    handle_mass: Number
-    frequency_hz: Number
-    damping_ratio: Number
-    load: LeastOperator | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Unmodelled:
-    """A response that is not quite the device's: all of it times 1 + share r(omega) e^(j phase) (README, section 13).
-
-    Attributes
-    ----------
-    radii : (frequency in Hz, radius), increasing in frequency: r is straight between them on logarithmic axes, and
-        constant beyond
-    share : of the radius, 0 <= share <= 1
-    phase : rad
-    """
-
-    radii: tuple[tuple[float, float], ...]
-    share: Number = 0.0
-    phase: Number = 0.0
-
-    def __str__(self) -> str:
-        return f"response off by {self.share:.3g} r at {degrees(self.phase):.4g} deg"
-
-
-PARTS = ("velocity", "actuator", "force_sensor", "structure", "servo")
-"""The tables of a device that say what an ideal one has not."""
-NUMBERS = (
-    "mass",
-    "damping",
-    "sample_time",
-    "delay",
-    "velocity.filter_hz",
-    "actuator.bandwidth_hz",
-    "force_sensor.bandwidth_hz",
-    "force_sensor.delay",
-    "structure.handle_mass",
-    "structure.frequency_hz",
-    "structure.damping_ratio",
-    "servo.delay",
-    "servo.bandwidth_hz",
-)
-"""The numbers of a device by their keys in its table."""
-OF_FIRMWARE = ("force_sensor.filter_coefficient", "servo.stiffness")
-"""Those that the firmware computes with: they are known."""
-INERT = ("mass", "damping", "delay")
-"""Those that a servo does not have: nothing depends on their values then."""
-PERTURBATION = ("unmodelled.share", "unmodelled.phase")
-"""What tells apart the responses of one device."""
+"""Kinds of command: a motor's force, or the motion that a servo follows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,14 +38,14 @@ class Device:
 
     Attributes
     ----------
-    mass : kg, > 0; 1 for a servo, on which nothing depends
+    mass : kg, > 0; 1 for a servo, where it has no effect
     damping : N s/m, >= 0; 0 for a servo
     sample_time : s, > 0
     delay : s, >= 0, from sampling to actuation, beyond the hold
     hold : "zoh", the exact (1-e^{-sT})/(sT), or "lag", the paper's 2/(2+sT)
     operator : what is always at the handle; None if nothing need be
-    velocity, actuator, force_sensor, structure : what an ideal device has not; None each
-    servo : the vendor's loop of a servo; None for any other display
+    velocity, actuator, force_sensor, structure, servo : its parts (`vctune.model.parts`), None for those that an ideal
+        device has not; the servo is the vendor's loop
     unmodelled : which of the responses that are as good as its own; None for its own
     display : name of its kind (`vctune.model.display`)
     units : whether its handle moves along a line or about an axis (`vctune.model.numbers.units`): mass is then inertia
@@ -218,8 +93,7 @@ class Device:
     @property
     def ideal(self) -> bool:
         """Whether it is rigid, and measures, pushes and feels at once."""
-        late = self.velocity is not None or self.actuator is not None or self.force_sensor is not None
-        return not late and self.structure is None and self.unmodelled is None
+        return self.unmodelled is None and all(getattr(self, part) is None for part in PARTS if part != "servo")
 
     @property
     def modelled(self) -> Device:
@@ -228,7 +102,7 @@ class Device:
 
     @property
     def with_operator(self) -> Device:
-        """The device with its least operator at the handle, a part of it: W = Z_d + Z_h in place of Z_d if rigid."""
+        """The device including its least operator: W = Z_d + Z_h instead of Z_d if rigid."""
         if self.operator is None:
             return self
         if self.structure is not None:
@@ -254,7 +128,7 @@ class Device:
         return self.damping if self.operator is None else self.damping + self.operator.damping
 
     def number(self, key: str) -> Number:
-        """Return one of its numbers by its key; None where it has not got that."""
+        """Return one of its numbers by its key; None if it does not have it."""
         of: Any = self
         for name in key.split("."):
             of = getattr(of, name) if of is not None else None
@@ -267,9 +141,11 @@ class Device:
 
     def _varying(self) -> dict[str, Number]:
         """Return its numbers, those of its firmware, and which of its responses it has."""
-        firmware = {key: number for key in OF_FIRMWARE if (number := self.number(key)) is not None}
         perturbed = {key: self.number(key) for key in PERTURBATION if self.unmodelled is not None}
-        return self.numbers() | firmware | perturbed
+        return self.numbers() | self._of_firmware() | perturbed
+
+    def _of_firmware(self) -> dict[str, Number]:
+        return {key: number for key in OF_FIRMWARE if (number := self.number(key)) is not None}
 
     def with_numbers(self, numbers: Mapping[str, Number]) -> Device:
         """Return the device with other numbers in place of some that it has, by their keys."""
@@ -301,12 +177,10 @@ class Device:
         Device
             The same parts, each number divided by its new unit; frequencies are cycles per unit of time.
         """
-        units = {"mass": impedance * time, "damping": impedance, "delay": time, "sample_time": time}
-        units |= {"handle_mass": impedance * time, "frequency_hz": 1 / time, "bandwidth_hz": 1 / time}
-        units |= {"filter_hz": 1 / time, "damping_ratio": 1.0}
-        scaled = {key: value / units[key.rpartition(".")[2]] for key, value in self.numbers().items()}
-        if self.servo is not None and self.servo.stiffness is not None:
-            scaled["servo.stiffness"] = self.servo.stiffness / (impedance / time)
+        units = {"mass": impedance * time, "damping": impedance, "stiffness": impedance / time}
+        units |= {"time": time, "rate": 1 / time, "ratio": 1.0}
+        numbers = self.numbers() | self._of_firmware()
+        scaled = {key: value / units[ENTRIES[key].quantity] for key, value in numbers.items()}
         same = self.with_numbers(scaled)
         if same.servo is not None:
             radii = tuple((hz * time, radius) for hz, radius in same.servo.radii)
@@ -332,6 +206,26 @@ class Device:
     def delay_key(self) -> str:
         """The key of `latency`."""
         return "delay" if self.servo is None else "servo.delay"
+
+    @property
+    def sensing(self) -> ForceSensor:
+        """The force sensor, one that senses at once where the device has none."""
+        return self.force_sensor if self.force_sensor is not None else ForceSensor()
+
+    @property
+    def senses_late(self) -> bool:
+        """Whether it has a force sensor that does not sense at once."""
+        return self.force_sensor is not None
+
+    @property
+    def sensing_at_once(self) -> Device:
+        """The device with a force sensor that senses at once."""
+        return replace(self, force_sensor=None)
+
+    @property
+    def sensed_latency(self) -> Number:
+        """The delay from a command to the force that is sensed of it, beyond the hold, s."""
+        return self.latency if self.force_sensor is None else self.latency + self.force_sensor.delay
 
     @property
     def latency(self) -> Number:

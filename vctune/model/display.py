@@ -1,6 +1,6 @@
 """Kinds of display, and the facts that follow from the kind (model/README.md, sections 1 and 15).
 
-Every other module asks a device for its kind and reads a fact from it, or looks its name up in a table.
+Every other module takes the kind from a device and reads a fact from it, or looks its name up in a table.
 """
 
 from __future__ import annotations
@@ -23,18 +23,19 @@ class Display:
 
     Attributes
     ----------
-    name : in a problem file
+    name : name in a problem file
     makes : input and output, in words; {force} stands for force or torque
-    keys : of the numbers of a design, in order
+    keys : keys of the numbers of a design, in order
     absent : those of `keys` that are always 0
     coupling : type of its virtual coupling
-    couples : "Z_c" or "1/Z_c", the response of its coupling that the error and the conditions count
+    couples : "Z_c" or "1/Z_c", the response of its coupling in the error and the conditions
     senses_force : whether its firmware reads the force of the hand
     differences : whether its velocity is the difference of positions unless a file says otherwise
-    banded : whether any passive hand is met on a band, in the frequency model; else up to Nyquist, in the sampled loop
+    banded : whether the claim for any passive hand has a band, in the frequency model; else up to Nyquist, in the
+        sampled loop
     band : default transparency band, Hz times the lag of the loop
-    own_loop : whether its firmware closes a loop around the device, so that there is a sensitivity
-    terms : of the error, those that are not always 0
+    own_loop : whether its firmware closes a loop around the device, which then has a sensitivity
+    terms : terms of the error that are not always 0
     """
 
     name: DisplayName
@@ -62,7 +63,7 @@ class Display:
 
     @property
     def inverse(self) -> bool:
-        """Whether the error and the conditions count 1/Z_c."""
+        """Whether the error and the conditions use 1/Z_c."""
         return self.coupling is SpringDamper
 
     @property
@@ -90,7 +91,7 @@ ADMITTANCE = Display(
     differences=False,
     banded=True,
 )
-"""A device whose own velocity loop follows what the sensed force asks for."""
+"""A device whose own velocity loop follows the velocity computed from the sensed force."""
 IMPEDANCE = Display(
     name="impedance",
     makes="motion in, {force} out",
@@ -102,7 +103,7 @@ IMPEDANCE = Display(
     differences=True,
     banded=False,
 )
-"""A device whose motor pushes by what its measured motion asks for."""
+"""A device whose motor applies the force computed from the measured motion."""
 SERVO = Display(
     name="servo",
     makes="{force} in, command to a closed loop out",

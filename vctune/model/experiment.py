@@ -21,9 +21,9 @@ class Environment:
     mass : kg
     damping : N s/m
     stiffness : N/m
-    zero : where the spring is without force, m
+    zero : position without spring force, m
     wall : whether damping and stiffness only push, towards negative x
-    rule : how it runs in the firmware; a wall by backward Euler
+    rule : its integration in the firmware; a wall by backward Euler
     """
 
     mass: float
@@ -43,8 +43,8 @@ class Operator:
     motion : how the intended motion goes to and fro
     start, end : between which places, m
     speed : greatest speed of the intended motion, m/s
-    cycles : how many times to and fro
-    mass, damping, stiffness : of the hand, kg, N s/m, N/m
+    cycles : number of cycles to and fro
+    mass, damping, stiffness : those of the hand, kg, N s/m, N/m
     """
 
     motion: Motion
@@ -65,8 +65,8 @@ class Friction:
     ----------
     coulomb, stiction : sliding friction at high and at vanishing speed, N
     stribeck_velocity : speed at which one becomes the other, m/s
-    stiffness : of the bristles, N/m
-    damping : of the bristles, N s/m
+    stiffness : stiffness of the bristles, N/m
+    damping : damping of the bristles, N s/m
     """
 
     coulomb: float
@@ -82,9 +82,9 @@ class Sensors:
 
     Attributes
     ----------
-    position_resolution : of the encoder, m; 0 for none
+    position_resolution : resolution of the encoder, m; 0 for none
     force_noise : standard deviation of each force sample, N
-    seed : of the noise
+    seed : seed of the noise
     """
 
     position_resolution: float
@@ -140,9 +140,9 @@ class Experiment:
     ----------
     name : unlike that of any other
     environment, operator, sensors : as described there
-    friction : None for none
-    limit : greatest force of the actuator, N; None for none
-    baseline : a regular controller to compare with; None for none
+    friction : friction; None if there is none
+    limit : greatest force of the actuator, N; None without a limit
+    baseline : a regular controller for comparison; None if there is none
     """
 
     name: str

@@ -17,7 +17,7 @@ class Gains:
 
     @property
     def closed(self) -> bool:
-        """Whether there is a loop at all; of plain numbers."""
+        """Whether there is a loop; for plain numbers."""
         return bool(self.velocity != 0 or self.position != 0)
 
 
@@ -38,7 +38,7 @@ class Coupling:
 
     @property
     def rigid(self) -> bool:
-        """Whether b_c is infinite, which is a plain float in every arithmetic: nothing gives way between the masses."""
+        """Whether b_c is infinite, a plain float in every arithmetic: the masses move as one."""
         return isinstance(self.damping, float) and self.damping == inf
 
     def times(self, share: Number) -> Coupling:
@@ -61,7 +61,7 @@ class SpringDamper:
 
 
 AnyCoupling = Coupling | SpringDamper
-"""What couples a device to the virtual world: of an admittance display, or of an impedance display."""
+"""The coupling of a device with the virtual world: for an admittance display, or of an impedance display."""
 
 
 def series_coupling(coupling: AnyCoupling) -> Coupling:

@@ -1,8 +1,14 @@
-"""The hand at the handle: a least operator, a hand, and every hand of a box. SI units."""
+"""The hand at the handle: a least operator, a hand, and every hand of a box. SI units.
+
+The fields of `Hand` are its numbers; all other modules use their names. A number whose name is not its quantity
+has "mass", "damping" or "stiffness" as "quantity" in its metadata.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from itertools import product
 
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import Units
@@ -37,10 +43,36 @@ class Hand:
     damping: Number
     stiffness: Number
 
+    @property
+    def numbers(self) -> dict[str, Number]:
+        """Its numbers by their names."""
+        return {name: getattr(self, name) for name in NAMES}
+
+    @property
+    def by_key(self) -> dict[str, Number]:
+        """Its numbers by their keys in a problem file."""
+        return {key: getattr(self, name) for key, name in zip(HAND, NAMES, strict=True)}
+
+    @classmethod
+    def of(cls, values: Mapping[str, Number]) -> Hand:
+        """Return the hand whose numbers are among some values, by their keys in a problem file."""
+        return cls(**{name: values[key] for key, name in zip(HAND, NAMES, strict=True)})
+
+    def mapped(self, of: Callable[..., Number], *others: Hand) -> Hand:
+        """Return the hand of a function of each number, and of the same number of other hands.
+
+        Parameters
+        ----------
+        of : takes as many numbers as there are hands
+        others : more hands
+        """
+        return Hand(**{name: of(*(getattr(hand, name) for hand in (self, *others))) for name in NAMES})
+
     def in_words(self, units: Units) -> str:
         """Return its numbers with their units."""
-        mass, damping, stiffness = (float(f"{number:.4g}") for number in (self.mass, self.damping, self.stiffness))
-        return f"{mass:g} {units.mass}, {damping:g} {units.damping}, {stiffness:g} {units.stiffness}"
+        return ", ".join(
+            f"{float(f'{number:.4g}'):g} {units.of(QUANTITIES[name])}" for name, number in self.numbers.items()
+        )
 
     def in_units(self, impedance: float, time: float) -> Hand:
         """Return the hand in other units of impedance and time.
@@ -55,11 +87,22 @@ class Hand:
         Hand
             M in impedance times time, B in impedance, K in impedance over time.
         """
-        return Hand(self.mass / (impedance * time), self.damping / impedance, self.stiffness * time / impedance)
+        new = {
+            "mass": lambda number: number / (impedance * time),
+            "damping": lambda number: number / impedance,
+            "stiffness": lambda number: number * time / impedance,
+        }
+        return Hand(**{name: new[QUANTITIES[name]](number) for name, number in self.numbers.items()})
 
 
-HAND = ("operator.mass", "operator.damping", "operator.stiffness")
-"""The numbers of a hand by their keys in a problem file, in the order of `Hand`."""
+NAMES = tuple(field.name for field in fields(Hand))
+"""The names of a hand's numbers."""
+QUANTITIES = {field.name: field.metadata.get("quantity", field.name) for field in fields(Hand)}
+"""What they count: their units follow from it."""
+HAND = tuple(f"operator.{name}" for name in NAMES)
+"""Their keys in a problem file."""
+MASS, STIFFNESS = "operator.mass", "operator.stiffness"
+"""The keys of the numbers with which a hand resonates."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,16 +119,25 @@ class Hands:
 
     def in_words(self, units: Units) -> str:
         """Return the box with its units."""
-        (m, b, k), (M, B, K) = ((hand.mass, hand.damping, hand.stiffness) for hand in (self.low, self.high))
-        return f"{m:g} to {M:g} {units.mass}, {b:g} to {B:g} {units.damping}, {k:g} to {K:g} {units.stiffness}"
+        return ", ".join(
+            f"{low:g} to {high:g} {units.of(QUANTITIES[name])}" for name, (low, high) in self.ranges.items()
+        )
+
+    @property
+    def ranges(self) -> dict[str, tuple[Number, Number]]:
+        """The ends of each number by its name."""
+        return {name: (getattr(self.low, name), getattr(self.high, name)) for name in NAMES}
+
+    @property
+    def corners(self) -> list[Hand]:
+        """The hands at the vertices of the box, each once."""
+        ends = (sorted(set(pair)) for pair in self.ranges.values())
+        return [Hand(**dict(zip(NAMES, corner, strict=True))) for corner in product(*ends)]
 
     @property
     def middle(self) -> Hand:
         """The hand in the middle of the box."""
-        low, high = self.low, self.high
-        return Hand(
-            0.5 * (low.mass + high.mass), 0.5 * (low.damping + high.damping), 0.5 * (low.stiffness + high.stiffness)
-        )
+        return self.low.mapped(lambda low, high: 0.5 * (low + high), self.high)
 
     def in_units(self, impedance: float, time: float) -> Hands:
         """Return the box of hands in other units of impedance and time.

@@ -19,19 +19,19 @@ Norm = Literal["rms", "peak"]
 Criterion = Literal["passive", "hands", "both"]
 """Any passive hand, on a band, in the frequency model; every hand of a box, in the sampled loop; or both."""
 HUMAN_HANDS = Hands(Hand(0.0, 0.0, 0.0), Hand(0.5, 30.0, 3000.0))
-"""A human hand on a linear device, from none to a firm grip (model/README.md, section 14)."""
+"""Human hands on a linear device, from no hand to a firm grip (model/README.md, section 14)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Admissible values of a variable; one with min = max is fixed."""
+    """Feasible values of a variable; one with min = max is fixed."""
 
     min: float
     max: float
 
     @property
     def fixed(self) -> bool:
-        """Whether nothing is left to choose."""
+        """Whether every variable is fixed."""
         return self.min == self.max
 
     def times(self, factor: float) -> Range:
@@ -85,7 +85,8 @@ class Transparency:
 
 @dataclass(frozen=True, slots=True)
 class Stability:
-    """The demands (design/README.md, section 1): band of Llewellyn's conditions, least ratio, greatest |S|, hands."""
+    """The constraints (design/README.md, section 1): band of Llewellyn's conditions, least ratio, greatest |S|,
+    hands."""
 
     band: Band
     safety_factor: float
@@ -103,10 +104,10 @@ class Demands:
     band : rad/s, of Llewellyn's conditions; may be (0, inf)
     factor : least Re Z_c / R
     max_sensitivity : greatest |S| of the sampled loop
-    passive : whether any passive hand is to be met on the band
-    any_hand : whether any passive hand is to be met on an impedance display, at every frequency
-    hands : the hands that are to be met at every frequency of the sampled loop; None for none
-    worlds : the environments that are to be met in them; None for every one that is passive as it runs
+    passive : whether any passive hand is required on the band
+    any_hand : whether any passive hand is required on an impedance display, at every frequency
+    hands : the hands that are required at every frequency of the sampled loop; None if there are none
+    worlds : the environments that are required in them; None for every passive one
     """
 
     device: Device
@@ -132,8 +133,8 @@ class Uncertainty:
     ----------
     half_widths : of numbers of the device by their keys, relative, 0 < width < 1
     objective : "nominal" for the error of the device's own numbers, "worst" for the greatest at the box's corners
-    unmodelled : (frequency in Hz, radius) of a disc around 1 by which the device's response may be multiplied; straight
-        between them on logarithmic axes, constant beyond; none for no disc
+    unmodelled : (frequency in Hz, radius) of a disc around 1 by which the device's response may be multiplied; linear
+        between them on logarithmic axes, constant beyond; empty for no disc
     """
 
     half_widths: tuple[tuple[str, float], ...]
@@ -151,7 +152,7 @@ class Problem:
 
     See design/README.md, section 1; document/README.md, section 1.
 
-    The demands hold for the device alone, or with `uncertainty` for every device of a box around it; with every
+    The constraints hold for the device alone, or with `uncertainty` for every device of a box around it; with every
     environment that is passive as it runs, or with every one of `worlds`.
     """
 
@@ -173,25 +174,25 @@ class Problem:
 
     @property
     def passive(self) -> bool:
-        """Whether any passive hand is to be met on an admittance display, on the band."""
+        """Whether any passive hand is required on an admittance display, on the band."""
         return self.stability.criterion != "hands" and self.device.kind.banded
 
     @property
     def any_hand(self) -> bool:
-        """Whether any passive hand is to be met on an impedance display, at every frequency."""
+        """Whether any passive hand is required on an impedance display, at every frequency."""
         return self.stability.criterion != "hands" and not self.device.kind.banded
 
     @property
     def hands_met(self) -> Hands | None:
-        """The hands that are to be met in the sampled loop; None if none are.
+        """The hands that are required in the sampled loop; None if there are none.
 
-        On an impedance display they are among any passive ones, which are met in the same loop.
+        On an impedance display they are among any passive hands, which the same loop covers.
         """
         return None if self.stability.criterion == "passive" or self.any_hand else self.hands
 
     @property
     def worlds_met(self) -> WorldsMet | None:
-        """The environments that are to be met in these hands; None for every one that is passive as it runs."""
+        """The environments that are required in these hands; None for every passive one."""
         return None if self.worlds is None else WorldsMet(self.worlds, self.stability.safety_factor)
 
     @property
@@ -216,7 +217,7 @@ class Problem:
 
     @property
     def fixed_design(self) -> tuple[Gains, AnyCoupling]:
-        """The gains and the coupling of a problem that fixes all of them."""
+        """The gains and the coupling of a problem that fixes every variable."""
         kind = self.device.kind
         fixed = [getattr(self.bounds, name).min for name in kind.names]
         return Gains(*fixed[:2]), kind.coupling(*fixed[2:])

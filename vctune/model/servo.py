@@ -10,14 +10,14 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 
 @dataclass(frozen=True, slots=True)
 class Latency:
-    """The parts of L, by which the force of a spring is late at rest: the drag must be at least K L. All in s.
+    """The parts of L, the delay of a spring's force at rest: the drag must be at least K L. All in s.
 
     Attributes
     ----------
     hold : T/2
     interpolation : T/2 of a position command
-    delay : of the servo
-    lag : of its low-pass
+    delay : delay of the servo
+    lag : lag of its low-pass
     sensor : delay and lag of the force sensor
     filter : lag of the firmware's filter of the sensed samples
     """
@@ -35,6 +35,45 @@ class Latency:
         return self.hold + self.interpolation + self.delay + self.lag + self.sensor + self.filter
 
 
+@dataclass(frozen=True, slots=True)
+class LatencyPart:
+    """What a part of L is called.
+
+    Attributes
+    ----------
+    label : its name
+    key : of the number that states it
+    quicker : how to shorten it, as advice
+    """
+
+    label: str
+    key: str
+    quicker: str
+
+    @classmethod
+    def of(cls, label: str, key: str, change: str) -> LatencyPart:
+        """Return the part that a change of its key shortens.
+
+        Parameters
+        ----------
+        label : its name
+        key : in [device]
+        change : what to do to the key, in words
+        """
+        return cls(label, f"device.{key}", f"{change} device.{key}")
+
+
+LATENCY_PARTS = {
+    "hold": LatencyPart.of("hold", "sample_time", "shorten"),
+    "interpolation": LatencyPart.of("interpolation", "sample_time", "shorten"),
+    "delay": LatencyPart.of("delay", "servo.delay", "shorten"),
+    "lag": LatencyPart.of("lag", "servo.bandwidth_hz", "raise"),
+    "sensor": LatencyPart.of("force sensor", "force_sensor", "state a quicker"),
+    "filter": LatencyPart.of("filter", "force_sensor.filter_coefficient", "raise"),
+}
+"""The parts of `Latency` by their names."""
+
+
 def latency(device: Device, ops: Arithmetic) -> Latency:
     """Return the parts of L, the time by which a servo's spring force lags at rest (model/README.md, section 17).
 
@@ -48,15 +87,13 @@ def latency(device: Device, ops: Arithmetic) -> Latency:
     Latency
         s, of the shape of the device's numbers.
     """
-    servo, sensor, half = device.servo, device.force_sensor, device.sample_time / 2
+    servo, sensor, half = device.servo, device.sensing, device.sample_time / 2
     assert servo is not None
-    late = smoothed = 0 * half
-    if sensor is not None:
-        late = late + sensor.delay
-        if sensor.bandwidth_hz is not None:
-            late = late + _lag(sensor.bandwidth_hz, sensor.order, ops)
-        if sensor.filter_coefficient is not None:
-            smoothed = device.sample_time * (1 - sensor.filter_coefficient) / sensor.filter_coefficient
+    late, smoothed = 0 * half + sensor.delay, 0 * half
+    if sensor.bandwidth_hz is not None:
+        late = late + _lag(sensor.bandwidth_hz, sensor.order, ops)
+    if sensor.filter_coefficient is not None:
+        smoothed = device.sample_time * (1 - sensor.filter_coefficient) / sensor.filter_coefficient
     return Latency(
         hold=half,
         interpolation=half if servo.command == "position" else 0 * half,

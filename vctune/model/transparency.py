@@ -37,8 +37,8 @@ TERMS: tuple[TermName, ...] = ("admittance", "tracking", "coupling")
 class LoopTerms(NamedTuple):
     """The squares of the two terms that the coupling is not in, where Z_0 = 1: of G_hh and of 1 - G_he.
 
-    Of an impedance display they are those of the dual: of 1/G_hh, the impedance in free motion, and of 1 - A H/N, by
-    how much the force at the handle misses the one that is commanded.
+    For an impedance display they are those of the dual: of 1/G_hh, the impedance in free motion, and of 1 - A H/N, the
+    error of the force at the handle against the commanded one.
     """
 
     admittance: Number
@@ -59,7 +59,7 @@ def loop_terms(loop: LoopResponse, at: DeviceResponse, kind: Display) -> LoopTer
     Returns
     -------
     LoopTerms
-        admittance : |G_hh|^2, (m/(N s))^2, of an impedance display 1/|G_hh|^2; tracking : dimensionless.
+        admittance : |G_hh|^2, (m/(N s))^2, for an impedance display 1/|G_hh|^2; tracking : dimensionless.
     """
     if not kind.inverse:
         return LoopTerms(G_hh_abs2(loop), tracking_abs2(loop))
@@ -87,7 +87,7 @@ def quotient_terms(at: LoopConstants, kind: Display) -> tuple[Quotient, Quotient
 
     Returns
     -------
-    admittance, tracking : N/D and (D - C_0)/D; of an impedance display D/N and (N - A H)/N
+    admittance, tracking : N/D and (D - C_0)/D; for an impedance display D/N and (N - A H)/N
     """
     if not kind.inverse:
         return Quotient(at.numerator, at.D), Quotient(at.miss, at.D)
@@ -103,8 +103,8 @@ def squared_terms(of_loop: LoopTerms, coupling: Pair, reference: float) -> Terms
     Parameters
     ----------
     of_loop : squares of the two terms of the loop, at some frequencies
-    coupling : Z_c there, N s/m; of an impedance display 1/Z_c, m/(N s)
-    reference : Z_0, N s/m; of an impedance display 1/Z_0 (`Display.reference`)
+    coupling : Z_c there, N s/m; for an impedance display 1/Z_c, m/(N s)
+    reference : Z_0, N s/m; for an impedance display 1/Z_0 (`Display.reference`)
 
     Returns
     -------
@@ -119,7 +119,7 @@ def squared_terms(of_loop: LoopTerms, coupling: Pair, reference: float) -> Terms
 def _panel() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the nodes and weights of Gauss and Legendre on [-1, 1], from the eigenvalues of Jacobi's matrix.
 
-    `numpy.polynomial` knows them too, but takes as long to import as a design takes to find.
+    `numpy.polynomial` has them too, but importing it takes as long as finding a design.
     """
     k = np.arange(1.0, PANEL_NODES)
     nodes, vectors = np.linalg.eigh(np.diag(k / np.sqrt(4 * k * k - 1), -1))

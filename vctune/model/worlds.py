@@ -49,7 +49,7 @@ class Worlds:
     high: World
 
     def in_words(self, units: Units) -> str:
-        """Return the box with its units, limits that exclude nothing left out."""
+        """Return the box with its units, without limits that exclude nothing."""
         ranges = [
             _range(low, high, unit)
             for low, high, unit in (
@@ -90,12 +90,12 @@ def _range(low: Number, high: Number, unit: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class WorldsMet:
-    """The environments that a design has to meet with a reserve.
+    """The environments that a design has to bear with a reserve.
 
     Attributes
     ----------
     worlds : the box
-    factor : g >= 1: the coupling divided by any number from 1 to g has to meet them too
+    factor : g >= 1: the coupling divided by any number from 1 to g has to bear them too
     """
 
     worlds: Worlds

@@ -1,1 +1,1 @@
-"""Proof of a design in ball arithmetic. Knows nothing of how the design was found."""
+"""Proof of a design in ball arithmetic. Does not import the search."""

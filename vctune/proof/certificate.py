@@ -16,6 +16,7 @@ from flint import ctx
 
 from vctune.model.device import Device
 from vctune.model.numbers.frequency import hertz
+from vctune.model.parts import DELAYS
 from vctune.model.problem import Demands
 from vctune.proof.claims.conditions import widest_band
 from vctune.proof.claims.every_device import widest_band_for_all
@@ -23,7 +24,7 @@ from vctune.proof.claims.many_designs import ON_ARRAYS, prove
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.registry import ClaimId, claims_about, claims_asked
 from vctune.proof.claims.whole_samples import beside_whole_sample
-from vctune.proof.device_box import DELAYS, DeviceBox
+from vctune.proof.device_box import DeviceBox
 from vctune.proof.enclosures.arb_balls import PRECISION
 from vctune.proof.engine.band_edges import edge_in_hertz
 from vctune.proof.engine.boxes import Cells
@@ -43,10 +44,10 @@ class Certificate:
 
     Attributes
     ----------
-    design : what it is about
-    demands : what the design has to meet
+    design : the design that it is about
+    demands : the constraints on the design
     outcomes : verdict, boxes and witness [rad/s] of each claim, by its identifier
-    without_factor : the conditions with a factor of 1 where they are not proved with the demanded one, else None
+    without_factor : the conditions with a factor of 1 if they are not proved with the required one, else None
     box : the devices that it is about, None for the design's own alone
     beside : the same of the design with other delays, for which the outcomes hold as well
     """
@@ -70,12 +71,12 @@ class Certificate:
 
     @property
     def boxes(self) -> int:
-        """Boxes looked at for all claims."""
+        """Number of boxes for all claims."""
         return sum(outcome.boxes for outcome in self.outcomes.values())
 
     @property
     def proved_ratio(self) -> float | None:
-        """The least Re Z_c / R that is proved of the band, of a stable loop: the demanded one, or 1, or None."""
+        """The least proved Re Z_c / R on the band, of a stable loop: the required one, or 1, or None."""
         stability = (self.outcomes[claim] for claim in STABILITY if claim in self.outcomes)
         if any(outcome.verdict is not Verdict.PROVED for outcome in stability):
             return None
@@ -85,7 +86,8 @@ class Certificate:
 
     @property
     def proved_band(self) -> tuple[float, float] | None:
-        """The widest band around the demanded one with ratio >= 1, rad/s, proved on demand; None unless that is."""
+        """The widest band around the required one with ratio >= 1, rad/s, proved on first use; None if the claim is not
+        proved."""
         bands = [self._own_band, *(each.proved_band for each in self.beside)]
         known = [band for band in bands if band is not None]
         return (max(low for low, _ in known), min(high for _, high in known)) if len(known) == len(bands) else None
@@ -106,7 +108,8 @@ class Certificate:
 
     @property
     def proved_band_hz(self) -> tuple[float, float] | None:
-        """The proved band, Hz, its edges beyond the demanded one rounded inwards to few digits; None unless proved."""
+        """The proved band, Hz, its edges beyond the required one rounded inwards to few digits; None if it is not
+        proved."""
         proved, (low, high) = self.proved_band, self.demands.band
         if proved is None:
             return None
@@ -117,15 +120,15 @@ class Certificate:
 
 
 def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> Certificate:
-    """Prove that a design meets its demands (proof/README.md).
+    """Prove that a design meets its constraints (proof/README.md).
 
     The proof is about the decimals that the numbers are written as: 0.4 means 2/5.
 
     Parameters
     ----------
     design : device, gains and coupling, in SI units
-    demands : on its device; the band may be (0, inf) for hold "lag" without delay
-    box : devices around the design's own, for all of which the claims are proved; None for the design's own alone
+    demands : constraints on its device; the band may be (0, inf) for hold "lag" without delay
+    box : devices around the design's own for which all claims are proved; None for the design's own alone
 
     Returns
     -------
@@ -171,7 +174,8 @@ def _beside(question: Question) -> list[Question]:
 
 
 def _holding_beside(certificate: Certificate, beside: Sequence[Certificate]) -> Certificate:
-    """Return a certificate whose claims are proved for all of several delays, each with the device where it is not."""
+    """Return a certificate whose claims are proved for all of several delays; each claim that is not names its
+    device."""
     outcomes, without_factor = certificate.outcomes, certificate.without_factor
     for other in beside:
         device = other.design.device
@@ -198,16 +202,16 @@ def _in_time(proof: Callable[[], Outcome]) -> Outcome:
 
 
 def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | None = None) -> list[Certificate]:
-    """Prove that several designs of one device meet its demands, as `certify` does for each.
+    """Prove that several designs of one device meet its constraints, as `certify` does for each.
 
     Arrays prove most designs together. Arb decides about the others. With a box of devices or with hands, each design
-    is proved by itself.
+    is proved separately.
 
     Parameters
     ----------
     designs : n designs of one device
-    demands : on that device
-    box : devices for all of which the claims are proved; None for the device alone
+    demands : constraints on that device
+    box : devices for which all claims are proved; None for the device alone
 
     Returns
     -------

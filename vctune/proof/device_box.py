@@ -8,15 +8,14 @@ from fractions import Fraction
 from itertools import product
 from math import inf, nextafter, pi
 
-from vctune.model.device import NUMBERS, Device, Unmodelled
+from vctune.model.device import Device
 from vctune.model.hands import Hands
 from vctune.model.numbers.arithmetic import Number
+from vctune.model.parts import UNCERTAIN, Unmodelled
 from vctune.model.problem import Uncertainty
 
 DIRECTION = "unmodelled.phase"
 """Key of the direction of a response at the edge of the disc, rad."""
-UNCERTAIN = tuple(key for key in NUMBERS if key != "sample_time")
-"""The numbers of a device that may be uncertain: all but the firmware's clock."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,9 +24,9 @@ class DeviceBox:
 
     Attributes
     ----------
-    nominal : the device as its numbers say
+    nominal : the device with its stated numbers
     low, high : the numbers' least and greatest values; decimals within the box that is meant, to two units in the last
-        place. Where their responses are not known exactly either, these are at the edge of the disc: proof/README.md,
+        place. If their responses are not known exactly either, they are at the edge of the disc: proof/README.md,
         section 9
     """
 
@@ -83,13 +82,12 @@ class DeviceBox:
         return [self.nominal, *self.corners()]
 
 
-DELAYS = ("delay", "servo.delay", "force_sensor.delay")
 PHASES = 8
-"""Directions in which the edge of a disc is looked at beforehand; what fails between them is met by the search for the
-worst device and by the proof. Half and twice as many lead to the same design in more and fewer rounds."""
+"""Directions of a disc's edge that are tried beforehand; the search for the worst device and the proof find failures
+between them. Half and twice as many lead to the same design in more and fewer rounds."""
 MOST_AT_ONCE = 4
-"""Uncertain numbers up to which all vertices are looked at beforehand, 16 of them. With one more there are twice as
-many, with one less a fifth round of the exchange finds what is missing."""
+"""Uncertain numbers up to which all vertices are tried beforehand, 16 of them. One more doubles their number; with one
+less a fifth round of the exchange finds the rest."""
 
 
 def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
@@ -98,8 +96,8 @@ def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
     Parameters
     ----------
     device : the nominal device, plain floats
-    uncertainty : relative half-widths by key, of which those of parts that the device lacks are ignored, and the disc
-        of unmodelled dynamics
+    uncertainty : relative half-widths by key, ignored for parts that the device lacks, and the disc of unmodelled
+        dynamics
 
     Returns
     -------
@@ -124,11 +122,11 @@ def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
 
 
 ADDED = ("mass", "damping")
-"""What a rigid device and a hand have together where only motion is measured."""
+"""Numbers that a rigid device and a hand have together if only motion is measured."""
 
 
 def moved_as_one(box: DeviceBox) -> tuple[str, ...]:
-    """Return the uncertain numbers of a box that only count together with the hand's.
+    """Return the uncertain numbers of a box that only matter in sum with the hand's.
 
     A rigid impedance display measures motion alone. Its mass and the hand's therefore act as one, and so do the
     dampings.
@@ -139,7 +137,7 @@ def moved_as_one(box: DeviceBox) -> tuple[str, ...]:
 
 
 def in_longer_hands(box: DeviceBox, hands: Hands, keys: Sequence[str]) -> tuple[DeviceBox, Hands]:
-    """Move the uncertainty of a device's mass and damping into the hands: only the sums count.
+    """Move the uncertainty of a device's mass and damping into the hands: only the sums matter.
 
     Parameters
     ----------
@@ -149,7 +147,7 @@ def in_longer_hands(box: DeviceBox, hands: Hands, keys: Sequence[str]) -> tuple[
 
     Returns
     -------
-    box : with these numbers at their least
+    box : box with these numbers at their least
     hands : with these numbers' upper ends raised by the box's range, rounded upwards
     """
     least = {key: box.low.number(key) for key in keys}

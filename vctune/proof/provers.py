@@ -35,9 +35,9 @@ class Question:
 
     Attributes
     ----------
-    design : in plain numbers
-    demands : what it has to meet
-    box : devices for all of which it is to be proved, None for the design's own
+    design : design in plain numbers
+    demands : its constraints
+    box : devices for which it is to be proved, None for the design's own
     """
 
     design: Design
@@ -46,14 +46,14 @@ class Question:
 
     @property
     def modelled(self) -> Question:
-        """The same of devices whose responses are known exactly."""
+        """The same for devices whose responses are known exactly."""
         return replace(self, box=self.box and self.box.modelled)
 
     @property
     def robust(self) -> RobustDesign | None:
-        """The design on a box of devices; None where they are one, or all alike.
+        """The design on a box of devices; None for a single device, or if all are alike.
 
-        Without a loop a mechanism is passive whatever its numbers are, but not if its response is another.
+        Without a loop a mechanism is passive for any numbers, but not if its response is another.
         """
         if self.box is None or not self.box.uncertain:
             return None
@@ -63,7 +63,7 @@ class Question:
 
 Outcomes = Mapping[ClaimId, Outcome]
 Prover = Callable[[Question, Outcomes], Outcome]
-"""Proves a claim, given what was found of the claims before it."""
+"""A function that proves a claim, given the results of the claims before it."""
 
 
 def prove_passive(question: Question) -> Outcome:
@@ -91,7 +91,7 @@ def _stable(question: Question, _known: Outcomes) -> Outcome:
 def _unmodelled(question: Question, known: Outcomes) -> Outcome:
     """Prove that no response within the discs of those of a box makes the loop unstable.
 
-    Where |S| is bounded by its limit, |1 - S| is by one more, and discs smaller than the inverse of that need no
+    If |S| is bounded by its limit, |1 - S| is bounded by one more, and discs smaller than the inverse of that need no
     proof of their own.
     """
     design, box, demands = question.design, question.box, question.demands
@@ -125,7 +125,7 @@ PROVERS: dict[ClaimId, Prover] = {
     "hands": _hands,
     "worlds": _hands,
 }
-"""What proves each claim."""
+"""The prover of each claim."""
 
 
 def _of_every_loop(prove_poles: Callable[[Device, Gains], Outcome], design: Design) -> Outcome:

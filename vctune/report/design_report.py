@@ -18,13 +18,13 @@ from vctune.report.page.sliders import overlays
 
 
 def write_report(record: DesignRecord, folder: Path, simulation: SimulationRecord | None = None) -> None:
-    """Write report.html and the figures of a design, none of an earlier one left; needs nothing but its record.
+    """Write report.html and the figures of a design from its record alone, and remove those of an earlier one.
 
     Parameters
     ----------
-    record : of the design
-    folder : for report.html and the figures
-    simulation : of this design; None without one
+    record : record of the design
+    folder : folder for report.html and the figures
+    simulation : simulation of this design; None without one
 
     Raises
     ------
@@ -40,9 +40,9 @@ def report_files(record: DesignRecord, folder: Path, simulation: SimulationRecor
 
     Parameters
     ----------
-    record : of the design
-    folder : for the files
-    simulation : of this design; None without one
+    record : record of the design
+    folder : folder for the files
+    simulation : simulation of this design; None without one
 
     Returns
     -------
@@ -70,8 +70,8 @@ def simulation_files(simulation: SimulationRecord, folder: Path) -> dict[Path, s
 
     Parameters
     ----------
-    simulation : of any design
-    folder : for the file
+    simulation : simulation of any design
+    folder : folder for the file
 
     Returns
     -------

@@ -19,7 +19,7 @@ def identification_files(found: Identified, record: IdentificationRecord, folder
     ----------
     found : device, box and studies of the recordings
     record : the same identification as identification.json holds it
-    folder : for the files
+    folder : folder for the files
 
     Returns
     -------

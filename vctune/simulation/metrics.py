@@ -13,16 +13,16 @@ from vctune.simulation.mechanics.intended_motion import Floats, stroke_time
 from vctune.simulation.run import Traces
 
 TURNING_POINT = 0.1
-"""Share of the travel at each end that is a turning point; also the share of the speed that is near zero. The
-hand gains speed within the first 6 % of the travel (`vctune.simulation.mechanics.intended_motion.RAMP`). Half: that
-would be measured too. Twice: less of the stroke would be. Both change the ripple, which is for comparing controllers,
-a little."""
+"""Share of the travel at each end that is a turning point; also the share of the speed that is near zero. The hand
+gains speed within the first 6 % of the travel (`vctune.simulation.mechanics.intended_motion.RAMP`). Half would still
+measure this part. Twice would drop a part of the stroke. Both change the ripple, which serves to compare controllers, a
+little."""
 N_POSITIONS = 400
-"""Positions at which loading and unloading are compared, finer than a figure. Half as many follow the curves still;
-twice as many say no more."""
+"""Positions at which loading and unloading are compared, finer than a figure. Half as many still follow the curves;
+twice as many add nothing."""
 SATURATED = 1 - 1e-9
-"""Share of the limit from which on a force counts as at it: the limit but for rounding. Half and twice the allowance
-count the same samples."""
+"""Share of the limit from which on a force is at the limit, except for rounding. Half and twice the allowance give the
+same samples."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,9 +31,9 @@ class Fit:
 
     Attributes
     ----------
-    value : what is felt
-    asked : what the environment says
-    standard_error : of the value, from the residual
+    value : felt value
+    asked : value of the environment
+    standard_error : standard error of the value, from the residual
     """
 
     value: float
@@ -52,11 +52,12 @@ class Metrics:
     fits : felt mass, damping, stiffness: those that the environment has, damping for free motion
     offset : the fit's force at the origin, N
     residual : root mean square of the force about the fit, N
-    ripple : greatest less least force about the fit where the handle's speed is below a tenth of its greatest, N
-    handle_energy : what the hand has put into the handle, J
-    environment_energy : what the environment has taken in, J
-    motor_energy : what the motor has put into the device, J, as commanded; None for a servo
-    handle_deficit, environment_deficit : the most that each has given beyond what it took, J: a passivity observer
+    ripple : greatest minus least force about the fit where the handle's speed is below a tenth of its greatest, N
+    handle_energy : work of the hand on the handle, J
+    environment_energy : energy absorbed by the environment, J
+    motor_energy : work of the motor on the device, J, as commanded; None for a servo
+    handle_deficit, environment_deficit : the most energy that each has returned beyond what it took, J: a passivity
+        observer
     peak_motor : greatest |u|, the command, N; m/s or m where a velocity or a position is commanded
     saturated : share of the samples at the actuator's limit
     peak_force : greatest |f_h|, N
@@ -88,16 +89,16 @@ def metrics(
 
     Parameters
     ----------
-    traces : of a run that did not diverge
-    environment : that was rendered
+    traces : traces of a run that did not diverge
+    environment : environment that was rendered
     operator : the hand
-    limit : greatest force of the actuator, N; None for none
-    commanded : what the firmware commands
+    limit : greatest force of the actuator, N; None without a limit
+    commanded : kind of the firmware's command
 
     Returns
     -------
     Metrics
-        SI units; None for what the environment or the motion does not have.
+        SI units; None if the environment or the motion does not have it.
     """
     stroke = stroke_time(operator)
     counted = traces.time >= (2 * stroke if operator.cycles > 1 else 0.0)

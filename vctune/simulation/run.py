@@ -14,7 +14,7 @@ from vctune.simulation.mechanics.stretches import Stretch, fixed_steps
 from vctune.simulation.scene import Scene
 
 DIVERGENCE = 1e3
-"""A handle this many times the hand's travel away from where the hand wants it has diverged. No stable loop comes near
+"""A run has diverged if the handle is this many times the hand's travel away from its target. No stable loop comes near
 it, and an unstable one passes half and twice it within a few samples of each other."""
 
 
@@ -25,15 +25,15 @@ class Traces:
     Attributes
     ----------
     time : s
-    intended : position that the hand wants, m
-    position, velocity : of the handle, m, m/s; without a spring between them also the motor's
+    intended : target position of the hand, m
+    position, velocity : motion of the handle, m, m/s; without a spring between them also the motor's
     force : f_h, the hand's force on the handle, N
     reference, desired : x_e and v_e, of the rendered environment, m, m/s
     environment_force : f_e, N
-    motor : u, the command: a force, N; of a servo a velocity, m/s, or a position, m
-    sensed : f_s, what the force sensor has of f_h, noise included, N
+    motor : u, the command: a force, N; for a servo a velocity, m/s, or a position, m
+    sensed : f_s, the sensed f_h, with noise, N
     diverged : when the handle left the hand's travel for good, s, and the traces end; None if it did not
-    motor_position, motor_velocity : what the firmware's encoder sees, m, m/s; None where it moves as the handle
+    motor_position, motor_velocity : motion of the firmware's encoder, m, m/s; None if it moves as the handle
     """
 
     time: Floats
@@ -57,13 +57,13 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
     Parameters
     ----------
     scene : device, operator, friction and firmware
-    progress : told the share of the samples that is done
-    stretch : how friction is integrated; not looked at without friction, where the device moves on exactly
+    progress : function that receives the share of the finished samples
+    stretch : integration of friction; skipped without friction, where the device moves on exactly
 
     Returns
     -------
     Traces
-        Finite; a run that diverges ends where it began to.
+        Finite; a run that diverges ends where the divergence began.
     """
     samples = sample_count(scene.operator, scene.device.sample_time)
     with interrupt_deferred():
@@ -93,7 +93,7 @@ def motion_inputs(scene: Scene, first: int, noise: np.random.Generator) -> Float
 
     Parameters
     ----------
-    scene : what the run consists of
+    scene : the scene of the run
     first : number of the first sample
     noise : generator of the force sensor's, advanced by `CHUNK` samples where there is any
 
@@ -116,10 +116,10 @@ def traces_of(scene: Scene, recorded: Floats, wanted: Floats, *, diverged: bool)
 
     Parameters
     ----------
-    scene : that was run
+    scene : scene that was run
     recorded : a row a sample, of `columns`
     wanted : intended position at each of these samples, m
-    diverged : whether the handle left where the hand wants it
+    diverged : whether the handle left the hand's target
     """
     T, began = scene.device.sample_time, None
     if diverged:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from vctune.model.device import Device, VelocityEstimate
+from vctune.model.device import Device
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.loop.device_response import mechanism
 from vctune.model.loop.filters import smoothing
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.parts import VelocityEstimate
 from vctune.simulation.firmware.controller import Law
 from vctune.simulation.mechanics.friction import Carriage
 
@@ -20,11 +21,11 @@ class Scene:
 
     Attributes
     ----------
-    device : with all its parts; its hold is always the real, zero-order one
+    device : device with all its parts; its hold is always the real, zero-order one
     operator : the hand
-    friction : of the device; None for none
+    friction : friction of the device; None without friction
     law : the firmware
-    force_noise, seed : of the force samples, N
+    force_noise, seed : those of the force samples, N
     """
 
     device: Device
@@ -43,11 +44,11 @@ class Scene:
 
 @dataclass(frozen=True, slots=True)
 class Equilibrium:
-    """Where a scene starts, at rest.
+    """The start of a scene, at rest.
 
     Attributes
     ----------
-    position, bend : of the motor, and by how much the handle is ahead of it, m
+    position, bend : position of the motor, and the handle's lead over it, m
     reference : x_e, m
     motor : command: of the motor, N, or of a servo, m/s, m
     hand : force of the hand, N
@@ -63,8 +64,8 @@ class Equilibrium:
 def equilibrium(scene: Scene) -> Equilibrium:
     """Return the equilibrium at the start of the motion: all springs, from the hand's to the environment's, in a row.
 
-    Without a position gain the controller holds nothing, and the handle starts where hand and environment agree. So it
-    does with a servo, which is where the environment is.
+    Without a position gain the controller holds no position, and the handle starts where hand and environment agree.
+    The same holds for a servo, which is at the environment's position.
     """
     found = _at_rest(scene)
     return replace(found, motor=found.reference) if scene.law.command == "position" else found
@@ -101,7 +102,7 @@ def designed_scene(device: Device, gains: Gains, coupling: AnyCoupling, experime
     ----------
     device : plain numbers, SI units
     gains, coupling : the design
-    experiment : what it is tried in
+    experiment : the experiment of the run
     """
     return _scene(device, experiment, gains, 0.0, coupling, 0.0, 0.0)
 
@@ -112,7 +113,7 @@ def baseline_scene(device: Device, experiment: Experiment, pid: Baseline) -> Sce
     Parameters
     ----------
     device : plain numbers, SI units
-    experiment : what it is tried in
+    experiment : the experiment of the run
     pid : the regular controller
     """
     return _scene(device, experiment, Gains(pid.kd, pid.kp), pid.ki, None, pid.mass, pid.damping)
@@ -125,7 +126,7 @@ def designed_law(device: Device, gains: Gains, coupling: AnyCoupling | None, env
     ----------
     device : its sample time and its velocity estimate
     gains, coupling : the design
-    environment : what is rendered
+    environment : the rendered environment
     """
     estimate = device.velocity or VelocityEstimate()
     smooth = estimate.filter_hz is not None

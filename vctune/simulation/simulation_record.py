@@ -32,8 +32,8 @@ from vctune.simulation.two_runs import Run, Simulated
 from vctune.version import __version__
 
 TOLERANCE = 1.5e-3
-"""By how much of the range that a figure shows a curve may differ: less than the line is wide. Half: more points in
-simulation.json, the same picture. Twice: corners begin to show in print."""
+"""Share of the shown range by which a curve may differ: less than the line's width. Half gives more points in
+simulation.json and the same picture. With twice, corners begin to show in print."""
 
 
 def simulation_record(
@@ -48,7 +48,7 @@ def simulation_record(
     file : the problem and its text
     gains, coupling : the design, SI units
     simulated : the experiments
-    controller : name of the firmware that ran in the place of the design's own; None for none
+    controller : name of the firmware that ran instead of the design's own; None without one
     """
     also: dict[str, Any] = {} if controller is None else {"controller": controller}
     device = file.problem.device
@@ -117,7 +117,7 @@ def _experiment(one: Simulated, device: Device, coupling: AnyCoupling) -> Experi
 
 
 def quiet_stiffness(device: Device, experiment: Experiment) -> float:
-    """Return up to which stiffness a wall of an impedance display comes to rest on its encoder's quanta, N/m.
+    """Return the stiffness up to which a wall of an impedance display comes to rest on its encoder's quanta, N/m.
 
     Abbott and Okamura's min(2 b/T, 2 f_C/q): friction has to swallow the energy that a quantum gives.
 

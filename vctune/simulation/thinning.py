@@ -11,12 +11,12 @@ Indices = NDArray[np.intp]
 
 
 def thinned(x: Floats, y: Floats, tolerance: tuple[float, float]) -> Indices:
-    """Return the indices of points that are enough: none that is left out is far from the line through the others.
+    """Return the indices of a sufficient subset of points: no other point is far from the line through them.
 
     Parameters
     ----------
     x, y : the curve, finite
-    tolerance : how far is far, in x and in y; positive
+    tolerance : greatest distance, in x and in y; positive
 
     Returns
     -------

@@ -21,9 +21,9 @@ class Run:
 
     Attributes
     ----------
-    traces : what was recorded
-    metrics : what that says; None if the run diverged
-    mode : of the linear sampled loop of device, hand and environment that grows the fastest
+    traces : the recorded samples
+    metrics : its measures; None if the run diverged
+    mode : mode of the linear sampled loop of device, hand and environment that grows the fastest
     """
 
     traces: Traces
@@ -40,7 +40,7 @@ class Simulated:
     experiment : its description
     baseline, design : the two runs; no baseline without one in the description
     least_virtual : least share of the baseline's virtual mass and damping that is stable; None without one
-    difference : of the commands of a firmware, where one ran in the place of the design's own, whose `mode` stays
+    difference : difference of the commands of a firmware, where one ran instead of the design's own, whose `mode` stays
     """
 
     experiment: Experiment
@@ -66,15 +66,15 @@ def simulate(
     problem : the device
     gains, coupling : the design
     experiment : one of the problem's, or any other
-    progress : told the stage of the work
-    controller : a firmware in the place of the design's own; None for none
-    tolerance : greatest difference of its commands from the design's that passes, in their unit; None for what rounding
-        explains
+    progress : function that receives the current stage
+    controller : a firmware instead of the design's own; None without one
+    tolerance : greatest difference of its commands from the design's that passes, in their unit; None for the effect of
+        rounding
 
     Returns
     -------
     Simulated
-        Traces, SI units, and what was measured on them; no measures of a run that diverged.
+        Traces, SI units, and their measures; no measures of a run that diverged.
     """
 
     def ran(scene: Scene, name: str) -> Run:

@@ -24,14 +24,15 @@ from vctune.version import __version__
 
 PENDING_PER_WORKER = 3
 """Points handed out for each worker, so that none waits for its next one: solving takes tens of milliseconds at least,
-handing one out takes one. With half as many a worker on another machine may wait, with twice as many none does less."""
+handing one out takes one. With half as many a worker on another machine may wait; with twice as many none does less."""
 CONNECT_SECONDS = 5
 ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
     "PYTHONWARNINGS": "ignore:resource_tracker:UserWarning",
     "DASK_LOGGING__DISTRIBUTED": "critical",
 }
-"""Of worker processes: single-threaded linear algebra, and no complaints when a run is interrupted or killed."""
+"""Environment of worker processes: single-threaded linear algebra, and no complaints when a run is interrupted or
+killed."""
 
 
 @dataclass(slots=True)
@@ -41,10 +42,10 @@ class WorkerPool:
     Attributes
     ----------
     executor : to submit to
-    max_pending : how many points to hand out at once
-    worker_died : exceptions that say so
-    unreachable : exceptions that say that all of them are out of reach
-    renew : makes the executor fit to go on after a worker has died
+    max_pending : number of points to hand out at once
+    worker_died : exceptions of a dead worker
+    unreachable : exceptions of an unreachable cluster
+    renew : function that renews the executor after a worker has died
     """
 
     executor: Executor
@@ -123,7 +124,7 @@ def _process_pool(jobs: int) -> Iterator[WorkerPool]:
 def _context() -> BaseContext:
     """Return how processes are started: from a server that has imported the solver, where there can be one.
 
-    The server hands on what it was started with.
+    The server passes on its start environment.
     """
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")

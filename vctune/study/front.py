@@ -16,13 +16,13 @@ from vctune.model.problem import Problem, Range
 from vctune.study.study_table import Table
 
 EXPONENTS = np.arange(-6, 7) / 2
-"""Decades by which the weight of |Z_c|/Z_0 is moved against those of the loop's two terms."""
+"""Decades by which the weight of |Z_c|/Z_0 varies against those of the loop's two terms."""
 POSITIONS, DECADES = 24, 4
-"""Values of K_p, and how far below its upper bound they begin where it may be 0."""
+"""Values of K_p, and their start below its upper bound if it may be 0."""
 EDGES = 41
 DIGITS = 5
 OWN = "error_with_own_weights"
-"""What the error is called where each row has weights of its own, so that no two of them compare."""
+"""Name of the error if each row has weights of its own, so that no two rows compare."""
 
 
 def terms_study(document: dict[str, Any], problem: Problem) -> Study:
@@ -37,16 +37,16 @@ def terms_study(document: dict[str, Any], problem: Problem) -> Study:
     """
     if problem.device.kind.inverse:  # K_v costs free motion and stiffens the coupling, which no weight moves else
         velocity = _list("gains.velocity", _values(problem.bounds.velocity))
-        return Study("terms", document, (velocity,), problem.transparency)
+        return Study("terms", document, (velocity,), problem)
     weight = problem.transparency.weights.coupling or 1.0
     if not problem.device.kind.own_loop:  # one term alone differs between its designs
-        return Study("terms", document, (_list("transparency.weights.coupling", [weight]),), problem.transparency)
+        return Study("terms", document, (_list("transparency.weights.coupling", [weight]),), problem)
     weights = [float(f"{weight * 10**k:.6g}") for k in EXPONENTS]
     axes = (
         _list("gains.position", _values(problem.bounds.position)),
         _list("transparency.weights.coupling", weights),
     )
-    return Study("terms", document, axes, problem.transparency)
+    return Study("terms", document, axes, problem)
 
 
 def _values(bounds: Range) -> list[float]:
@@ -66,7 +66,7 @@ def band_study(document: dict[str, Any], problem: Problem) -> Study:
     Parameters
     ----------
     document : tables of the problem file, in which the band's edges are replaced
-    problem : what they state
+    problem : stated by them
     """
     nyquist = 0.5 / problem.device.sample_time
     low = problem.stability.band.min / (2 * pi)
@@ -76,7 +76,7 @@ def band_study(document: dict[str, Any], problem: Problem) -> Study:
         _list("stability.band_hz[0]", [float(f"{low:.12g}")]),
         _list("stability.band_hz[1]", [*(edge for edge in edges if edge > low), nyquist]),
     )
-    return Study("band", document, axes, problem.transparency)
+    return Study("band", document, axes, problem)
 
 
 def _list(key: str, values: list[float]) -> Axis:
@@ -110,9 +110,9 @@ def _rounded(costs: Floats) -> Floats:
 
 
 def nondominated(costs: Floats) -> NDArray[np.intp]:
-    """Return the indices of the rows of finite costs that no other row is as good as in all and better in one.
+    """Return the indices of the rows of finite cost that no other row dominates.
 
-    Of rows that cost the same the first stays.
+    Among rows of the same cost the first stays.
     """
     chosen = []
     for i, cost in enumerate(costs):

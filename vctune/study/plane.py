@@ -13,12 +13,13 @@ from vctune.design.variables import Coordinate, coordinates, keys_for, ranges
 from vctune.document.text.errors import Mistake
 from vctune.model.numbers.keys import KEYS, WORLD, keys_of
 from vctune.model.problem import Problem, Range
+from vctune.proof.enclosures.array_intervals import Flags
 from vctune.proof.engine.boxes import Cells
 
 Squares = NDArray[np.intp]
 """Cells by the numbers of their edges, x_low, x_high, y_low, y_high: shape (4, number of cells).
 
-A cell with y_low = y_high (or x_low = x_high) is a piece of the line on which K_p = 0 and nothing integrates.
+A cell with y_low = y_high (or x_low = x_high) is a piece of the line K_p = 0 without an integrator.
 """
 
 COARSEST = 8
@@ -32,7 +33,7 @@ class Plane:
     Attributes
     ----------
     axes : indices of the variables x and y among `keys`
-    edges : of x and of y, SI units, 2^levels + 1 each, equally far apart in the optimiser's coordinates
+    edges : edges of x and of y, SI units, 2^levels + 1 each, equally far apart in the optimiser's coordinates
     ranges : ranges of all variables
     """
 
@@ -51,7 +52,7 @@ class Plane:
         return index is not None and index not in self.axes and not self.ranges[index].fixed
 
     def coarsest_squares(self) -> Squares:
-        """Return the plane in `COARSEST` by `COARSEST` squares, and the line K_p = 0 likewise if it is there."""
+        """Return the plane in `COARSEST` by `COARSEST` squares, and the line K_p = 0 in the same way if it is there."""
         side, count = len(self.edges[0]) - 1, COARSEST
         marks = np.arange(0, side, side // count)
         i, j = (m.ravel() for m in np.meshgrid(marks, marks, indexing="ij"))
@@ -86,7 +87,7 @@ def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
 
     Parameters
     ----------
-    problem : with or without a region
+    problem : problem with or without a region
     x, y : dotted keys, of the problem's variables
 
     Returns
@@ -141,17 +142,17 @@ def _edges(coordinate: Coordinate, unit: float, bounds: Range, count: int) -> Fl
     return np.array([bounds.min, *(float(f"{x:.{DIGITS}g}") for x in inner), bounds.max])
 
 
-def halved(squares: Squares) -> Squares:
-    """Return the quarters of each square, the halves of each piece of a line; the finest width stays whole."""
-    parts = [squares]
-    for low, high in ((0, 1), (2, 3)):
-        halves = []
-        for part in parts:
-            longer = part[high] - part[low] > 1
-            middle = (part[low] + part[high]) // 2
-            first, second = part.copy(), part[:, longer].copy()
-            first[high] = np.where(longer, middle, part[high])
-            second[low] = middle[longer]
-            halves += [first, second]
-        parts = halves
-    return np.concatenate(parts, axis=1)
+def halved(squares: Squares, across: Flags) -> Squares:
+    """Return both halves of each cell.
+
+    Parameters
+    ----------
+    squares : each longer than 1 in x or in y
+    across : where x is halved, if it is longer than 1; y elsewhere, likewise, shape (n,)
+    """
+    wide, high = squares[1] - squares[0] > 1, squares[3] - squares[2] > 1
+    low = np.where(wide & (across | ~high), 0, 2)
+    at = np.arange(squares.shape[1])
+    first, second = squares.copy(), squares.copy()
+    first[low + 1, at] = second[low, at] = (squares[low, at] + squares[low + 1, at]) // 2
+    return np.concatenate((first, second), axis=1)

@@ -33,7 +33,7 @@ def axis_values(axis: Axis) -> Values:
 
 
 def latin_hypercube(axes: tuple[Axis, ...], n: int, seed: int) -> Iterator[Values]:
-    """Yield n points of which every axis has exactly one in each of n equal parts of its range.
+    """Yield n points; every axis has exactly one of them in each of n equal parts of its range.
 
     A list is cut into parts of equal length: its elements appear equally often, to one more or less.
 
@@ -41,7 +41,7 @@ def latin_hypercube(axes: tuple[Axis, ...], n: int, seed: int) -> Iterator[Value
     ----------
     axes : each with a list of values, or the ends of its range
     n : number of points
-    seed : of the random numbers
+    seed : seed of the random numbers
     """
     generator = np.random.default_rng(seed)
     shares = [(generator.permutation(n) + generator.random(n)) / n for _ in axes]

@@ -3,44 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from enum import IntEnum
-from math import inf
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.analysis.demands import response, sampled_span, slowest_resonance
-from vctune.analysis.extrema import Floats, frequency_grid
-from vctune.analysis.in_hands import LoopsInHands, hardest_near, loops_in_any_hand, loops_in_hands
-from vctune.analysis.sampled_loop import sensitivity_of
+from vctune.analysis.extrema import Floats
+from vctune.analysis.hardest_hands import hardest_near
 from vctune.design.prepared import of_one_device, pose, problems_beside
 from vctune.design.variables import coupling_from
-from vctune.model.coupling import coupling_impedance
-from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
-from vctune.model.loop.llewellyn import required_resistance
-from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.gains import Gains
 from vctune.model.numbers.keys import KEYS
 from vctune.model.problem import Problem
-from vctune.model.sampled.hand_loop import offered
-from vctune.proof.claims.damping import admissible_damping, no_damping
+from vctune.proof.claims.damping import no_damping
 from vctune.proof.claims.many_designs import Places, prove, refuted
-from vctune.proof.claims.margins_of_claims import inwards
-from vctune.proof.enclosures.array_intervals import TINY, Flags
-from vctune.proof.engine.boxes import Cells, Integers
+from vctune.proof.enclosures.array_intervals import Flags
+from vctune.proof.engine.boxes import Cells
 from vctune.running import OutOfTimeError, out_of_time
 from vctune.study.plane import Plane, Squares, halved
+from vctune.study.region_estimate import DAMPING, changes, estimate
 
-POINTS_PER_DECADE = 24
 TOGETHER = 512
-"""Cells judged together: what is known of them fits into memory."""
-LOOPS_AT_ONCE = 16
-"""Loops whose arrays, a hundred hands at a hundred angles each, stay in the processor's cache; of no consequence but
-speed."""
-DAMPING = KEYS.index("coupling.damping")
+"""Cells judged together; their data fit into memory."""
 EASING = "coupling.mass", "coupling.drag"
-"""Variables of which more eases the demands."""
+"""Variables that ease the constraints as they grow."""
 
 Progress = Callable[[str], None]
 
@@ -109,13 +97,15 @@ def region(
     one = of_one_device(problem)
     assert one is not None
     problems = [one, *problems_beside(one)]
-    return divided(plane, squares, lambda some: _judged(problems, plane, some), progress, stopped)
+    across = partial(_across, problems, plane)
+    return divided(plane, squares, partial(_judged, problems, plane), across, progress, stopped)
 
 
 def divided(
     plane: Plane,
     squares: Squares,
     judged: Callable[[Squares], tuple[Kinds, Floats]],
+    across: Callable[[Squares], Flags],
     progress: Progress = lambda stage: None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Region:
@@ -124,7 +114,8 @@ def divided(
     Parameters
     ----------
     plane, squares, progress, stopped : as of `region`
-    judged : returns what can be proved of some cells, and a b_c of each; nan for none
+    judged : returns the verdict on some cells, and a b_c of each; nan if there is none
+    across : returns which cells are halved in x, as of `halved`
 
     Returns
     -------
@@ -144,7 +135,8 @@ def divided(
         decided += plane.areas(first)[kinds != Kind.UNDECIDED].sum()
         settled = (kinds != Kind.UNDECIDED) | (size == 1)
         done.append((first[:, settled], kinds[settled], damping[settled]))
-        squares = np.concatenate((squares, halved(first[:, ~settled])), axis=1)
+        open_ones = first[:, ~settled]
+        squares = np.concatenate((squares, halved(open_ones, across(open_ones))), axis=1)
     left = squares.shape[1]
     done.append((squares, np.full(left, Kind.UNDECIDED, np.intp), np.full(left, np.nan)))
     cells, kinds, damping = (np.concatenate(part, axis=-1) for part in zip(*done, strict=True))
@@ -199,7 +191,7 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
     damping : N s/m, shape (n,); nan where the cell is not feasible, or b_c is fixed or an axis
     """
     cells, free = easiest(plane.cells(squares), plane), free_damping(plane)
-    damping, places = _estimate(problems, cells, free=free)
+    damping, places = estimate(problems, cells, free=free)
     kinds = np.full(len(cells), Kind.UNDECIDED)
     served = with_damping(cells, damping) if free else cells
     hopeful = np.flatnonzero(~np.isnan(damping))
@@ -210,6 +202,13 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
         left = np.flatnonzero(kinds == Kind.UNDECIDED)
         kinds[left[_lost(problem, cells.subset(left), hardest.subset(left), free=free)]] = Kind.INFEASIBLE
     return kinds, np.where((kinds == Kind.FEASIBLE) & free, damping, np.nan)
+
+
+def _across(problems: Sequence[Problem], plane: Plane, squares: Squares) -> Flags:
+    """Return which cells are to be halved in x: those across which the requirements change more."""
+    change = changes(problems, easiest(plane.cells(squares), plane), plane.axes, free=free_damping(plane))
+    longer = squares[1] - squares[0] > squares[3] - squares[2]
+    return np.where(change[0] == change[1], longer, change[0] > change[1])
 
 
 def _lost(problem: Problem, cells: Cells, places: Places, *, free: bool) -> Flags:
@@ -226,127 +225,9 @@ def _lost(problem: Problem, cells: Cells, places: Places, *, free: bool) -> Flag
 
 
 def _closer(problem: Problem, cells: Cells, places: Places) -> Places:
-    """Return the places with the hands and the angles next to those that ask most of the centres."""
+    """Return the places with the hands and the angles next to those with the greatest requirement of the centres."""
     assert problem.hands_met is not None and places.in_hands is not None
     K_v, K_p, *of_coupling = cells.centres().low[:, :, None, None]
-    at, *hand = places.in_hands[:, 0]
-    coupling = coupling_from(of_coupling)
-    _, theta, hands = hardest_near(problem.device, problem.hands_met, Gains(K_v, K_p), coupling, at, np.array(hand))
-    return replace(places, in_hands=np.vstack((theta, hands))[:, None])
-
-
-@dataclass(frozen=True, slots=True)
-class _Asked:
-    """The requirement on the coupling at the centres of n cells.
-
-    Attributes
-    ----------
-    omega : rad/s, at which the coupling is met, of an impedance display theta, rad, shape (places,)
-    needed : the least Re Z_c there, N s/m, or Re(1/Z_c)/s^2, shape (n, places)
-    place : the place of each cell as `Places` has it, from one of these numbers each
-    """
-
-    omega: Floats
-    needed: Floats
-    place: Callable[[Integers], Floats]
-
-
-def _estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> tuple[Floats, list[Places]]:
-    """Look at the centres on a grid of frequencies.
-
-    Returns
-    -------
-    damping : a b_c with which the centre meets the demands of all problems; nan if there seems to be none
-    places : of each problem, where they are hardest to meet
-    """
-    least, most = cells.low[DAMPING].copy(), cells.high[DAMPING].copy()
-    meets, places = np.ones(len(cells), bool), []
-    for problem in problems:
-        at = _hardest(problem, cells, free=free)
-        least, most, meets = np.maximum(least, at.least), np.minimum(most, at.most), meets & at.meets
-        places.append(at.places)
-    damping = np.clip(np.sqrt(least) * np.sqrt(most), least, most) if free else cells.low[DAMPING].copy()
-    return np.where(meets & (least <= most), damping, np.nan), places
-
-
-@dataclass(frozen=True, slots=True)
-class _Hardest:
-    """Where the demands on n cells are hardest to meet.
-
-    Attributes
-    ----------
-    least, most : b_c between which the coupling's demands are met where it is free, N s/m, shape (n,)
-    meets : whether the others are, shape (n,)
-    places : where
-    """
-
-    least: Floats
-    most: Floats
-    meets: Flags
-    places: Places
-
-
-def _hardest(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
-    K_v, K_p, *of_coupling = cells.centres().low[:, :, None]
-    coupling = coupling_from(of_coupling)
-    least, most = np.zeros(len(cells)), np.full(len(cells), inf)
-    meets, found = np.ones(len(cells), bool), dict[str, Floats]()
-    for name, asked in _asked(problem, K_v, K_p).items():
-        if free and isinstance(coupling, Coupling):
-            needed = asked.needed - coupling.drag
-            low, high = admissible_damping(needed, coupling.mass * asked.omega)
-            least, most = np.maximum(least, low.max(axis=1)), np.minimum(most, high.min(axis=1))
-            hardest = [needed / np.maximum(asked.omega, TINY), low, -high]
-        else:
-            scarcity = asked.needed / _offered(coupling, problem.device, asked.omega)
-            meets &= scarcity.max(axis=1) <= 1
-            hardest = [scarcity]
-        found[name] = np.stack([asked.place(np.argmax(hard, axis=1)) for hard in hardest], axis=-2)
-    below = frequency_grid(
-        *inwards((slowest_resonance(problem, problem.bounds.velocity.min), problem.nyquist)), POINTS_PER_DECADE
-    )
-    S = sensitivity_of(problem.device, Gains(K_v, K_p))(below)
-    meets &= S.max(axis=1) <= problem.stability.max_sensitivity
-    theta_S = below[np.argmax(S, axis=1)] * problem.device.sample_time
-    return _Hardest(least, most, meets, Places(theta_S, **found))
-
-
-def _offered(coupling: AnyCoupling, device: Device, place: Floats) -> Floats:
-    if isinstance(coupling, SpringDamper):
-        return np.asarray(offered(coupling, device, place, FLOATS))
-    return np.asarray(coupling_impedance(coupling, place).re)
-
-
-def _asked(problem: Problem, K_v: Floats, K_p: Floats) -> dict[str, _Asked]:
-    """Return the requirements at some gains, arrays of shape (n, 1), by the names of `Places`."""
-    device, factor, found = problem.device, problem.stability.safety_factor, {}
-    if problem.passive:
-        omega = frequency_grid(*inwards(sampled_span(problem)), POINTS_PER_DECADE)
-        loop = response(device, Gains(K_v, K_p), omega)
-        # where the resistance is not positive nothing will do
-        needed = np.where(loop.resistance > 0, factor * required_resistance(loop, FLOATS), inf)
-        found["omega"] = _Asked(omega, needed, lambda which: omega[which])
-    if problem.hands_met is not None:
-        found["in_hands"] = _asked_in_hands(loops_in_hands(device, problem.hands_met), device, factor, Gains(K_v, K_p))
-    if problem.any_hand:
-        at = loops_in_any_hand(device)
-        found["theta"] = _Asked(at.theta, factor * at.required(Gains(K_v, K_p)), lambda which: at.theta[which])
-    return found
-
-
-def _asked_in_hands(at: LoopsInHands, device: Device, factor: float, gains: Gains) -> _Asked:
-    """Return the same at each angle in the worst hand there."""
-    few, same = np.unique(np.hstack(astuple(gains)), axis=0, return_inverse=True)  # cells of a plane share some
-    needed, worst = np.empty((2, len(few), at.theta.size))
-    for i in range(0, len(few), LOOPS_AT_ONCE):
-        some = Gains(*few[i : i + LOOPS_AT_ONCE].T[..., None, None])
-        R = np.nan_to_num(at.required(some), nan=0.0)
-        needed[i : i + LOOPS_AT_ONCE], worst[i : i + LOOPS_AT_ONCE] = factor * R.max(axis=1), R.argmax(axis=1)
-    needed, worst = needed[same], worst[same]
-
-    def place(which: Integers) -> Floats:
-        hand = worst[np.arange(len(which)), which].astype(np.intp)
-        return np.stack((at.theta[which], *(number[hand] for number in astuple(at.hands))))
-
-    met = at.theta if device.kind.inverse else np.tan(at.theta / 2) * (2 / device.sample_time)
-    return _Asked(met, needed, place)
+    coupling, first = coupling_from(of_coupling), places.in_hands[0]
+    _, closer = hardest_near(problem.device, problem.hands_met, Gains(K_v, K_p), coupling, first)
+    return replace(places, in_hands=closer[None])

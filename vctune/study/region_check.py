@@ -40,11 +40,11 @@ class Recheck:
 
     Attributes
     ----------
-    region : the cells that the baseline had proved feasible, divided further where they are not as a whole
+    region : the cells that the baseline had proved feasible, divided further if they are not proved as a whole
     designs : the gain sets that the baseline lists
-    certified : which of them still are
-    units : of the problem
-    cut : whether the time limit has ended it: what is not proved again then is not lost
+    certified : those that still are
+    units : units of the problem
+    cut : whether the time limit has ended it; cells that are not proved again are then not lost
     """
 
     region: Region
@@ -60,20 +60,20 @@ class Recheck:
 
 
 def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lambda stage: None) -> Recheck:
-    """Prove again, for today's problem, the cells and the gain sets that a baseline had proved to be admissible.
+    """Prove again, for today's problem, the cells and the gain sets that a baseline had proved to be feasible.
 
     The axes keep the baseline's edges; fixed numbers and bounds of the other variables are today's.
 
     Parameters
     ----------
-    problem : of today, without `plane_errors` on the baseline's axes
-    baseline : what the region file holds
-    progress : told the stage of the work
+    problem : today's problem, without `plane_errors` on the baseline's axes
+    baseline : content of the region file
+    progress : function that receives the current stage
 
     Returns
     -------
     Recheck
-        The cells, divided further where they are not proved as a whole, and which gain sets still are certified.
+        The cells, divided further if they are not proved as a whole, and the gain sets that are still certified.
     """
     if baseline.axes.x in WORLD:
         return _rendered_again(problem, baseline, progress)
@@ -109,8 +109,8 @@ class RegionFinding:
     Attributes
     ----------
     file : the problem of today
-    again : what was proved again
-    warnings : what the user should know
+    again : result of the new check
+    warnings : warnings for the user
     seconds : it took
     """
 
@@ -140,17 +140,17 @@ class RegionFinding:
 def recheck_region(
     file: ProblemFile, baseline: Path, progress: Progress = lambda stage: None
 ) -> tuple[Checked, Recheck]:
-    """Prove again, with a problem as it is today, the cells and gain sets that a region file had proved.
+    """Prove the cells and gain sets of a region file again, for today's problem.
 
     Parameters
     ----------
     file : the problem of today
     baseline : path of a region.json
-    progress : told the stage of the work
+    progress : function that receives the current stage
 
     Returns
     -------
-    checked : verdict, message and what became of the baseline
+    checked : verdict, message and result for the baseline
     again : the cells and gain sets themselves
 
     Raises

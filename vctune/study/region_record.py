@@ -34,7 +34,7 @@ def region_record(
     Parameters
     ----------
     file : the problem and its text
-    region : what was found
+    region : the result
     designs : proved gain sets to keep with it
     rendered : whether the cells are environments, which the only one of these bears
     """

@@ -28,7 +28,7 @@ def solve_point(problem: Problem, time_limit: float = inf) -> dict[str, Any]:
 
     Parameters
     ----------
-    problem : at the point
+    problem : problem at the point
     time_limit : s; a row that it has cut short is undecided and names it
     """
     with _ONE_AT_A_TIME, limited(time_limit):
@@ -50,7 +50,7 @@ def row_without_design(status: str, reason: str) -> dict[str, Any]:
 
     Parameters
     ----------
-    status : what became of the point
+    status : status of the point
     reason : why it has none
     """
     return {"status": status, "idle": False, "reason": reason, **dict.fromkeys(NUMBERS)}

@@ -47,8 +47,8 @@ class Rows:
 
     Attributes
     ----------
-    path, handle : of the file
-    places : where the row of each key begins
+    path, handle : those of the file
+    places : first row of each key
     dropped : lines that were no whole rows
     """
 
@@ -66,7 +66,7 @@ class Rows:
         Raises
         ------
         InputError
-            If the file cannot grow; what is in it stays.
+            If the file cannot grow; its content stays.
         """
         line = (json.dumps(row, allow_nan=False) + "\n").encode()
         place = os.lseek(self.handle, 0, os.SEEK_END)
@@ -87,24 +87,24 @@ class Rows:
 
 @contextmanager
 def open_rows(path: Path, study: Study, *, restart: bool, time_limit: float = inf) -> Iterator[Rows]:
-    """Open the rows of a study, made if it has none yet; nobody else may write them meanwhile.
+    """Open the rows of a study, made if it has none yet; only one process may write them at a time.
 
     Parameters
     ----------
-    path : of the file
-    study : whose rows they are
-    restart : begin anew instead of going on
-    time_limit : of a point, s; rows that a shorter one has cut count as not there
+    path : path of the file
+    study : study whose rows they are
+    restart : begin again instead of going on
+    time_limit : time limit of a point, s; rows that a shorter limit has cut are ignored
 
     Returns
     -------
     context manager
-        Of the rows, to be read and added to.
+        Yields the rows, for reading and adding.
 
     Raises
     ------
     InputError
-        If the file is of another study, no file of rows, in use or not writable; it is then left as it is.
+        If the file is of another study, no file of rows, in use or not writable; it then stays as it is.
     """
     header = json.dumps(RowsHeader(study=study.sha256, axes=[axis.key for axis in study.axes]).to_json()) + "\n"
     if not path.exists() or not path.stat().st_size:
@@ -138,7 +138,7 @@ def _opened(path: Path) -> Iterator[int]:
 
 
 def _index(path: Path, handle: int, study: Study, time_limit: float = inf) -> Rows:
-    """Find the rows of a file, cutting a torn last line off; a point that failed or was cut counts as not there."""
+    """Find the rows of a file, cutting a torn last line off; points that failed or were cut are ignored."""
     rows, end = Rows(path, handle, {}), 0
     with path.open("rb") as file:
         _check_header(path, file.readline(), study)

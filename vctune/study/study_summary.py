@@ -15,12 +15,12 @@ from vctune.study.study_table import Table
 def summary(study: Study, table: Table) -> SweepRecord:
     """Return the summary of a sweep: counts by status, yardstick, best and worst design, corner without designs.
 
-    The corner is the smallest box, over the axes, that holds every point without a certified design; `share` is how
-    much of it they fill.
+    The corner is the smallest box, over the axes, that contains every point without a certified design; `share` is the
+    share of it that they fill.
 
     Parameters
     ----------
-    study : what was solved
+    study : the solved study
     table : a row a point
     """
     certified, error = table.certified, table.numbers["error"]
@@ -31,7 +31,6 @@ def summary(study: Study, table: Table) -> SweepRecord:
         status=dict(sorted(Counter(table.status).items())),
         idle=int(table.idle.sum()),
         yardstick=_yardstick(study),
-        stability_high_hz=_edges(study, table),
         units=table.units,
         best=table.row(int(order[0])) if order.size else None,
         worst=table.row(int(order[-1])) if order.size else None,
@@ -40,7 +39,7 @@ def summary(study: Study, table: Table) -> SweepRecord:
 
 
 def _yardstick(study: Study) -> ObjectiveRecord:
-    measured = study.yardstick
+    measured = study.yardstick.transparency
     return ObjectiveRecord(
         band_hz=list(measured.band.hz),
         reference_impedance=measured.reference_impedance,
@@ -48,16 +47,6 @@ def _yardstick(study: Study) -> ObjectiveRecord:
         weights=asdict(measured.weights),
         varied=[axis.key for axis in study.axes if axis.path[0] == "transparency"],
     )
-
-
-def _edges(study: Study, table: Table) -> list[float | None] | None:
-    """Return the least and the greatest upper edge of the points' own stability bands; None where all have one."""
-    varied = any(axis.path[:2] == ("stability", "band_hz") for axis in study.axes)
-    stated = varied or "band_hz" in study.document.get("stability", {})
-    edges = table.numbers["stability_high_hz"][table.certified]
-    if stated or not edges.size or not edges.min() < edges.max():
-        return None
-    return [float(edges.min()), float(edges.max())]
 
 
 def _corner(table: Table) -> CornerRecord:

@@ -36,10 +36,10 @@ class Table:
     ----------
     axes : values of the axes, by dotted key
     status, reason : texts; a certified point has no reason, ""
-    idle : which designs are certified and hardly use their velocity loop
-    numbers : error, terms, design, ratio, what is felt and the yardstick (`vctune.document.records.rows_json.COLUMNS`),
-        nan where there is none
-    system : of units, the problem's
+    idle : whether each design is certified and hardly uses its velocity loop
+    numbers : error, terms, design, ratio, felt numbers and the yardstick (`vctune.document.records.rows_json.COLUMNS`),
+        nan if there is none
+    system : system of units, the problem's
     """
 
     axes: dict[str, Floats]
@@ -115,7 +115,7 @@ def table_of(study: Study, rows: Rows, keys: list[str]) -> Table:
     ----------
     study : the study
     rows : its rows, one for each point
-    keys : of each point's row, in the order of the points
+    keys : keys of each point's row, in the order of the points
     """
     values = np.array(list(points(study)), dtype=float).reshape(-1, len(study.axes))
     numbers = {name: np.full(len(keys), nan) for name in _columns(study)}
@@ -152,7 +152,7 @@ def csv_text(table: Table) -> str:
 
 
 def parquet_bytes(table: Table) -> bytes | None:
-    """Return a table as a Parquet file, or None where pyarrow is not installed."""
+    """Return a table as a Parquet file, or None if pyarrow is not installed."""
     try:
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -168,13 +168,13 @@ def parquet_bytes(table: Table) -> bytes | None:
 
 
 def table_files(table: Table, folder: Path, stem: str) -> dict[Path, str | bytes]:
-    """Return the files of a table: CSV, and Parquet where it can be made.
+    """Return the files of a table: CSV, and Parquet if pyarrow is installed.
 
     Parameters
     ----------
     table : a row a point
-    folder : for the files
-    stem : of their names
+    folder : folder for the files
+    stem : stem of their names
 
     Returns
     -------

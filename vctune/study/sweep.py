@@ -36,11 +36,11 @@ class Task:
 
 @dataclass(slots=True)
 class _Sweep:
-    """Where a sweep stands.
+    """The state of a sweep.
 
     Attributes
     ----------
-    time_limit : of a point, s
+    time_limit : time limit of a point, s
     pending : points that workers have
     retries : points to try again alone, whose worker died, or one that shared its pool
     """
@@ -61,11 +61,11 @@ def sweep(
 
     Parameters
     ----------
-    study : what to solve
-    rows : what is there, and where to put the rest
+    study : the study to solve
+    rows : the existing rows, and the place for the others
     pool : the workers
     on_done : called once a point
-    time_limit : of a point, s
+    time_limit : time limit of a point, s
 
     Raises
     ------
@@ -121,7 +121,7 @@ def _collect(state: _Sweep, most: int) -> None:
 
 
 def _try_alone(state: _Sweep, task: Task) -> None:
-    """Try a point again with nothing else under way, so that a second death is its own doing."""
+    """Try a point again alone, so that a second death is its own fault."""
     state.pool.renew()
     content = _content(state.pool, state.pool.executor.submit(solve_point, task.problem, state.time_limit))
     _finish(state, task, content or row_without_design(FAILED, DIED))

@@ -19,6 +19,7 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.keys import WORLD
 from vctune.model.problem import Problem, Range
 from vctune.proof.claims.world_cells import WorldCells
+from vctune.proof.enclosures.array_intervals import Flags
 from vctune.running import OutOfTimeError
 from vctune.study.plane import DIGITS, Plane, Squares
 from vctune.study.region import Kind, Kinds, Progress, Region, divided
@@ -129,7 +130,12 @@ def world_region(
     except OutOfTimeError:
         none = np.full(squares.shape[1], Kind.UNDECIDED, np.intp)
         return Region(plane, squares, none, np.full(none.size, np.nan), interrupted=True)
-    return divided(plane, squares, lambda some: judged(found, plane, some), progress, stopped)
+    return divided(plane, squares, lambda some: judged(found, plane, some), _longer, progress, stopped)
+
+
+def _longer(squares: Squares) -> Flags:
+    """Return which cells are at least as long in x as in y."""
+    return np.asarray(squares[1] - squares[0] >= squares[3] - squares[2])
 
 
 def judged(found: Rendered, plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:

@@ -22,8 +22,8 @@ def print_axes(name: str, designs: Mapping[str, DesignRecord], folder: Path) -> 
 
     Parameters
     ----------
-    name : of the problem
-    designs : by the name of the axis
+    name : name of the problem
+    designs : designs by the name of the axis
     folder : named at the end
     """
     with page(WIDE, folder) as console:

@@ -24,18 +24,18 @@ if TYPE_CHECKING:
 LEAST_WIDTH = 80
 WIDE = 120
 WIDEST = 1000
-"""For what is not wrapped."""
+"""Width for tables that must not be wrapped."""
 COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undecided": "yellow"}
 
 
 @contextmanager
 def page(least_width: int, folder: Path) -> Iterator[Console]:
-    """Print in this block; in one piece, whole or not at all, with where the files are at the end.
+    """Print in this block; all of it or nothing, with the place of the files at the end.
 
     Parameters
     ----------
-    least_width : of a line, characters, even where the terminal is narrower
-    folder : of the files
+    least_width : least width of a line, characters, even if the terminal is narrower
+    folder : folder of the files
 
     Returns
     -------
@@ -60,7 +60,7 @@ def print_design(record: DesignRecord, folder: Path) -> None:
 
     Parameters
     ----------
-    record : of the design, or of why there is none
+    record : record of the design, or of the reason why there is none
     folder : named at the end
     """
     with page(WIDE, folder) as console:
@@ -91,7 +91,7 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
 
     Parameters
     ----------
-    record : of the simulation
+    record : record of the simulation
     folder : named at the end
     """
     from vctune.api.experiments import HEADINGS, measured_rows
@@ -182,7 +182,7 @@ def print_sweep(found: SweepRecord, folder: Path) -> None:
 
     Parameters
     ----------
-    found : in a few numbers
+    found : result in a few numbers
     folder : named at the end
     """
     with page(LEAST_WIDTH, folder) as console:
@@ -193,8 +193,6 @@ def print_sweep(found: SweepRecord, folder: Path) -> None:
             if row:
                 console.print(f"{label:<5}  {_design_line(row)}", soft_wrap=True)
         console.print(f"over   {_yardstick_line(found)}", soft_wrap=True)
-        if found.stability_high_hz is not None:
-            console.print(f"held   {_demand_line(found.stability_high_hz)}", soft_wrap=True)
         if found.corner:
             console.print(_corner_line(found.corner), soft_wrap=True)
 
@@ -213,14 +211,6 @@ def _yardstick_line(found: SweepRecord) -> str:
     return escape(f"{shared}, but for {', '.join(on.varied)}: errors at different values of it do not compare")
 
 
-def _demand_line(edges: list[float | None]) -> str:
-    low, high = (text(edge) for edge in edges)
-    return (
-        f"to a stability band that ends between {low} and {high} Hz, by the device of each point; state "
-        "stability.band_hz to ask the same of all"
-    )
-
-
 def _corner_line(corner: CornerRecord) -> str:
     spans = ", ".join(
         f"{key} from {text(low, 6)} to {text(high, 6)}"
@@ -235,7 +225,7 @@ def print_comparison(found: ComparisonRecord) -> None:
 
     Parameters
     ----------
-    found : of both designs, as `vctune compare --json` prints it
+    found : results of both designs, as `vctune compare --json` prints it
     """
     console = Console(highlight=False, width=WIDEST)
     table = Table(box=None, pad_edge=False)

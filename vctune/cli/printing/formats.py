@@ -68,7 +68,7 @@ def _property(value: str) -> str:
 
 
 def junit(checks: list[Checked]) -> str:
-    """Return JUnit XML, in the elements and attributes that Jenkins' schema knows: a test case a check."""
+    """Return JUnit XML with the elements and attributes of Jenkins' schema: a test case for each check."""
     failed = [checked.result in (CheckVerdict.FAILED, CheckVerdict.UNDECIDED) for checked in checks]
     broken = [checked.result is CheckVerdict.BAD_INPUT for checked in checks]
     counts = {"tests": str(len(checks)), "failures": str(sum(failed)), "errors": str(sum(broken))}
@@ -127,7 +127,7 @@ RULES = {
         "Correct the key on the line that the message names.",
     ),
 }
-"""Of a warning and of a check that does not pass: rule id, level, short description, full description, help."""
+"""Rules of a warning and of a failed check: rule id, level, short description, full description, help."""
 
 
 _RULES = [*RULES.values(), WARNING]

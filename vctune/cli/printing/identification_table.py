@@ -22,7 +22,7 @@ def print_identification(record: IdentificationRecord, folder: Path) -> None:
 
     Parameters
     ----------
-    record : of the identification
+    record : record of the identification
     folder : named at the end
     """
     console = Console(highlight=False)

@@ -25,7 +25,7 @@ def out_option(holds: str = "NAME/", default: str | None = "results") -> Added:
 
     Parameters
     ----------
-    holds : what the folder holds
+    holds : content of the folder
     default : the folder; None if the command determines it
     """
     path, text = click.Path(path_type=Path), f"Folder for OUT/{holds}." if holds else "Output folder."
@@ -76,7 +76,7 @@ def _style(context: click.Context, parameter: click.Parameter, value: str) -> st
 
 
 def time_limit_option(of: str = "") -> Added:
-    """Return the option `--time-limit`, given to a command as `time_limit`, inf where it is absent.
+    """Return the option `--time-limit`, given to a command as `time_limit`, inf if it is absent.
 
     Parameters
     ----------

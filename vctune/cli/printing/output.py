@@ -37,8 +37,8 @@ def warn(code: Code, text: str) -> None:
 
     Parameters
     ----------
-    code : what it is an instance of
-    text : what is said
+    code : its code
+    text : the text
     """
     click.echo(coded(printable(text), code), err=True)
 
@@ -48,8 +48,8 @@ def warn_of_doubts(*problems: Problem | ProblemFile, quiet: bool) -> None:
 
     Parameters
     ----------
-    *problems : valid ones, or their files; what several have in common is said once
-    quiet : whether people are told nothing
+    *problems : valid ones, or their files; what several have in common is reported once
+    quiet : whether to print nothing for people
     """
     from vctune.api.messages import doubts
 
@@ -63,8 +63,8 @@ def answer(style: str, quiet: bool, data: Callable[[], Any], people: Callable[[]
     Parameters
     ----------
     style : "json" for the object, "text" for people
-    quiet : whether people are told nothing
-    data : makes the object
+    quiet : whether to print nothing for people
+    data : function that makes the object
     people : prints it for them
     """
     if style == "json":

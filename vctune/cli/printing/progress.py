@@ -1,6 +1,6 @@
 """Progress on stderr, for people: only on a terminal, and erased when the work is done.
 
-The line says what is being done, what is known by now and, where the work itself tells, how far it is.
+The line shows the current stage, the result so far and, if the work reports it, the progress.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def progress_on_stderr(title: str, *, shown: bool) -> Iterator[Callable[[str], N
 
     Parameters
     ----------
-    title : before the stage
+    title : text before the stage
     shown : whether to show it, on a terminal
 
     Returns
@@ -50,18 +50,18 @@ def progress_on_stderr(title: str, *, shown: bool) -> Iterator[Callable[[str], N
 
 @contextmanager
 def bar_on_stderr(title: str, total: int, *, shown: bool) -> Iterator[Callable[[], None]]:
-    """Show a bar with the rate and the time left; yield a function that counts one more done.
+    """Show a bar with the rate and the remaining time; yield a function that adds one.
 
     Parameters
     ----------
-    title : before the bar
-    total : how many there are to do
+    title : text before the bar
+    total : number of items
     shown : whether to show it, on a terminal
 
     Returns
     -------
     context manager
-        Of the function, which takes nothing.
+        Yields the function, which takes no arguments.
     """
     if not (shown and sys.stderr.isatty()):
         yield lambda: None

@@ -18,7 +18,7 @@ def on_every_save(path: Path, run: Callable[[], object]) -> NoReturn:
 
     Parameters
     ----------
-    path : of the file
+    path : path of the file
     run : is called
     """
     from vctune import InputError

@@ -1,1 +1,1 @@
-"""A lower bound on the error of every admissible design, by branch and bound."""
+"""A lower bound on the error of every feasible design, by branch and bound."""

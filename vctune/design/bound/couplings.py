@@ -1,7 +1,8 @@
 """The coupling of a display in the bound: its response, its greatest values, and what the hand feels of it.
 
-A coupling has two elements of which more is safer and more is felt, b_c and m_c, or of an impedance display 1/k_c and
-1/b_c. Demands and bounds leave a least value of both to each box (design/bound/README.md, section 1).
+A coupling has two elements: more of each is safer, but the hand feels more of it. They are b_c and m_c, or for an
+impedance display 1/k_c and 1/b_c. Demands and bounds leave a least value of both to each box (design/bound/README.md,
+section 1).
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ class LeastCoupling:
     Attributes
     ----------
     first, second : the least b_c and m_c, or of an impedance display the least 1/k_c and 1/b_c
-    none : where they leave none
+    none : boxes whose conditions admit no coupling
     """
 
     first: Floats
@@ -70,19 +71,19 @@ class Couplings(Protocol):
         Returns
         -------
         array of float
-            Dimensionless. For norm "rms" the mean over the band, shape (n, devices), or (n, 1) where it is the same for
-            all; for "peak" the share at each frequency of the error, shape (n, frequencies).
+            Dimensionless. For norm "rms" the mean over the band, shape (n, devices), or (n, 1) if it is the same for
+            all; for "peak" the share of the error at each frequency, shape (n, frequencies).
         """
 
 
 @dataclass(frozen=True, slots=True)
 class SeriesCouplings:
-    """Those of an admittance display, b_0 + b_c x j/(1 + x j) with x = omega tau_c.
+    """The couplings of an admittance display, b_0 + b_c x j/(1 + x j) with x = omega tau_c.
 
     Attributes
     ----------
-    problem : in SI units
-    omega : rad/s, where the error is looked at; None for its mean
+    problem : problem in SI units
+    omega : rad/s, at which the error is evaluated; None for its mean
     """
 
     problem: Problem
@@ -106,8 +107,8 @@ class SeriesCouplings:
     def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
         """Return a lower bound of |Z_c|^2 = b_0^2 + 2 b_0 b_c s + b_c^2 s, s = x^2/(1 + x^2) or its mean, weighted.
 
-        s grows with tau_c, and s/tau_c^2 falls. In terms of b_c the last term is therefore least at the least tau_c, in
-        terms of m_c at the greatest. The bound is the larger of both.
+        s grows with tau_c, and s/tau_c^2 falls. In terms of b_c the last term is therefore least at the least tau_c; in
+        terms of m_c it is least at the greatest. The bound is the larger of both.
 
         Parameters
         ----------
@@ -159,13 +160,13 @@ class SeriesOffer:
 
 @dataclass(frozen=True, slots=True)
 class SpringDampers:
-    """Those of an impedance display, b_c F beside k_c T/(1 - z^-1).
+    """The couplings of an impedance display, b_c F beside k_c T/(1 - z^-1).
 
     Attributes
     ----------
-    problem : in SI units
+    problem : problem in SI units
     compliance : |1/Z_c|^2 weighted, at frequencies or over intervals, over boxes of b_c and k_c
-    devices : for the mean over how many devices' intervals, one after another; None for frequencies
+    devices : number of devices whose intervals, one after another, the mean covers; None for frequencies
     """
 
     problem: Problem
@@ -253,7 +254,7 @@ def spring_offer(devices: Sequence[Device], angles: Sequence[Floats]) -> SpringO
     Returns
     -------
     SpringOffer
-        At the angles of one device after another.
+        The offer at the angles of one device after another.
     """
     each = []
     for device, theta in zip(devices, angles, strict=True):

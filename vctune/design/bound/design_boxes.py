@@ -13,7 +13,8 @@ from vctune.model.problem import Problem
 from vctune.proof.enclosures.array_intervals import Flags, Floats
 
 K_V, K_P, TAU_C, B_0 = range(4)
-"""Rows of `DesignBoxes`: K_v, K_p, tau_c = m_c/b_c, b_0; of an impedance display tau_c = b_c/k_c, and K_p = b_0 = 0."""
+"""Rows of `DesignBoxes`: K_v, K_p, tau_c = m_c/b_c, b_0; for an impedance display tau_c = b_c/k_c, and K_p = b_0 =
+0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +39,7 @@ class Axis:
     Attributes
     ----------
     low, high : its range
-    scale : 0, or the size below which it hardly matters when it may be 0
+    scale : 0, or, for a number that may be 0, the size below which it hardly matters
     """
 
     low: float

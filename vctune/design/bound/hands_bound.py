@@ -3,7 +3,7 @@ section 1).
 
 In a hand F and P are affine in the gains with constants of the angle and the hand (`vctune.model.sampled.hand_loop`).
 So both sides of |F|^2 Re Z_c >= factor (-o/2) are quadratic in them; in any passive hand on an impedance display both
-sides are so of K_v (`vctune.model.sampled.any_hand`). Any set of places will do.
+sides are so of K_v (`vctune.model.sampled.any_hand`). Any set of places is valid.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from vctune.design.bound.quadratic_coefficients import Coefficients, joined, map
 from vctune.design.bound.quadratics import LeastQuotient, lower, upper
 from vctune.model.device import Device
 from vctune.model.gains import Gains
+from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import Hand
 from vctune.model.loop.affine import Affine
 from vctune.model.numbers.pair import EvenOdd, Pair, im_conj_product, re_conj_product
@@ -29,17 +30,17 @@ from vctune.proof.enclosures.array_intervals import Enclosure, Flags, Floats, de
 from vctune.proof.enclosures.jets import ENCLOSURES
 
 NO_GAINS = Gains(0.0, 0.0)
-"""Those of a device without a loop of its own."""
+"""The constraints of a device without a loop of its own."""
 
 
 @dataclass(frozen=True, slots=True)
 class SampledConditions:
-    """The demand on the coupling in the sampled loop at some places, those of one device after another.
+    """The constraint on the coupling in the sampled loop at some places, those of one device after another.
 
     Attributes
     ----------
-    offer : of the couplings there
-    required : R, of an impedance display R/s^2
+    offer : offer of the couplings there
+    required : R, for an impedance display R/s^2
     """
 
     offer: Offer
@@ -58,26 +59,26 @@ class SampledConditions:
         return self.required.least(boxes, guess), np.asarray(none)
 
 
-def conditions_in_hands(devices: Sequence[Device], places: Floats) -> SampledConditions:
+def conditions_in_hands(devices: Sequence[Device], places: PlacesInHands) -> SampledConditions:
     """Return the demand on the coupling in hands at some places, for each of several devices.
 
     Parameters
     ----------
     devices : d devices, known exactly
-    places : omega, rad/s, in [0, pi/T], and the hand's M, B and K, shape (4, k)
+    places : k frequencies omega, rad/s, in [0, pi/T], each with a hand
 
     Returns
     -------
     SampledConditions
-        At d k places, those of one device after another.
+        The conditions at d k places, those of one device after another.
     """
-    angles = [_angles(device, places[0]) for device in devices]
-    each = [_in_hands(device, theta, places[1:]) for device, theta in zip(devices, angles, strict=True)]
+    angles = [_angles(device, places.at) for device in devices]
+    each = [_in_hands(device, theta, places.hands) for device, theta in zip(devices, angles, strict=True)]
     return _conditions(devices, angles, each)
 
 
 def conditions_in_any_hand(devices: Sequence[Device], omega: Floats) -> SampledConditions:
-    """Return the demand on the coupling in any passive hand, for each of several impedance displays.
+    """Return the constraint on the coupling in any passive hand, for each of several impedance displays.
 
     Parameters
     ----------
@@ -87,7 +88,7 @@ def conditions_in_any_hand(devices: Sequence[Device], omega: Floats) -> SampledC
     Returns
     -------
     SampledConditions
-        At d k places, those of one device after another.
+        The conditions at d k places, those of one device after another.
     """
     angles = [_angles(device, omega) for device in devices]
     each = [_in_any_hand(device, theta) for device, theta in zip(devices, angles, strict=True)]
@@ -101,7 +102,7 @@ def _angles(device: Device, omega: Floats) -> Floats:
 def _conditions(
     devices: Sequence[Device], angles: list[Floats], each: list[tuple[Coefficients, Coefficients]]
 ) -> SampledConditions:
-    """Return the demand from the coefficients of R's numerator and denominator on each device."""
+    """Return the constraint from the coefficients of R's numerator and denominator on each device."""
     lost, size = (joined([coefficients[k] for coefficients in each]) for k in (0, 1))
     offer: Offer
     if devices[0].kind.inverse:
@@ -112,9 +113,9 @@ def _conditions(
     return SampledConditions(offer, LeastQuotient(lower(lost), upper(size), lower(size)))
 
 
-def _in_hands(device: Device, theta: Floats, numbers: Floats) -> tuple[Coefficients, Coefficients]:
+def _in_hands(device: Device, theta: Floats, hands: Hand) -> tuple[Coefficients, Coefficients]:
     """Return the coefficients of -o/2 and |F|^2."""
-    plant = plant_in_hand(device.bare.converted(decimal), Hand(*map(decimal, numbers)), delays_of(device), ENCLOSURES)
+    plant = plant_in_hand(device.bare.converted(decimal), hands.mapped(decimal), delays_of(device), ENCLOSURES)
     at, sin = loop_in_hand(plant, Enclosure(theta), ENCLOSURES), ENCLOSURES.sin(Enclosure(theta) / 2)
 
     def parts(number: EvenOdd) -> Pair:

@@ -25,7 +25,7 @@ class LlewellynConditions:
 
     Attributes
     ----------
-    offer : of the couplings there
+    offer : offer of the couplings there
     D2, C2, P, resistance : |D|^2, |C|^2, Re(C conj D) and the loop's resistance, rounded up
     operator_relief : 2 b_h Re(C conj N), rounded up; None without an operator
     D2_low, C2_low : rounded down
@@ -44,9 +44,9 @@ class LlewellynConditions:
     im_high: Quadratic
 
     def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
-        """Return a lower bound of R where it is positive, shape (boxes, frequencies), and the boxes that have none.
+        """Return a lower bound of R where it is positive, shape (boxes, frequencies), and the boxes that admit no loop.
 
-        R is (excess - relief)/(2 r) with the loop's resistance r, which is nowhere positive in a box that has none.
+        R is (excess - relief)/(2 r) with the loop's resistance r, which is nowhere positive in such a box.
         """
         im = np.maximum(np.maximum(self.im_low.least(boxes), -self.im_high.greatest(boxes)), 0.0) * (1 - GUARD)
         resistance, P = self.resistance.greatest(boxes), self.P.greatest(boxes)
@@ -71,7 +71,7 @@ def llewellyn_conditions(devices: Sequence[Device], omega: Floats) -> LlewellynC
     Returns
     -------
     LlewellynConditions
-        At d k frequencies, those of one device after another.
+        The conditions at d k frequencies, those of one device after another.
     """
     return _conditions(repeated(devices, len(omega)), np.tile(omega, len(devices)))
 

@@ -26,9 +26,9 @@ class LowerBounds:
 
     Attributes
     ----------
-    error : a lower bound on the error of the admissible designs; inf where there are none
+    error : a lower bound on the error of the feasible designs; inf if there are none
     infeasibility : a lower bound of the greatest of |S| and the coupling's elements relative to their limits; above 1
-        nothing is admissible
+        nothing is feasible
     """
 
     error: Floats
@@ -47,7 +47,7 @@ def lower_bounds(relaxed: Relaxation, boxes: DesignBoxes) -> LowerBounds:
     Returns
     -------
     LowerBounds
-        Both of shape (n,); inf where no design of a box is admissible.
+        Both of shape (n,); inf if no design of a box is feasible.
     """
     problem, objective = relaxed.problem, relaxed.objective
     couplings, least = objective.couplings, least_coupling(relaxed, boxes)
@@ -71,14 +71,14 @@ def _sensitivity_over_limit(relaxed: Relaxation, boxes: DesignBoxes) -> Floats:
 
 
 def without_integrator(problem: Problem, boxes: DesignBoxes) -> Flags:
-    """Return the boxes in which no admissible design has K_p > 0, because b_0 lies below R at omega = 0.
+    """Return the boxes in which no feasible design has K_p > 0, because b_0 lies below R at omega = 0.
 
     With k = K_v - tau K_p the limit of R is ((b + tau_s K_p)^2 - 4 b_h k)/(4 (b + b_h + k))
     (`vctune.model.loop.limits`), if the device has no structure, and no operator unless it is ideal.
 
     Parameters
     ----------
-    problem : in SI units
+    problem : problem in SI units
     boxes : n boxes of designs
 
     Returns

@@ -35,7 +35,7 @@ class OpenNodes:
 
     @property
     def lowest(self) -> float:
-        """The least lower bound; inf where no node is open."""
+        """The least lower bound; inf if no node is open."""
         return float(self.bound.min(initial=np.inf))
 
 

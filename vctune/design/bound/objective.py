@@ -1,8 +1,8 @@
 """The error of the designs of a box, term by term, bounded from below (design/bound/README.md, section 1).
 
-Every term is a quotient of what is affine in two numbers, |X|^2/|Y|^2 of the gains and 1/|Z_c|^2 of b_c and k_c. With
-X_0 what X is without gains, the mean of |X|^2/|Y|^2 over an interval is at least |integral of X conj X_0|^2/(integral
-of |X_0|^2 |Y|^2) (Cauchy and Schwarz), where the integrals are of known functions, enclosed by Arb.
+Every term is a quotient of expressions that are affine in two numbers: |X|^2/|Y|^2 in the gains and 1/|Z_c|^2 in b_c
+and k_c. Let X_0 be X without gains. The mean of |X|^2/|Y|^2 over an interval is at least |integral of X conj
+X_0|^2/(integral of |X_0|^2 |Y|^2) (Cauchy and Schwarz), where the integrals are of known functions, enclosed by Arb.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ class Objective:
     Attributes
     ----------
     admittance, tracking : those of the loop
-    couplings : whose share is the third
-    omega : rad/s, where the error is looked at for norm "peak"; None for "rms"
+    couplings : couplings whose share is the third
+    omega : rad/s, at which the error is evaluated for norm "peak"; None for "rms"
     devices : number of devices the greatest of whose errors is the objective; their terms follow one another
     """
 
@@ -70,7 +70,7 @@ def objective_of(problem: Problem, devices: Sequence[Device], intervals: int) ->
 
     Parameters
     ----------
-    problem : in SI units
+    problem : problem in SI units
     devices : known exactly; the objective is the greatest of their errors
     intervals : number of intervals of the transparency band for norm "rms", or of frequencies for "peak"
 
@@ -121,7 +121,7 @@ def _compliance(device: Device, omega: Number, ops: Arithmetic) -> Term:
 def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) -> list[Term]:
     """Return the terms of the mean over log frequency, by Cauchy and Schwarz on each of several equal intervals.
 
-    Those that are not wanted are not worked out: their numbers are 1.
+    Those that are not wanted are not computed: their numbers are 1.
     """
     exact, first = device_ball(device.bare), ball(band.min).log()
     length = ball(band.max).log() - first

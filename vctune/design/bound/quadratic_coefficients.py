@@ -30,7 +30,7 @@ class Term(NamedTuple):
 
     Attributes
     ----------
-    along : X conj X_0, with X_0 what X is with both gains 0
+    along : X conj X_0, with X_0 the value of X with both gains 0
     size : |X_0|^2 |Y|^2
     """
 
@@ -103,7 +103,7 @@ def mapped(coefficients: Coefficients, f: Callable[[Number], Number]) -> Coeffic
 
     Parameters
     ----------
-    coefficients : of a quadratic; a part that is None stays None
+    coefficients : coefficients of a quadratic; a part that is None stays None
     f : takes one coefficient; called in the order constant, linear, square, cross
 
     Returns
@@ -134,8 +134,8 @@ def replaced(term: Term, numbers: Iterable[Number]) -> Term:
 
     Parameters
     ----------
-    term : shows which numbers are there; None stays None
-    numbers : in the order of `listed`
+    term : a term that has the same numbers; None stays None
+    numbers : numbers in the order of `listed`
 
     Returns
     -------

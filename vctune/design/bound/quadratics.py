@@ -13,16 +13,16 @@ from vctune.proof.enclosures.array_intervals import Enclosure, Floats
 GUARD = 1e-14
 """Covers the rounding of a quadratic in the gains and of the operations after it, relative to their moduli.
 
-It is 90 units of u = 2^-53. A coefficient of such a quadratic is rounded at most 3 times: in `less` by the product,
-the difference and the sum with its share of `GUARD`, in `rounded_up` by two sums. A square's term is rounded at most 6
-times more, 3 in gain (linear + gain square) and 3 where the terms are summed; the others less. So the value is off by
-at most 9 u times the sum of the moduli of its terms, but for products of roundings (Higham 2002, section 3.1), and
+It is 90 units of u = 2^-53. A coefficient of such a quadratic is rounded at most 3 times: in `less` by the product, the
+difference and the sum with its share of `GUARD`, in `rounded_up` by two sums. A square's term has at most 6 further
+roundings, 3 in gain (linear + gain square) and 3 in the sum of the terms; the others have fewer. So the value is off by
+at most 9 u times the sum of the moduli of its terms, except for products of roundings (Higham 2002, section 3.1), and
 since no gain is negative, coefficients raised by `GUARD` of their modulus each raise it by ten times that. The minimum
-of a convex quadratic is attained where its slope is 0, so that the rounding of that point counts to second order only:
-with curvatures from l to h over gains up to w the point is off by at most w, and by h u/l of w, which lowers the value
-by at most min(l, h^2 u^2/l) w^2 <= h u w^2. In `lower_bounds.py` a factor 1 - 10 `GUARD` covers 900 u, of some 30
-operations, and a logarithm of 8 units in the last place.
-Half and twice it change the bound by as many units of its fourteenth digit.
+of a convex quadratic is attained where its slope is 0, so that the rounding of that point has only a second-order
+effect: with curvatures from l to h over gains up to w the point is off by at most w, and by h u/l of w, which lowers
+the value by at most min(l, h^2 u^2/l) w^2 <= h u w^2. In `lower_bounds.py` a factor 1 - 10 `GUARD` covers 900 u, of
+some 30 operations, and a logarithm of 8 units in the last place. Half and twice it change the bound by as many units of
+its fourteenth digit.
 """
 
 
@@ -34,7 +34,8 @@ class Quadratic:
     ----------
     constant : shape (points,)
     linear, square : of K_v and of K_p, each of that shape; None for 0
-    cross : of that shape; None where the contributions of K_v and K_p are at right angles to each other
+    cross : mixed coefficient, of the same shape; None if the contributions of K_v and K_p are at right angles to each
+        other
     """
 
     constant: Floats
@@ -167,7 +168,7 @@ class BoundedQuotient:
     ----------
     above : rounded down
     below : rounded up
-    scale : of the quotient, rounded down
+    scale : scale of the quotient, rounded down
     """
 
     above: Quadratic

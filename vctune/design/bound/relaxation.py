@@ -2,8 +2,9 @@
 
 See model/README.md, section 8; design/bound/README.md, section 1.
 
-The demands are posed at some frequencies, angles and hands, for they can only be harder at all. There their constants
-are known, and only the gains are not (`llewellyn.py`, `hands.py`); the error is bounded term by term (`objective.py`).
+The relaxation imposes the constraints at some frequencies, angles and hands; at all of them they can only be harder.
+There their constants are known, and only the gains are not (`llewellyn.py`, `hands.py`); the error is bounded term by
+term (`objective.py`).
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from vctune.design.bound.objective import Objective, objective_of
 from vctune.design.bound.quadratic_coefficients import quadratic, repeated
 from vctune.design.bound.quadratics import BoundedQuotient, Quadratic, rounded_down, upper
 from vctune.model.device import Device
+from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.loop.affine import Affine
 from vctune.model.numbers.pair import re_conj_product
 from vctune.model.problem import Problem
@@ -30,14 +32,14 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 
 
 class Conditions(Protocol):
-    """A demand on the coupling at some places, those of one device after another."""
+    """A constraint on the coupling at some places, those of one device after another."""
 
     @property
     def offer(self) -> Offer:
         """The offer of couplings there."""
 
     def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
-        """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes that meet none."""
+        """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes that satisfy none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,9 +49,10 @@ class Relaxation:
     Attributes
     ----------
     problem : the problem
-    devices, places : at which the demands are posed
-    conditions : on the coupling
-    sensitivity : |S|^2 of the sampled loop; for an uncertain device the demands are posed at each vertex of its box too
+    devices, places : at which the constraints are imposed
+    conditions : conditions on the coupling
+    sensitivity : |S|^2 of the sampled loop; for an uncertain device the constraints are imposed at each vertex of its
+        box too
     objective : the terms of the squared error
     """
 
@@ -63,37 +66,37 @@ class Relaxation:
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """Where a relaxation knows the demands.
+    """The places at which a relaxation imposes the constraints.
 
     Attributes
     ----------
     omega : rad/s, frequencies of the stability band
     sensitivity : rad/s, frequencies up to Nyquist
-    in_hands : those and the numbers of a hand, shape (4, any number)
+    in_hands : those, each with a hand
     any_hand : those at which any passive hand is met on an impedance display
     """
 
     omega: Floats
     sensitivity: Floats
-    in_hands: Floats = field(default_factory=lambda: np.zeros((4, 0)))
+    in_hands: PlacesInHands = field(default_factory=lambda: PlacesInHands.of(()))
     any_hand: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def most(self) -> int:
         """How many there are of the demand on the coupling that has most."""
-        return max(len(self.omega), self.in_hands.shape[1], len(self.any_hand))
+        return max(len(self.omega), len(self.in_hands), len(self.any_hand))
 
     @property
     def number(self) -> int:
         """How many there are."""
-        return len(self.omega) + len(self.sensitivity) + self.in_hands.shape[1] + len(self.any_hand)
+        return len(self.omega) + len(self.sensitivity) + len(self.in_hands) + len(self.any_hand)
 
     def joined(self, more: Places) -> Places:
         """Return these and others, each once and in order."""
         return Places(
             np.union1d(self.omega, more.omega),
             np.union1d(self.sensitivity, more.sensitivity),
-            np.unique(np.hstack((self.in_hands, more.in_hands)), axis=1),
+            self.in_hands.joined(more.in_hands).unique,
             np.union1d(self.any_hand, more.any_hand),
         )
 
@@ -101,22 +104,22 @@ class Places:
 def relaxation(
     problem: Problem, devices: list[Device], objective: list[Device], places: Places, intervals: int
 ) -> Relaxation:
-    """Relax a problem: pose its demands at some places only, and bound the terms of its error from below.
+    """Relax a problem: pose its constraints at some places only, and bound the terms of its error from below.
 
     See design/bound/README.md, section 1.
 
     Parameters
     ----------
-    problem : in SI units
-    devices : d devices at which the demands are posed, known exactly
-    objective : those of them whose greatest error is the objective
-    places : frequencies, angles and hands at which the demands are posed
+    problem : problem in SI units
+    devices : d devices at which the constraints are imposed, known exactly
+    objective : the devices among them whose greatest error is the objective
+    places : frequencies, angles and hands at which the constraints are imposed
     intervals : number of intervals of the transparency band for norm "rms", or of frequencies for "peak"
 
     Returns
     -------
     Relaxation
-        Each admissible design of the problem is admissible for it, with an error that is no greater.
+        Each feasible design of the problem is feasible for it, with an error that is no greater.
     """
     terms = objective_of(problem, objective, intervals)
     return Relaxation(
@@ -130,12 +133,12 @@ def relaxation(
 
 
 def at_places(relaxed: Relaxation, places: Places) -> Relaxation:
-    """Return the relaxation with its demands at other places; the terms of the error stay.
+    """Return the relaxation with its constraints at other places; the terms of the error stay.
 
     Parameters
     ----------
     relaxed : the relaxed problem
-    places : frequencies, angles and hands at which the demands are posed, on each device
+    places : frequencies, angles and hands at which the constraints are imposed, on each device
 
     Returns
     -------

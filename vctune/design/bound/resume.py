@@ -21,9 +21,9 @@ class ResumeState:
 
     Attributes
     ----------
-    nodes : that are still open
+    nodes : nodes that are still open
     pruned_bound : the least lower bound of the boxes that were pruned
-    boxes : lower bounds worked out so far
+    boxes : lower bounds computed so far
     """
 
     nodes: OpenNodes
@@ -37,7 +37,7 @@ def resume_bytes(sha256: str, state: ResumeState) -> bytes:
     Parameters
     ----------
     sha256 : digest of the problem file, by which `read_resume` recognises it
-    state : of the search
+    state : state of the search
 
     Returns
     -------
@@ -62,7 +62,7 @@ def read_resume(path: Path, sha256: str) -> ResumeState | None:
 
     Parameters
     ----------
-    path : of the file
+    path : path of the file
     sha256 : digest of the problem file
 
     Returns

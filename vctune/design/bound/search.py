@@ -2,9 +2,9 @@
 
 See design/bound/README.md.
 
-Boxes of (K_v, K_p, tau_c, b_0), of an impedance display of (K_v, tau_c), are halved, the most promising first, and
-pruned when even their lower bound is within the gap of the best design known, when no design in them meets the
-demands, or when their loops are unstable.
+The search halves boxes of (K_v, K_p, tau_c, b_0), for an impedance display of (K_v, tau_c), the most promising first.
+It prunes them if even their lower bound is within the gap of the best known design, if no design in them meets the
+constraints, or if their loops are unstable.
 """
 
 from __future__ import annotations
@@ -12,13 +12,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from math import inf, sqrt
 
 import numpy as np
 
 from vctune.analysis.demands import ratio_minima, sensitivity_maxima, slowest_resonance
-from vctune.analysis.in_hands import least_ratios, loops_in_hands
+from vctune.analysis.in_hands import least_ratios
+from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.design.bound.design_boxes import B_0, K_P, K_V, TAU_C, DesignBoxes, axes_of
 from vctune.design.bound.lower_bounds import least_coupling
 from vctune.design.bound.nodes import OpenNodes, joined, root
@@ -31,9 +32,9 @@ from vctune.design.search.shapes import coupling_of
 from vctune.design.verdict.judge import Judgement
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.problem import Problem
 from vctune.model.transparency import TermName
-from vctune.proof.enclosures.array_intervals import Floats
 from vctune.running import OutOfTimeError, out_of_time
 
 FREQUENCIES, INTERVALS = 40, 48
@@ -41,25 +42,26 @@ FREQUENCIES, INTERVALS = 40, 48
 proportion; fewer make the bounds weaker, so that more boxes are needed."""
 MOST_FREQUENCIES = 160
 """Frequencies up to which those that a box's middle violates are added: four times the first, and four times the cost
-of a bound. Near the end of a search no other demand is broken than those that are known."""
+of a bound. Near the end of a search no other constraint is broken than those that are known."""
 LOWEST_ANGLE = 1e-3
 """Least first angle for any passive hand beside 0, relative to pi: below it R is at its limit to 1e-5."""
 SHARES_IN_HANDS, ANGLES_IN_HANDS = (0.0, 0.1, 1.0), 12
-"""Shares of the ranges of hands, and angles per decade, at which the first places in hands are looked for."""
+"""Shares of the ranges of hands, and angles per decade, of the first places in hands."""
 LITTLE = 1e-3
-"""What stands for a gain of 0, relative to its upper bound, where a design in the middle is looked at first."""
+"""Stand-in for a gain of 0, relative to its upper bound, where a design in the middle of a box is tried first."""
 CHUNK = 1024
 """Boxes halved together: enough that NumPy's calls cost little, few enough that the bounds of all halves (4 axes, 2
 halves, 160 frequencies) take tens of MB. Half as many are chosen a little better and take a
 little more time each; twice as many the other way round."""
 TRY_EVERY = 8
-"""After how many rounds the best box is tried: for frequencies that it violates, for a better
-design. Half finds better designs earlier, twice wastes less."""
+"""Number of rounds after which the best box is tried: for frequencies that it violates, for a better design. Half finds
+better designs earlier, twice wastes less."""
 VIOLATED = 1e-4
-"""By what share a demand must be missed for its frequency to be added: less would not raise a bound that matters."""
+"""Relative violation of a constraint from which on its frequency is added; less would not raise a bound that matters.
+"""
 BETTER = 1e-3
-"""A design counts as better than the incumbent when its error is lower by this share: below a usual gap of 1 %, above
-what the polish of one optimum from two starts differs by."""
+"""A design is better than the incumbent if its error is lower by this share. It is below a usual gap of 1 %, and above
+the difference between polishing one optimum from two starts."""
 
 Improve = Callable[[Gains, float], Judgement | None]
 """Return a certified design found from given gains with an error below a limit, or None."""
@@ -67,7 +69,7 @@ Improve = Callable[[Gains, float], Judgement | None]
 
 @dataclass(frozen=True, slots=True)
 class SearchState:
-    """Where the search stood: boxes worked out, lower bound, error of the best design known, open boxes."""
+    """State of the search: boxes computed, lower bound, error of the best known design, open boxes."""
 
     boxes: int
     bound: float
@@ -76,7 +78,7 @@ class SearchState:
 
     @property
     def gap(self) -> float:
-        """By which share the incumbent's error is above the bound at most."""
+        """Greatest share by which the incumbent's error is above the bound."""
         return self.incumbent / self.bound - 1 if 0 < self.bound < inf else inf
 
     def __str__(self) -> str:
@@ -87,17 +89,17 @@ class SearchState:
 class Optimality:
     """The proved bound on the error of every feasible design.
 
-    The error is that of the terms that can differ between designs, mostly all of it.
+    The error has only the terms that can differ between designs, mostly all of them.
 
     Attributes
     ----------
-    bound : no admissible design has a lower error; inf if there is none
+    bound : no feasible design has a lower error; inf if there is none
     incumbent : error of the best design known, inf if none is
-    proved : whether the bound is within the gap that was asked for
-    improved : a better design than the one given, if the search has met one
-    terms : of the error, those that it counts; none where it counts all
-    history : of the search, the last of it now
-    resume : what is left to do; no open node when it is proved
+    proved : whether the bound is within the gap that was required
+    improved : a better design than the given one, if the search has found one
+    terms : terms of the error that it counts; empty if it counts all
+    history : history of the search, the last entry now
+    resume : the remaining work; no open node if it is proved
     """
 
     bound: float
@@ -110,7 +112,7 @@ class Optimality:
 
     @property
     def gap(self) -> float:
-        """By which share the incumbent's error is above the bound at most."""
+        """Greatest share by which the incumbent's error is above the bound."""
         return self.history[-1].gap
 
 
@@ -124,8 +126,8 @@ class _Search:
     incumbent : error of the best design known
     improved : that design, if the search has found it
     pruned_bound : the least lower bound of the boxes that were pruned
-    boxes : lower bounds worked out
-    history : so far
+    boxes : lower bounds computed
+    history : states so far
     stability_boxes : boxes of frequency and gains that it took to prove loops stable
     """
 
@@ -151,7 +153,7 @@ def bound(
     stopped: Callable[[], bool] = lambda: False,
     progress: Callable[[SearchState], None] = lambda state: None,
 ) -> Optimality:
-    """Prove a lower bound on the error of every admissible design of a problem (design/bound/README.md).
+    """Prove a lower bound on the error of every feasible design of a problem (design/bound/README.md).
 
     Parameters
     ----------
@@ -164,7 +166,7 @@ def bound(
     jobs : number of threads
     resume : state of an earlier search of the same problem; ignored if that search pruned boxes that this gap must keep
     stopped : whether to give up now
-    progress : told where the search stands, every round
+    progress : function that receives the state of the search, every round
 
     Returns
     -------
@@ -174,7 +176,7 @@ def bound(
     Raises
     ------
     OutOfTimeError
-        If the time limit ends it before it has posed its relaxation.
+        If the time limit ends it before it has imposed its relaxation.
     """
     given, posed = posed, compared(posed)
     axes = axes_of(posed.problem)
@@ -236,19 +238,19 @@ def _relaxed(posed: Posed, best: Judgement | None) -> Relaxation:
     return relaxation(problem, _devices(posed.cases), _devices(posed.objective), places, INTERVALS)
 
 
-def _in_worst_hands(problem: Problem, best: Judgement | None) -> Floats:
+def _in_worst_hands(problem: Problem, best: Judgement | None) -> PlacesInHands:
     """Return some angles with the hand that is worst for the best design known, or for one in the middle."""
     if problem.hands_met is None:
-        return np.zeros((4, 0))
+        return PlacesInHands.of(())
     at, bounds = loops_in_hands(problem.device, problem.hands_met, SHARES_IN_HANDS, ANGLES_IN_HANDS), problem.bounds
     middle = (sqrt(b.max) * sqrt(b.min or LITTLE * b.max) for b in (bounds.velocity, bounds.position))
     gains = best.gains if best is not None else Gains(*middle)
     worst = np.argmax(np.nan_to_num(at.required(gains), nan=-inf), axis=0)
-    return np.stack((at.theta / problem.device.sample_time, *(number[worst] for number in astuple(at.hands))))
+    return PlacesInHands(at.theta / problem.device.sample_time, at.hands.mapped(lambda number: number[worst]))
 
 
 def _tight_places(problem: Problem, gains: Gains, coupling: AnyCoupling, *, broken: bool = False) -> Places:
-    """Return where the demands are hardest for a design, or where it breaks them."""
+    """Return the places at which the constraints are hardest for a design, or violated."""
     stability, omega = problem.stability, np.zeros(0)
     least = stability.safety_factor * (1 - VIOLATED) if broken else inf
     if problem.passive:
@@ -257,14 +259,14 @@ def _tight_places(problem: Problem, gains: Gains, coupling: AnyCoupling, *, brok
     peaks = sensitivity_maxima(problem, gains)
     most = stability.max_sensitivity * (1 + VIOLATED) if broken else 0.0
     tight = [each for each in least_ratios(problem, gains, coupling) if each.ratio < least]
-    hands = [(each.omega, *astuple(each.hand)) for each in tight if each.hand is not None]
+    hands = PlacesInHands.of([(each.omega, each.hand) for each in tight if each.hand is not None])
     any_hand = [each.omega for each in tight if each.hand is None]
-    # `sensitivity_maxima` gives minima of -|S|; a row of `hands` is omega and the three numbers of a hand
-    return Places(omega, peaks.omega[-peaks.value > most], np.array(hands).reshape(-1, 4).T, np.array(any_hand))
+    # `sensitivity_maxima` gives minima of -|S|
+    return Places(omega, peaks.omega[-peaks.value > most], hands, np.array(any_hand))
 
 
 def _devices(cases: tuple[Problem, ...]) -> list[Device]:
-    """Return the devices with their own responses: with any other the demands can only be harder."""
+    """Return the devices with their own responses: with any other the constraints can only be harder."""
     return list(dict.fromkeys(case.device.modelled for case in cases))
 
 
@@ -300,7 +302,7 @@ def _with_stability(posed: Posed, search: _Search, young: Halved) -> OpenNodes:
 
 
 def _try_best_node(posed: Posed, search: _Search, nodes: OpenNodes, improve: Improve) -> None:
-    """Look at the middle of the most promising box: which demands does it break, and is there a better design?"""
+    """Look at the middle of the most promising box: which constraints does it break, and is there a better design?"""
     axes, first = axes_of(posed.problem), int(np.argmin(nodes.bound))
     low, high = nodes.boxes.low[:, [first]], nodes.boxes.high[:, [first]]
     middle = np.array([axis.middle(low[row], high[row]) for row, axis in enumerate(axes)])
@@ -315,7 +317,7 @@ def _try_best_node(posed: Posed, search: _Search, nodes: OpenNodes, improve: Imp
 
 
 def _add_places(posed: Posed, search: _Search, gains: Gains, coupling: AnyCoupling) -> None:
-    """Add the places at which a design breaks a demand to those that the relaxation knows."""
+    """Add the places at which a design violates a constraint to those of the relaxation."""
     known = more = search.relaxed.places
     for case in posed.cases:
         more = more.joined(_tight_places(case, gains, coupling, broken=True))

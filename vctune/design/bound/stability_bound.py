@@ -21,8 +21,8 @@ class Stability:
     Attributes
     ----------
     stable : whether all of them are stable, shape (n,)
-    unstable : whether none is; neither where nothing is proved
-    boxes : how many boxes of frequency and gains that took
+    unstable : whether no loop is stable; both are False if nothing is proved
+    boxes : number of boxes of frequency and gains
     """
 
     stable: Flags
@@ -38,7 +38,8 @@ def proved_stability(posed: Posed, boxes: DesignBoxes) -> Stability:
 
     Parameters
     ----------
-    posed : the problem; its demands decide which loops count: the sampled loop let go, in a hand, the frequency model
+    posed : the problem; its constraints decide which loops must be stable: the sampled loop let go, in a hand, the
+        frequency model
     boxes : n boxes; only their gains matter
 
     Returns
@@ -79,7 +80,7 @@ def _of_rectangles(posed: Posed, low: Floats, high: Floats) -> Stability:
 
 
 def _turns(demands: Demands, cells: Cells) -> tuple[Floats, int]:
-    """Return how often each curve that counts goes around 0, nan where not settled, and the boxes it took."""
+    """Return how often each required curve goes around 0, nan if undecided, and the number of boxes."""
     found = encirclements(demands, cells)
     boxes = int(found.boxes.sum() + found.throughout.sum())
     if demands.hands is None:

@@ -1,12 +1,12 @@
 """Strong branching: it halves boxes along every axis and keeps the halves of the axis that gains most.
 
-The rule is that of Achterberg, Koch, Martin (2005), section 2: an axis is worth a weighted sum of what its worse and
-its better half gain,
+The rule is that of Achterberg, Koch, Martin (2005), section 2: the score of an axis is a weighted sum of the gains of
+its worse and its better half,
 
     score = min(gain_1, gain_2) + BETTER_HALF max(gain_1, gain_2),
 
-the worse half first, since it is what the box's bound becomes. Bounds stand for gains here: those of a box are the same
-for all of its axes.
+the worse half first, since it becomes the bound of the box. The code compares bounds instead of gains, because those of
+a box are the same for all of its axes.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from vctune.model.problem import Problem
 from vctune.proof.enclosures.array_intervals import Flags, Floats
 
 BETTER_HALF = 0.1
-"""What the better half counts against the worse, 0.2 in the paper's mixed-integer programs (mu = 1/6)."""
+"""Weight of the better half against the worse, 0.2 in the paper's mixed-integer programs (mu = 1/6)."""
 LENGTH = 1e-2
-"""What the share of its axis that a box takes counts, against the incumbent's error: it decides where no axis gains
-anything yet, as at the root, and is less than a gain that matters. With 0 a search that gains nothing might halve one
-axis for ever."""
+"""Weight of the share of its axis that a box spans, against the incumbent's error. It decides while no axis gains
+anything, as at the root, and is less than a gain that matters. With 0 a search without gain might halve one axis for
+ever."""
 DIGITS = 9
 """Beyond which scores are the same, so that rounding, which differs between machines, does not choose an axis."""
 
@@ -43,7 +43,8 @@ class Halved:
     Attributes
     ----------
     nodes : two for each box
-    along_gains : of these, which were halved along K_v or K_p, so that their loops may have become provably stable
+    along_gains : whether each was halved along K_v or K_p, so that their loops may have become
+        provably stable
     worked_out : lower bounds that it took
     """
 
@@ -66,12 +67,12 @@ def halved(
 ) -> Halved:
     """Halve each box along the axis that raises its lower bound most; bound it again if no axis has an extent.
 
-    While no design is known, the greatest infeasibility of a box stands for its bound.
+    While no design is known, the greatest infeasibility of a box replaces its bound.
 
     Parameters
     ----------
     relaxed : the relaxed problem
-    axes : of its designs, in the order of the rows of `DesignBoxes`
+    axes : axes of its designs, in the order of the rows of `DesignBoxes`
     parents : n open boxes
     incumbent : error of the best design known; inf if there is none
     pool : threads that share the lower bounds
@@ -130,7 +131,7 @@ def _worth(bounds: LowerBounds, parents: OpenNodes, incumbent: float) -> Floats:
 
 
 def _without_idle_position(problem: Problem, boxes: DesignBoxes) -> DesignBoxes:
-    """Return the boxes without the K_p > 0 that no admissible design in them has, if they contain K_p = 0."""
+    """Return the boxes without the K_p > 0 that no feasible design in them has, if they contain K_p = 0."""
     high = boxes.high.copy()
     high[K_P, (boxes.low[K_P] == 0) & without_integrator(problem, boxes)] = 0.0
     return DesignBoxes(boxes.low, high)

@@ -45,8 +45,8 @@ from vctune.model.transparency import TERMS, log_quadrature
 from vctune.model.worlds import WorldsMet
 
 NEAR_SIDE = 1e-2
-"""Distance at which a point counts as on a side of a box: where the error is flat IPOPT stays off by its
-barrier. Counting as on a side costs a round; half takes some for optima that are on one, twice takes a round more."""
+"""Distance at which a point is taken to be on a side of a box: where the error is flat IPOPT's barrier keeps it off the
+side. Counting as on a side costs a round; half takes some for optima that are on one, twice takes a round more."""
 TRACKING_REACH = 0.5
 """How far the NLP may move a tracked peak of |S|, in log frequency: less than the distance of two peaks, which a delay
 puts a factor of two or so apart. Half takes more rounds, since an answer at the reach is not settled; with twice it may
@@ -63,7 +63,7 @@ class NlpNumbers:
     Attributes
     ----------
     guess, low, high : where to start, and bounds of the variables
-    parameters : in the order of `nlp_parameters.tables`
+    parameters : parameters in the order of `nlp_parameters.tables`
     least, most : bounds of the constraints; -inf for one that is not used
     """
 
@@ -89,12 +89,12 @@ def numbers_of(
     Parameters
     ----------
     posed : dimensionless
-    structure : of the NLP
+    structure : structure of the NLP
     free : its n variables
     start : the five numbers to start from; those that are not free stay
     box : least and greatest coordinates, each of shape (n,)
-    working_set : where the demands are posed
-    tightening : relative amount by which the demands are sharpened, to leave room for rounding the result
+    working_set : points at which the constraints are imposed
+    tightening : relative tightening of the constraints, which leaves room for rounding the result
     """
     low, high = (list(bound) for bound in box)
     guess = [min(max(c.to_z(start[c.index]), lo), hi) for c, lo, hi in zip(free, low, high, strict=True)]
@@ -114,7 +114,7 @@ def solve(structure: NlpStructure, given: NlpNumbers) -> Solution:
 
     Parameters
     ----------
-    structure : of the NLP
+    structure : structure of the NLP
     given : its numbers, of `numbers_of` for the same structure
 
     Returns
@@ -146,18 +146,18 @@ def solve(structure: NlpStructure, given: NlpNumbers) -> Solution:
 def lagrangian(structure: NlpStructure, given: NlpNumbers, solution: Solution) -> float:
     """Return the Lagrangian of an NLP at a guess, with the multipliers and the other unknowns of a solution.
 
-    Its derivative in whatever the numbers depend on is that of the least objective (the envelope theorem, Fiacco 1983).
+    Its derivative with respect to the numbers is that of the least objective (the envelope theorem, Fiacco 1983).
 
     Parameters
     ----------
-    structure : of the NLP
+    structure : structure of the NLP
     given : its numbers; the free variables are those of the guess
-    solution : of an NLP of the same structure, with as many constraints in use
+    solution : solution of an NLP of the same structure, with as many constraints in use
 
     Returns
     -------
     float
-        Up to what the multipliers do to the bounds of the constraints, which is constant.
+        Without the constant product of multipliers and constraint bounds.
     """
     unknowns = np.concatenate((given.guess[: len(structure.free)], solution.others))
     multipliers = np.zeros(given.least.shape)
@@ -208,12 +208,12 @@ def _parameters(
 
 
 def unmodelled_radius(posed: Posed, point: ConstraintPoint) -> float:
-    """Return how far the device's response may be off at a dimensionless point.
+    """Return the radius of the device's response at a dimensionless point.
 
     Parameters
     ----------
-    posed : dimensionless, with a disc of what is not modelled
-    point : its frequency counts, rad per sample time
+    posed : dimensionless, with an unmodelled disc
+    point : only its frequency matters, rad per sample time
 
     Returns
     -------

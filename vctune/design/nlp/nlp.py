@@ -65,8 +65,8 @@ OPTIONS: dict[str, Any] = {
     "ipopt.min_refinement_steps": 0,
     "ipopt.max_refinement_steps": 1,
 }
-"""Multipliers of the parameters are nobody's question, and CasADi warns on stderr where one is not finite. The last six
-are for speed: some thirty well scaled equations need no scaling, and no exact barrier problems."""
+"""The multipliers of the parameters are not needed, and CasADi warns on stderr if one is not finite. The last six are
+for speed: some thirty well scaled equations need no scaling, and no exact barrier problems."""
 
 
 class _SymbolArithmetic:
@@ -127,7 +127,7 @@ SYMBOLS: Arithmetic = _SymbolArithmetic()
 
 @lru_cache(maxsize=1)
 def ipopt_version() -> str:
-    """Return the version that IPOPT's banner names; CasADi does not say it elsewhere."""
+    """Return the version in IPOPT's banner, the only place where CasADi shows it."""
     banner = StringIO()
     x = ca.SX.sym("x")
     quiet: dict[str, Any] = {"print_time": False, "ipopt.sb": "yes", "ipopt.print_level": 5, "ipopt.max_iter": 0}
@@ -212,13 +212,13 @@ def _loop_gain(structure: NlpStructure, gains: Gains, pulse: dict[str, ca.SX]) -
 
 
 def _room(L: Pair) -> Number:
-    """Return -log |1 - S|: the logarithm of how far the device's response may be off."""
+    """Return -log |1 - S|: the logarithm of the allowed radius of the device's response."""
     return (ca.log(Pair(1 + L.re, L.im).abs2()) - ca.log(L.abs2())) / 2
 
 
 SCALE_IN_HAND = 0.05
-"""Re Z_c, in Z_0, above which the demand in a hand is one of logarithms, and below one of differences: R may be 0 or
-negative there. Half and twice it take as many iterations."""
+"""Re Z_c, in Z_0, above which the constraint in a hand is one of logarithms, and below one of differences: R may be 0
+or negative there. Half and twice it take as many iterations."""
 
 
 def _coupling_response(coupling: AnyCoupling, frequency: dict[str, ca.SX]) -> Pair:
@@ -233,7 +233,7 @@ def _low_pass(numbers: dict[str, ca.SX]) -> Pair:
 
 
 def _margin_in_hand(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
-    """Return a function of Re Z_c that rises, less that of factor R; of an impedance display of Re(1/Z_c)/s^2."""
+    """Return a function of Re Z_c that rises, less that of factor R; for an impedance display of Re(1/Z_c)/s^2."""
     if isinstance(coupling, SpringDamper):
         (l_0, l_1), (q_0, q_1, q_2), K_v = ca.vertsplit(held["lost"]), ca.vertsplit(held["size"]), gains.velocity
         required = (l_0 + l_1 * K_v) / (q_0 + K_v * (q_1 + q_2 * K_v))
@@ -246,15 +246,15 @@ def _margin_in_hand(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling)
 
 
 UNPOSED = 1e3
-"""What is taken from a margin that can never be positive."""
+"""Amount subtracted from a margin that can never be positive."""
 BLUNT = 1e-2
-"""What the greatest of several margins is rounded off with where two are alike, so that IPOPT moves from one to the
-other. At a frequency at which an optimum needs two of them the coupling is 0.7 of it greater than it must be. With a
-tenth of it exchanges do not converge, with three tenths they take twice as many rounds."""
+"""Smoothing of the greatest of several margins where two are alike, so that IPOPT can move from one to the other. At a
+frequency at which an optimum needs two of them the coupling is 0.7 of it greater than necessary. With a tenth of it
+exchanges do not converge; with three tenths they take twice as many rounds."""
 
 
 def _margin_in_worlds(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
-    """Return the greatest of the margins of which one must be positive, rounded off from below."""
+    """Return the smoothed greatest of the margins, a lower bound; one of them must be positive."""
     low, high = (
         World(*(held[f"environment_{end}_{name}"] for name in ("mass", "damping", "stiffness")))
         for end in ("low", "high")
@@ -313,9 +313,9 @@ def assembled(structure: NlpStructure) -> dict[str, ca.MX]:
     Returns
     -------
     dict
-        x, f, g and p as `casadi.nlpsol` wants them: the free coordinates, log frequencies of tracked peaks and the
-        epigraph variable; log(error); constraints in the order of `DEMANDS`, then those of tracked peaks, then those of
-        the errors in the mean; parameters as `nlp_parameters.packed` packs them.
+        x, f, g and p for `casadi.nlpsol`: the free coordinates, log frequencies of tracked peaks and the epigraph
+        variable; log(error); constraints in the order of `DEMANDS`, then those of tracked peaks, then those of the mean
+        errors; parameters in the layout of `nlp_parameters.packed`.
     """
     one = _at_one_frequency(structure)
     columns = {name: ca.MX.sym(name, table.rows, table.columns) for name, table in tables(structure).items()}
@@ -341,7 +341,7 @@ def assembled(structure: NlpStructure) -> dict[str, ca.MX]:
 
 
 def _mean_errors(structure: NlpStructure, squares: ca.MX) -> ca.MX:
-    """Return the logarithm of the error in the mean for each device that counts, from the squares at all nodes."""
+    """Return the logarithm of the mean error for each device of the objective, from the squares at all nodes."""
     devices = structure.objective_devices
     if devices > 1:
         squares = ca.reshape(squares, PANEL_NODES * structure.panels, devices)

@@ -24,22 +24,22 @@ from vctune.model.sampled.velocity_loop import SampledPlant
 from vctune.model.transparency import PANEL_NODES, TERMS
 
 PARTS: dict[str, Any] = {"estimate": FilterResponse, "sensor": FilterResponse, "spring": Spring, "factor": Pair}
-"""What a `DeviceResponse` may have beside an ideal device, by its fields."""
+"""Optional parts of a `DeviceResponse`, by its fields."""
 Layout = dict[str, int]
-"""How many rows each name has, in order."""
+"""Number of rows of each name, in order."""
 
 PULSE_TRANSFER: Layout = {"re_G_v": 1, "im_G_v": 1, "re_G_x": 1, "im_G_x": 1}
-"""From force to velocity and to position in the sampled loop, at a frequency of |S|."""
+"""Responses from force to velocity and to position in the sampled loop, at a frequency of |S|."""
 PERTURBED_LOOP: Layout = {**PULSE_TRANSFER, "log_radius": 1}
-"""The same, and how far the device's response may be off there."""
+"""The same, and the radius of the device's response there."""
 LOOP_IN_HAND: Layout = {"theta": 1, "factor": 1} | {
     f"{part}_{side}": 1 for part in LoopInHand._fields for side in ("even", "odd")
 }
 """The loop in a hand at an angle, and the least Re Z_c / R."""
 FIRMWARE_FILTER: Layout = {"low_pass_re": 1, "low_pass_im": 1}
-"""F, the firmware's low-passes, which the coupling of an impedance display meets."""
+"""F, the firmware's low-passes, through which the coupling of an impedance display acts."""
 FORCE_IN_HAND: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER, "lost": 2, "size": 3}
-"""Of an impedance display, in one hand or in any: R/s^2 = (l_0 + l_1 K_v)/(q_0 + q_1 K_v + q_2 K_v^2)."""
+"""Parameters of an impedance display, in one hand or in any: R/s^2 = (l_0 + l_1 K_v)/(q_0 + q_1 K_v + q_2 K_v^2)."""
 COMMAND_IN_HAND: Layout = {"theta": 1, "factor": 1, "required": 1, "swing": 1}
 """R and -s Im Z_seen of a servo in a hand, which no gain is in."""
 IN_HAND: dict[DisplayName, Layout] = {
@@ -66,8 +66,8 @@ def in_hand_layout(structure: NlpStructure) -> Layout:
 def common_layout(structure: NlpStructure) -> Layout:
     """Return the rows of the parameters that all frequencies share.
 
-    The device's mass and damping, the variables' scales, their values where they are not free, the weights, and,
-    where an operator eases the conditions, its damping and the safety factor.
+    The device's mass and damping, the variables' scales, the values of fixed variables, the weights and, if an operator
+    eases the conditions, its damping and the safety factor.
     """
     numbers = len(structure.kind.keys)
     layout = {"mass": 1, "damping": 1, "scales": numbers, "fixed": numbers, "weights": len(TERMS)}
@@ -94,7 +94,7 @@ def plant_layout(structure: NlpStructure) -> Layout:
 def device_numbers(at: DeviceResponse) -> dict[str, Any]:
     """Return a device's constants at frequencies by the names of `frequency_layout`, without those of absent parts.
 
-    A handle's own damping is 0, since no device whose demands are posed has a hand as a part of it.
+    A handle's own damping is 0, since no device at which constraints are imposed has a hand as a part of it.
     """
     numbers = {"omega": at.omega, "drive_re": at.drive.re, "drive_lag": at.drive.lag}
     numbers |= {"mass": at.mass, "damping": at.damping}
@@ -111,8 +111,8 @@ def device_of(structure: NlpStructure, numbers: dict[str, Any], operator: Any) -
 
     Parameters
     ----------
-    structure : of the NLP
-    numbers : by the names of `common_layout` and, of more weight, of `frequency_layout`
+    structure : structure of the NLP
+    numbers : numbers by the names of `common_layout` and, of more weight, of `frequency_layout`
     operator : damping of the least operator; None without one
     """
     parts = {
@@ -137,8 +137,8 @@ def plant_of(structure: NlpStructure, rows: dict[str, Sequence[Any]]) -> Sampled
 
     Parameters
     ----------
-    structure : of the NLP
-    rows : by the names of `plant_layout`
+    structure : structure of the NLP
+    rows : rows by the names of `plant_layout`
     """
     return SampledPlant(
         open=tuple(rows["open"]),
@@ -158,7 +158,7 @@ class Table:
     Attributes
     ----------
     layout : names of its rows
-    columns : how many columns it has
+    columns : number of its columns
     """
 
     layout: Layout
@@ -166,7 +166,7 @@ class Table:
 
     @property
     def rows(self) -> int:
-        """How many rows it has."""
+        """Number of its rows."""
         return sum(self.layout.values())
 
 
@@ -191,8 +191,8 @@ def unpacked(layout: Layout, column: Any) -> dict[str, Any]:
 
     Parameters
     ----------
-    layout : of the column's table
-    column : with a row for each of the layout's
+    layout : layout of the column's table
+    column : column with a row for each of the layout's
     """
     ends = np.cumsum([*layout.values()]).tolist()
     return {name: column[end - count : end] for (name, count), end in zip(layout.items(), ends, strict=True)}
@@ -203,8 +203,9 @@ def packed(parts: dict[str, Table], numbers: dict[str, dict[str, Any]]) -> Float
 
     Parameters
     ----------
-    parts : of `tables`
-    numbers : for each table that has columns, and each of its names, an array of shape (columns,) or (rows, columns);
+    parts : parts of `tables`
+    numbers : for each table that has columns, and each of its names, an array of shape (columns,) or (rows,
+        columns);
         columns that are not used repeat the last one, those of a table without numbers are 0
     """
     return np.concatenate([_packed(table, numbers.get(name)) for name, table in parts.items()])

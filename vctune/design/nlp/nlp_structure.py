@@ -8,22 +8,24 @@ from math import inf
 from vctune.design.prepared import Posed
 from vctune.design.search.working_set import WorkingSet
 from vctune.design.variables import Coordinate
-from vctune.model.device import Device, VelocityEstimate
+from vctune.model.device import Device
 from vctune.model.display import Display
 from vctune.model.loop.device_response import device_response
+from vctune.model.loop.drive import drive_states
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.parts import VelocityEstimate
 from vctune.model.problem import Norm
 from vctune.model.transparency import TERMS, TermName
 
 DEMANDS = ("ratio", "sensitivity", "stability", "peak", "unmodelled", "in_hand")
 """Kinds of constraint, in the order of `NlpStructure.capacities`."""
 CAPACITY_STEPS = (12, 12, 4, 12, 12, 12)
-"""Room for each kind of constraint comes in multiples of this, and open bounds switch off what is not used, so that a
+"""Room for each kind of constraint comes in multiples of this, and open bounds switch off unused constraints, so that a
 growing working set rarely needs another solver. Compiling one takes tens of milliseconds, an unused constraint some
-microseconds: half as many means more compiling, twice as many slower iterations; the answers are the same."""
+microseconds. Half means more compiling, twice slower iterations; the answers are the same."""
 IN_WORLDS = 36
-"""The same of the loops in hands with a box of environments, which join by windows of frequencies. Half of it compiles
-twice, twice makes every iteration slower."""
+"""The same for the loops in hands with a box of environments, which join by windows of frequencies. Half of it compiles
+twice; twice makes every iteration slower."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +34,7 @@ class NlpStructure:
 
     Attributes
     ----------
-    kind : of the device
+    kind : kind of the device
     rigid : whether b_c is infinite
     worlds : whether the environments are those of a box
     free : (index among a design's numbers, whether it may be 0) for each variable
@@ -40,13 +42,13 @@ class NlpStructure:
     terms : terms of the error with a positive weight
     norm : "rms" or "peak" (an epigraph variable is added)
     panels : panels of the quadrature, 0 for "peak"
-    capacities : how many constraints of each of `DEMANDS` there is room for
+    capacities : number of slots for each kind of `DEMANDS`
     tracked_peaks : number of peaks of |S| whose frequencies are variables
     operator_damping : whether the damping of an operator eases the conditions
-    parts : what the device has beside an ideal one, fields of `DeviceResponse`
-    order : of the sampled device, 1 if ideal
-    differenced, low_passes : whether the velocity is a difference of positions; how many low-passes it goes through
-    uncertain : whether the demands are posed at several devices, whose numbers then come with each frequency
+    parts : parts of the device that an ideal one lacks, fields of `DeviceResponse`
+    order : order of the sampled device, 1 if ideal
+    differenced, low_passes : whether the velocity is a difference of positions; number of its low-passes
+    uncertain : whether the constraints are imposed at several devices, whose numbers then come with each frequency
     objective_devices : number of devices the greatest of whose errors is the objective, for "rms"
     """
 
@@ -93,12 +95,12 @@ def nlp_structure(
     ----------
     posed : dimensionless
     free : its variables
-    working_set : where the demands are posed
-    panels : of the quadrature of the error
+    working_set : points at which the constraints are imposed
+    panels : panels of the quadrature of the error
     integrator : whether K_p > 0
     """
     problem, weights = posed.problem, posed.problem.transparency.weights
-    actuator, estimate = problem.device.actuator, problem.device.velocity or VelocityEstimate()
+    estimate = problem.device.velocity or VelocityEstimate()
     steps = CAPACITY_STEPS if problem.worlds is None else (*CAPACITY_STEPS[:-1], IN_WORLDS)
     ratio, sensitivity, stability, *others = (
         -(-used // step) * step for used, step in zip(working_set.sizes(), steps, strict=True)
@@ -118,7 +120,7 @@ def nlp_structure(
         tracked_peaks=len(working_set.tracked_peaks),
         operator_damping=problem.device.operator is not None and problem.device.operator.damping > 0,
         parts=_parts(problem.device),
-        order=1 + (actuator.order if actuator is not None else 0) + (2 if problem.device.structure is not None else 0),
+        order=1 + len(drive_states(problem.device)) + (2 if problem.device.structure is not None else 0),
         differenced=estimate.source == "difference",
         low_passes=estimate.filter_order if estimate.filter_hz is not None else 0,
         uncertain=problem.uncertainty is not None,

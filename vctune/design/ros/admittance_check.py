@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
 from math import sqrt
 from pathlib import Path
 from time import perf_counter
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from vctune.design.ros.admittance_problem import (
+    FILTER_AS_CORNER,
     as_problem,
     corner_hz,
     coupling_of_admittance,
@@ -41,7 +41,7 @@ from vctune.simulation.scene import designed_scene
 
 SLOW = 0.1
 """A filter whose corner is below this share of the Nyquist frequency is named. Half names none of the usual 0.05 at 500
-Hz and less, twice names some that a hand cannot tell from none."""
+Hz and less, twice names some that a hand cannot decide from none."""
 
 
 def check_admittance(
@@ -56,16 +56,16 @@ def check_admittance(
     Parameters
     ----------
     problem : the device, with its velocity loop: the gains are fixed
-    path : of the parameter file
+    path : path of the parameter file
     given : its selected axes
     only : names of the axes to check; empty for all
-    progress : told the stage of the work
+    progress : function that receives the current stage
 
     Returns
     -------
     list of Checked
         One for each axis, in the file's order. An axis that does not move as the device does, a rotation or a
-        translation, is undecided: it is not looked at.
+        translation, is undecided: it is skipped.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def check_admittance(
 
 
 def _chosen(problem: ProblemFile, path: Path, given: AdmittanceFile, only: Sequence[str]) -> list[Admittance]:
-    """Return the axes to look at and those to name as not looked at."""
+    """Return the axes to look at and those to name as skipped."""
     selected = [axis.axis for axis in given.axes]
     if unknown := [name for name in only if name not in selected]:
         message = f"selects {', '.join(selected)}, and --axis asks for {', '.join(unknown)}; name axes that it selects"
@@ -110,7 +110,7 @@ def _moves_as(axis: Admittance, problem: ProblemFile) -> bool:
 
 
 def _misfit(axes: list[Admittance], problem: ProblemFile) -> str:
-    """Return why axes cannot be looked at with this problem."""
+    """Return why axes cannot be checked with this problem."""
     own = problem.problem.device.units
     other: UnitSystem = "linear" if own == "rotary" else "rotary"
     moves = "rotations" if other == "rotary" else "translations"
@@ -139,7 +139,7 @@ def _of_axis(checked: Checked, problem: ProblemFile, path: Path, axis: Admittanc
 
 def _device(problem: ProblemFile, given: AdmittanceFile) -> dict[str, Any]:
     """Return the problem's tables with the criterion of hands, and the gains of a loop of its own."""
-    bounds, sensor = problem.problem.bounds, problem.problem.device.force_sensor
+    bounds, sensor = problem.problem.bounds, problem.problem.device.sensing
     if not problem.problem.device.kind.senses_force:
         message = '"impedance", and an admittance_controller makes an admittance display; name a problem of one'
         raise InputError.of(problem.source, "other-kind", message, key="device.display")
@@ -149,9 +149,9 @@ def _device(problem: ProblemFile, given: AdmittanceFile) -> dict[str, Any]:
     if not (bounds.velocity.fixed and bounds.position.fixed):
         message = "are not fixed, and a file of ROS 2 has none: fix velocity and position, the loop that follows it"
         raise InputError.of(problem.source, "not-fixed", message, key="gains")
-    if sensor is not None and sensor.bandwidth_hz is not None and given.filter_coefficient < 1:
+    if sensor.bandwidth_hz is not None and given.filter_coefficient < 1:
         message = "stands in the place of filter_coefficient: leave one of them out, or set filter_coefficient to 1"
-        raise InputError.of(problem.source, "contradiction", message, key="device.force_sensor.bandwidth_hz")
+        raise InputError.of(problem.source, "contradiction", message, key=f"device.{FILTER_AS_CORNER}")
     document.pop("uncertainty", None)
     document["gains"] = {"velocity": bounds.velocity.min, "position": bounds.position.min}
     return document
@@ -161,7 +161,7 @@ def _device(problem: ProblemFile, given: AdmittanceFile) -> dict[str, Any]:
 def _checked(
     problem: ProblemFile, tables: dict[str, Any], given: AdmittanceFile, axis: Admittance, progress: Progress
 ) -> Checked:
-    """Check an axis; its name does not count."""
+    """Check an axis; its name does not matter."""
     began, T = perf_counter(), problem.problem.device.sample_time
     looped = problem.problem.device.kind.own_loop
     coupling = coupling_of_admittance(axis, T, servo=not looped)
@@ -234,8 +234,7 @@ def _with_its_spring(file: ProblemFile, axis: Admittance, finding: DesignFinding
     hands = file.problem.hands_met
     assert hands is not None, "the criterion is that of hands"
     held = finding.judgement.in_hand
-    corners = [Hand(*numbers) for numbers in product(*zip(_numbers(hands.low), _numbers(hands.high), strict=True))]
-    tried = [*corners, *([held.hand] if held is not None else [])]
+    tried = [*hands.corners, *([held.hand] if held is not None else [])]
     hand, worst = max(((hand, _mode(file, axis, finding, hand)) for hand in tried), key=lambda pair: pair[1].radius)
     units = file.problem.units
     own = f"with its own stiffness of {axis.stiffness:g} {units.stiffness}"
@@ -244,13 +243,9 @@ def _with_its_spring(file: ProblemFile, axis: Admittance, finding: DesignFinding
     return f"{own} it grows at {worst.hz:.4g} Hz in the hand of {hand.in_words(units)}"
 
 
-def _numbers(hand: Hand) -> tuple[float, float, float]:
-    return hand.mass, hand.damping, hand.stiffness
-
-
 def _mode(file: ProblemFile, axis: Admittance, finding: DesignFinding, hand: Hand) -> Mode:
     spring = Environment(0.0, 0.0, axis.stiffness, 0.0, False, "trapezoid")
-    operator = Operator("sine", 0.0, 0.01, 0.05, 1, *_numbers(hand))
+    operator = Operator("sine", 0.0, 0.01, 0.05, 1, mass=hand.mass, damping=hand.damping, stiffness=hand.stiffness)
     experiment = Experiment(axis.axis, spring, operator, None, Sensors(0.0, 0.0, 0), None, None)
     judged = finding.judgement
     return fastest_mode(designed_scene(file.problem.device, judged.gains, series_coupling(judged.coupling), experiment))

@@ -1,8 +1,8 @@
 """A design before a servo as parameters of a ROS 2 admittance_controller.
 
-The controller's law is a coupling with b_c = 2 m_c/T, m_c = M - D T and b_0 = D (see `admittance_problem`):
-M = m_c + D T and D = b_0 render mass and drag of a design. There is no damper in a row with the mass to set. D is told
-as a damping ratio of M and S, and as joint_damping, which all axes share and which alone damps without a stiffness.
+The controller's law is a coupling with b_c = 2 m_c/T, m_c = M - D T and b_0 = D (see `admittance_problem`): M = m_c + D
+T and D = b_0 render mass and drag of a design. There is no damper in a row with the mass to set. The file states D as a
+damping ratio of M and S, and as joint_damping, which all axes share and which alone damps without a stiffness.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, floor, log10, sqrt
 
+from vctune.design.ros.admittance_problem import FILTER_OF_SAMPLES
 from vctune.document.ros import AXES, Admittance, AdmittanceFile
 from vctune.document.text.errors import InputError
 from vctune.model.device import Device
@@ -18,7 +19,8 @@ from vctune.model.gains import Coupling
 from vctune.model.problem import Problem
 
 DIGITS = 7
-"""Of a damping, rounded up. Half of them ask for a hundredth of a per cent more; twice are not read by anybody."""
+"""Digits of a damping, rounded up. With half of them a damping is a hundredth of a per cent greater; nobody reads twice
+as many."""
 RETURN = 1e4
 """Seconds in which a spring that is there for the sake of its damping ratio alone pulls an axis back. Half and twice it
 cost a millionth of a damping."""
@@ -26,13 +28,13 @@ cost a millionth of a damping."""
 
 @dataclass(frozen=True, slots=True)
 class RenderedAxis:
-    """A design of one axis.
+    """The design of one axis.
 
     Attributes
     ----------
     axis : one of `AXES`
     device : a servo
-    coupling : of the design; its damping is left out
+    coupling : coupling of the design, without its damping
     """
 
     axis: str
@@ -48,8 +50,8 @@ class RenderedAxis:
     @property
     def filter_coefficient(self) -> float:
         """Share of each new sample in the filter of the force; 1 without one."""
-        sensor = self.device.force_sensor
-        return 1.0 if sensor is None or sensor.filter_coefficient is None else float(sensor.filter_coefficient)
+        coefficient = self.device.sensing.filter_coefficient
+        return 1.0 if coefficient is None else float(coefficient)
 
     @property
     def mass(self) -> float:
@@ -69,7 +71,7 @@ def parameters_of(designs: Sequence[RenderedAxis], source: str) -> AdmittanceFil
     Parameters
     ----------
     designs : at least one
-    source : what messages call the problem
+    source : name of the problem in messages
 
     Raises
     ------
@@ -78,7 +80,7 @@ def parameters_of(designs: Sequence[RenderedAxis], source: str) -> AdmittanceFil
     """
     for key, values in (
         ("device.sample_time", {design.device.sample_time for design in designs}),
-        ("device.force_sensor.filter_coefficient", {design.filter_coefficient for design in designs}),
+        (f"device.{FILTER_OF_SAMPLES}", {design.filter_coefficient for design in designs}),
     ):
         if len(values) > 1:
             message = f"differs between axes: {', '.join(f'{value:g}' for value in sorted(values))}; write one for all"

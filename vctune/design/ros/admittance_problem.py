@@ -1,13 +1,12 @@
 """A ROS 2 admittance in place of the coupling: the problem of a device and a parameter file together.
 
 The controller steps M dv/dt + D v + S x = f explicitly: (M/T) (v - v_before) + D v_before + S x_before = f. That is a
-mass M - D T by backward Euler, a drag D - S T/2 and a lossless spring S: the first is the coupling of the trapezoidal
-rule with b_c = 2 (M - D T)/T and m_c = M - D T, and what is proved of it holds on every passive environment, the spring
-among them.
+mass M - D T by backward Euler, a drag D - S T/2 and a lossless spring S. The first is the coupling of the trapezoidal
+rule with b_c = 2 (M - D T)/T and m_c = M - D T, and its proof covers every passive environment, including the spring.
 
-Before a servo nothing is left to approximate. S pulls the measured position, which is late as the servo is: it is the
-servo's own spring, and takes no drag beside. The filter of the samples is one of the samples. A position that is
-commanded is the sum of T v, between which the servo interpolates: it moves as if v were commanded.
+Before a servo there is no approximation. S pulls the measured position, which is as late as the servo: it is the
+servo's own spring, and takes nothing more from the drag. The filter of the samples is one of the samples. A position
+that is commanded is the sum of T v, between which the servo interpolates: it moves as if v were commanded.
 """
 
 from __future__ import annotations
@@ -20,6 +19,8 @@ from vctune.model.gains import Coupling
 
 OF_FILE = ("admittance", "ft_sensor")
 """The tables of a parameter file, which stand beside those of the problem in a document of both."""
+FILTER_OF_SAMPLES, FILTER_AS_CORNER = "force_sensor.filter_coefficient", "force_sensor.bandwidth_hz"
+"""The numbers of a device in whose place the controller's filter stands: of a servo, and of any other device."""
 
 
 def device_tables(document: dict[str, Any]) -> dict[str, Any]:
@@ -27,7 +28,7 @@ def device_tables(document: dict[str, Any]) -> dict[str, Any]:
 
     Parameters
     ----------
-    document : of the problem
+    document : document of the problem
     """
     tables = {key: value for key, value in document.items() if key not in ("experiment", "coupling")}
     return {**tables, "stability": {**tables.get("stability", {}), "criterion": "hands"}}
@@ -55,7 +56,7 @@ def as_problem(document: dict[str, Any]) -> dict[str, Any]:
 
     Parameters
     ----------
-    document : as of `document_of_both`
+    document : see `document_of_both`
     """
     device, coefficient = document["device"], document["ft_sensor"]["filter_coefficient"]
     axis, T = Admittance(axis="", line=0, **document["admittance"]), float(device["sample_time"])
@@ -63,8 +64,7 @@ def as_problem(document: dict[str, Any]) -> dict[str, Any]:
     if "servo" in device:
         device = _as_servo(device, axis, coefficient)
     elif coefficient < 1:
-        sensor = {**device.get("force_sensor", {}), "bandwidth_hz": corner_hz(coefficient, T)}
-        device = {**device, "force_sensor": sensor}
+        device = _with_filter(device, FILTER_AS_CORNER, corner_hz(coefficient, T))
     numbers = {"damping": coupling.damping, "mass": coupling.mass, "drag": coupling.drag}
     tables = {key: table for key, table in document.items() if key not in OF_FILE}
     return {**tables, "device": device, "coupling": numbers}
@@ -75,8 +75,12 @@ def _as_servo(device: dict[str, Any], axis: Admittance, coefficient: float) -> d
     servo = {key: value for key, value in device["servo"].items() if key != "command"}
     if axis.stiffness > 0:
         servo["stiffness"] = axis.stiffness
-    sensor = {**device.get("force_sensor", {}), "filter_coefficient": coefficient}
-    return {**device, "servo": servo, "force_sensor": sensor}
+    return _with_filter({**device, "servo": servo}, FILTER_OF_SAMPLES, coefficient)
+
+
+def _with_filter(device: dict[str, Any], key: str, number: float) -> dict[str, Any]:
+    part, name = key.split(".")
+    return {**device, part: {**device.get(part, {}), name: number}}
 
 
 def corner_hz(coefficient: float, sample_time: float) -> float:
@@ -95,14 +99,14 @@ def coupling_of_admittance(axis: Admittance, sample_time: float, *, servo: bool 
 
     Parameters
     ----------
-    axis : what is rendered
+    axis : the rendered environment
     sample_time : T, s
     servo : whether a servo follows, whose measured position the spring pulls; else the spring is lossless
 
     Returns
     -------
     Coupling
-        With mass or drag below 0 where the explicit step is not passive.
+        The mass or the drag is below 0 if the explicit step is not passive.
     """
     mass = axis.mass - axis.damping * sample_time
     taken = 0.0 if servo else axis.stiffness * sample_time / 2

@@ -11,7 +11,7 @@ from math import sqrt
 from typing import Any
 
 from vctune.design.result import Repair
-from vctune.design.ros.admittance_problem import as_problem
+from vctune.design.ros.admittance_problem import FILTER_AS_CORNER, as_problem
 from vctune.design.verdict.judge import Judgement, Status
 from vctune.design.verdict.parameter_changes import ParameterChange, changes_of_demands, parameter_changes
 from vctune.design.verdict.repair import OF_FIXED, OF_FIXED_IN_USE, Progress, find_repairs
@@ -23,14 +23,14 @@ from vctune.model.problem import Problem
 def repairs_of_axis(
     document: dict[str, Any], problem: Problem, judgement: Judgement, progress: Progress
 ) -> list[Repair] | None:
-    """Return the changes of one number after which an axis passes, or no longer is idle; None where it needs none.
+    """Return the changes of one number after which an axis passes, or is no longer idle; None if it needs none.
 
     Parameters
     ----------
     document : the tables of the device and of the parameter file (`document_of_both`)
-    problem : that they state
-    judgement : of the axis
-    progress : told what is tried
+    problem : problem that they state
+    judgement : judgement of the axis
+    progress : function that receives the current stage
 
     Returns
     -------
@@ -44,7 +44,7 @@ def repairs_of_axis(
         changes, test = [*_of_file(document), *parameter_changes(tables, problem)], OF_FIXED
     else:
         return None
-    of_file = "force_sensor.bandwidth_hz" if document["ft_sensor"]["filter_coefficient"] < 1 else ""
+    of_file = FILTER_AS_CORNER if document["ft_sensor"]["filter_coefficient"] < 1 else ""
     own = [each for each in changes if each.path[0] != "coupling" and each.key != f"device.{of_file}"]
     found = find_repairs(document, own, test, progress, _posed)
     return sorted(map(_in_yaml, found), key=lambda repair: (repair.key not in TUNED, repair.rank))
@@ -55,7 +55,7 @@ def remedy(repairs: Sequence[Repair], source: str) -> str:
 
     Parameters
     ----------
-    repairs : of an axis
+    repairs : repairs of an axis
     source : the problem file
     """
     words = [

@@ -1,8 +1,8 @@
 """The exchange method: IPOPT on a few frequencies, to which it adds those where the answer fails (design/README.md,
 section 6).
 
-Everything is local to a start: each NLP is confined to a box in log coordinates around the last point whose loop is
-stable, because the demands on single frequencies are also met by unstable loops that lie beyond |S| = inf.
+The exchange is local to a start: each NLP is confined to a box in log coordinates around the last point whose loop is
+stable, because unstable loops beyond |S| = inf also satisfy the constraints at single frequencies.
 """
 
 from __future__ import annotations
@@ -31,35 +31,36 @@ from vctune.running import OutOfTimeError, check_time
 # tests/design/test_search_constants.py solves references and basins with each constant halved and doubled.
 
 TIGHTENING = 1e-6
-"""By what share the demands are sharpened. It covers the rounding to eight digits and IPOPT's tolerance, 1e-9. The
-error grows by about as much; where it is too little the proof's witness sharpens tenfold."""
+"""Relative tightening of the constraints. It covers the rounding to eight digits and IPOPT's tolerance, 1e-9. The error
+grows by about as much; if it is too little, the proof's witness tightens tenfold."""
 ROUNDS = 40
 """NLPs in an exchange at most; one to three are usual. Half cuts off creeps along a boundary, twice waits for them."""
 RADIUS = 2.0
-"""Half the width of the first and the widest trust box in log coordinates: a factor of 7 about the start, which is near
+"""Half widths of the first and of the widest trust box in log coordinates: a factor of 7 about the start, which is near
 a local minimum. Twice as wide IPOPT comes down beyond |S| = inf more often, half as wide it takes another round."""
 GROWTH = 2.0
-"""By what the box grows after an answer that is worth something; it is halved after any other."""
+"""Growth of the box after a useful answer; any other answer halves it."""
 NEARER = 0.8
-"""An answer that misses the demands by less than this share of what the last one did is worth something: the box then
-holds no admissible design yet, as where the scan has missed a sharp resonance. Half stops on the way to that of a
-display of hardly any damping, 0.9 finds it in as many rounds."""
+"""An answer is useful if its violation is less than this share of the last one's. The box then contains no feasible
+design yet, for example because the scan has missed a sharp resonance. Half stops on the way to such a design of a
+display with hardly any damping; 0.9 finds it in as many rounds."""
 LEAST_RADIUS = 1e-3
-"""Where the box has shrunk to 0.1 % the exchange ends: basins are told apart to that. Half or twice is a round."""
+"""Size of the box, 0.1 %, at which the exchange ends: basins are told apart to that. Half or twice is a round."""
 FIRST_FREQUENCIES = 9
-"""Log-spaced frequencies of each demand to begin with: enough that the first answer violates no demand grossly. What is
-missing joins; half takes a round or two more, twice makes every round slower."""
+"""Log-spaced frequencies of each constraint to begin with, enough that the first answer violates no constraint grossly.
+Missing ones join later. Half takes a round or two more; twice makes every round slower."""
 PANELS = 4
 MAX_PANELS = 256
-"""Panels of eight nodes of the error's quadrature at first and at most: doubled until the NLP knows its error to
-`OBJECTIVE_TOLERANCE`. Half to begin with is another round, half at most is too few for an undamped resonance."""
+"""Panels of eight nodes of the error's quadrature at first and at most; they are doubled until the NLP's error is
+accurate to `OBJECTIVE_TOLERANCE`. Half to begin with is another round, half at most is too few for an undamped
+resonance."""
 OBJECTIVE_TOLERANCE = {"rms": 1e-7, "peak": 1e-4}
-"""By what share the NLP's objective may miss the error of its answer. Of norm "peak" every round gains a factor of
-only three or four, since the greatest error moves with the gains: 1e-5 would cost 5 % of all time. Half or twice is
-that much of error."""
+"""Relative difference that is allowed between the NLP's objective and the error of its answer. With norm "peak" every
+round gains a factor of only three or four, because the greatest error moves with the gains; 1e-5 would cost 5 % of all
+time. Half or twice is that much of error."""
 UPHILL = 1e-4
-"""By what share an answer must be worse than a known design to count as one of another basin: beyond what the
-tightening and IPOPT's own tolerance explain, and well below 0.1 %, by which basins are worth telling apart."""
+"""Share by which an answer must be worse than a known design to be in another basin. It is beyond the effect of the
+tightening and of IPOPT's tolerance, and well below 0.1 %, the resolution of basins."""
 
 
 def polish(
@@ -72,28 +73,28 @@ def polish(
     witnesses: WorkingSet | None = None,
     demands: WorkingSet | None = None,
 ) -> Polished | None:
-    """Improve a start to a local optimum of the semi-infinite problem; None if nothing admissible is found.
+    """Improve a start to a local optimum of the semi-infinite problem; None if nothing feasible is found.
 
     Parameters
     ----------
     posed : dimensionless
-    start : from the scan
-    scanned : what the scan saw, which decides which demands the NLP begins with
+    start : start from the scan
+    scanned : result of the scan, which decides with which constraints the NLP begins
     incumbent : give up once the error cannot get below this: more frequencies only raise it
-    tightening : relative sharpening of the demands
+    tightening : relative tightening of the constraints
     witnesses : points that a proof has refuted, to begin with
-    demands : to begin with in the place of the local extrema at the start: those of an optimum that it is
+    demands : to begin with instead of the local extrema at the start: those of an optimum that it is
 
     Returns
     -------
     Polished or None
-        Dimensionless; admissible in double precision, with the demands sharpened, and not proved. At the end of the
-        time limit it is the best by then.
+        Dimensionless; feasible in double precision, with the constraints tightened, and not proved. At the end of the
+        time limit it is the best answer so far.
 
     Raises
     ------
     OutOfTimeError
-        If the time limit has passed and there is none yet.
+        If the time limit has passed and there is no answer yet.
     """
     witnesses, cases = witnesses or WorkingSet(), list(posed.cases)
     seen = (*witnesses.ratio, *witnesses.sensitivity, *witnesses.unmodelled, *witnesses.in_hand)
@@ -126,18 +127,18 @@ def polish(
 
 @dataclass(slots=True)
 class _Search:
-    """Where a polish stands.
+    """The state of a polish.
 
     Attributes
     ----------
-    cases : the devices at which the demands are posed
+    cases : the devices at which the constraints are imposed
     witnesses : points in hands that a proof has refuted
     reference : the last point with sound loops, centre of the box
-    warm_start : where IPOPT starts
+    warm_start : start of IPOPT
     radius : half the box's width in log coordinates
-    known, known_error : the best admissible design that is known, an answer or the start
-    missed : by what the last answer missed the demands at most
-    start_examined : whether the start was looked at for that
+    known, known_error : the best feasible design that is known, an answer or the start
+    missed : greatest violation of the last answer
+    start_examined : whether the start was evaluated for that
     unstable : whether the last answer was: one cut may do, after two in a row the box is too wide
     """
 
@@ -234,10 +235,10 @@ def _remember(search: _Search, values: Point, error: float) -> None:
 
 
 def _sharper_objective(problem: Problem, search: _Search, design: Polished, *, joined: bool) -> bool:
-    """Return whether the next NLP has a sharper objective, which is wanted where it misses its own answer's error.
+    """Return whether the next NLP needs a sharper objective, because its objective misses its answer's error.
 
-    Of norm "rms" it has more panels of its quadrature; of norm "peak" the frequencies of the greatest errors, if any
-    was new: an NLP that knows none of them understates the error, and its optimum is none.
+    For norm "rms" it has more panels of its quadrature. For norm "peak" it has the frequencies of the greatest errors,
+    if any was new: an NLP without them understates the error, and its optimum is not one.
     """
     norm = problem.transparency.norm
     error = min(design.error, search.best.error) if norm == "peak" and search.best else design.error
@@ -250,7 +251,8 @@ def _sharper_objective(problem: Problem, search: _Search, design: Polished, *, j
 
 
 def _first_working_set(posed: Posed, start: Start, scanned: ScanResult) -> WorkingSet:
-    """Return a coarse set with the local extrema at the start; demands that nothing in the scan came near stay out."""
+    """Return a coarse set with the local extrema at the start, without constraints that nothing in the scan came
+    near."""
     problem, coarse = posed.problem, np.geomspace(*posed.span, FIRST_FREQUENCIES)
     first = WorkingSet()
     if problem.passive and (problem.bounds.velocity.max > 0 or start.gains.position > 0):

@@ -22,13 +22,13 @@ Kinds = NDArray[np.int8]
 
 @dataclass(frozen=True, slots=True)
 class LoopFeasibility:
-    """Which demands that do not depend on the coupling are missed by loops.
+    """Violations by loops of constraints that do not depend on the coupling.
 
     Attributes
     ----------
-    missed : the gravest one, on the device on which it is gravest
-    violation : by how much: log(|S|/max_sensitivity), or how negative Re(D + Z_h) gets relative to the loop's
-        impedance, or, for unstable loops, how strong they are, since the weaker ones are nearer to stability
+    missed : the most serious one, on the device on which it is most serious
+    violation : amount of the violation: log(|S|/max_sensitivity), or how negative Re(D + Z_h) gets relative to the
+        loop's impedance, or, for unstable loops, how strong they are, since the weaker ones are nearer to stability
     peak_sensitivity : greatest |S| up to Nyquist on any device
     """
 
@@ -38,7 +38,7 @@ class LoopFeasibility:
 
     @property
     def feasible(self) -> NDArray[np.bool_]:
-        """Which loops miss nothing."""
+        """Loops without a violation."""
         feasible: NDArray[np.bool_] = self.missed == Missed.NOTHING
         return feasible
 
@@ -49,7 +49,7 @@ def loop_feasibility(problem: Problem, samples: Samples, gains: Gains, bands: li
     Parameters
     ----------
     problem : dimensionless
-    samples : where to look
+    samples : samples of the scan
     gains : arrays that fit each other
     bands : the loops' responses on the stability band, device by device (`grid.responses`)
     """
@@ -67,7 +67,7 @@ def loop_feasibility(problem: Problem, samples: Samples, gains: Gains, bands: li
 
 
 def spread(gains: Gains) -> Gains:
-    """Return gains that can be met with frequencies along a last axis."""
+    """Return gains in a shape that broadcasts with frequencies along a last axis."""
     return Gains(gains.velocity[..., None], gains.position[..., None])
 
 

@@ -27,7 +27,7 @@ from vctune.model.problem import Problem
 from vctune.running import check_time
 
 ROUNDS, PARTS = 3, 4
-"""How often the step that the limit lies in is divided, and into how many parts: 64 parts of a step, 1 % of K_v."""
+"""How often the step that contains the limit is divided, and into how many parts: 64 parts of a step, 1 % of K_v."""
 BELOW, ABOVE = 0.93, 1.03
 """Between which factors of a limit its neighbours lie: below it the best design for the coupling, which may need some
 gain less; above it little, since the limit is known to 1 % on the scan's frequencies."""
@@ -39,9 +39,9 @@ class GainLimits:
 
     Attributes
     ----------
-    corner, below : which of the grid's corners, and its last K_v below the limit there
+    corner, below : index of the grid's corner, and its last K_v below the limit there
     velocity : the limits
-    scores : of the designs there, shape (corners, 1, time constants, drags)
+    scores : scores of the designs there, shape (corners, 1, time constants, drags)
     """
 
     corner: NDArray[np.intp]
@@ -55,7 +55,7 @@ class GainLimits:
         Parameters
         ----------
         problem : dimensionless
-        grid : whose limits these are
+        grid : grid whose limits these are
         minima : indices of designs in `scores`
 
         Returns
@@ -77,14 +77,14 @@ def gain_limits(problem: Problem, samples: Samples, grid: Axes, loops: LoopFeasi
     Parameters
     ----------
     problem : dimensionless
-    samples : where to look
+    samples : samples of the scan
     grid : one grid of designs
-    loops : what its loops miss, shape (velocities, corners)
+    loops : violations of its loops, shape (velocities, corners)
 
     Returns
     -------
     GainLimits
-        Where they are and what the designs there are worth; empty where no corner has one.
+        The limits and the scores of their designs; empty if no corner has one.
     """
     last = loops.feasible[:-1] & ~loops.feasible[1:]
     corner = np.flatnonzero(last.any(axis=0))

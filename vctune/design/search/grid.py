@@ -1,6 +1,6 @@
 """The constraints and the error over a grid of designs, with the coupling in closed form.
 
-For given K_v, K_p, b_0 and tau_c = m_c/b_c the least admissible b_c is a maximum over frequency,
+For given K_v, K_p, b_0 and tau_c = m_c/b_c the least feasible b_c is a maximum over frequency,
 
     b_c >= (safety_factor R - b_0) (1 + 1/(omega tau_c)^2),
 
@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
-from vctune.analysis.in_hands import LoopsInHands
+from vctune.analysis.loops_in_hands import LoopsInHands
 from vctune.design.prepared import Posed
 from vctune.design.search.feasibility import Kinds, LoopFeasibility, loop_feasibility, spread
 from vctune.design.search.samples import Samples, samples_of
@@ -39,17 +39,19 @@ from vctune.running import check_time
 COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}
 """Least number of points of each axis.
 
-A basin has to show as a local minimum, no more: the limits of the gains and the refinement find its place. Half as many
-K_v, corners or time constants cost no reference problem and no basin of the tests more than 0.1 %, so that there is a
-factor of two in reserve; with half as many drags one of them gets twice the error. Twice as many of any find nothing
-better.
+A basin only has to show as a local minimum; the limits of the gains and the refinement find its place. Half as many
+K_v, corners or time constants cost no reference problem and no basin of the tests more than 0.1 %, so there is a
+reserve of a factor of two; with half as many drags one problem has twice the error. Twice as many of any find no better
+design.
 """
 PER_DECADE = 3.5
-"""Least number of corners, and of time constants, in a decade: what `COUNTS` are on usual bounds, kept on wide ones."""
+"""Least number of corners, and of time constants, in a decade: as many as `COUNTS` give on usual bounds, kept on wide
+ones."""
 LEAPS = 2
-"""How many intervals of forbidden scales are left one after the other. Half and twice: starts as good."""
+"""Number of intervals of forbidden scales that the scan leaves one after the other. Half and twice give starts that are
+as good."""
 MOST = 1e100
-"""What stands for infinity where numbers are multiplied."""
+"""Stand-in for infinity where numbers are multiplied."""
 LOOPS_AT_ONCE = 160
 """Loops whose arrays, a hundred frequencies each, stay in the processor's cache; of no consequence but speed."""
 
@@ -72,14 +74,14 @@ class Axes:
 class Scores:
     """The scores of designs in lexicographic order: violated constraint, violation, error, coupling.
 
-    Arrays of one shape; on a grid its axes are K_v, corner, tau_c, b_0.
+    Arrays of one shape; on a grid the axes are K_v, corner, tau_c, b_0.
 
     Attributes
     ----------
-    missed : gravest demand that is missed
-    violation : by how much, 0 where nothing is
-    error : transparency error where nothing is missed, else inf
-    damping : least scale within the bounds, which decides between equals where the coupling costs nothing
+    missed : most serious constraint that is missed
+    violation : amount of the violation, 0 if there is none
+    error : transparency error if nothing is violated, else inf
+    damping : least scale within the bounds, which decides between equals if the coupling costs nothing
     """
 
     missed: Kinds
@@ -96,7 +98,7 @@ class Scores:
         return int(self.missed[at]), float(self.violation[at]), float(self.error[at])
 
     def lowest(self) -> tuple[NDArray[np.intp], ...]:
-        """Return where the best design of each entry of the first axis stands, an array of indices for each axis."""
+        """Return the index of the best design for each entry of the first axis, an array for each axis."""
         shape = len(self.error), prod(self.error.shape[1:])
         missed, *others = (v.reshape(shape) for v in (self.missed, self.violation, self.error, self.damping))
         among = missed == missed.min(axis=1, keepdims=True)
@@ -159,7 +161,7 @@ def _count(name: str, low: float, high: float) -> int:
 def _axis(bounds: Range, count: int, floor: float) -> Floats:
     """Return a logarithmic grid over the bounds; a range from 0 or far below `floor` starts with its end and `floor`.
 
-    A low end other than 0 comes on top of the count: it makes the grid above no coarser.
+    A low end other than 0 comes on top of the count, so that the grid above is as fine as before.
     """
     if bounds.fixed:
         return np.array([bounds.min])
@@ -194,7 +196,7 @@ def evaluated(problem: Problem, samples: Samples, at: Axes) -> tuple[Scores, Loo
     Parameters
     ----------
     problem : dimensionless
-    samples : where to look
+    samples : samples of the scan
     at : the axes of the grids
 
     Returns
@@ -257,7 +259,7 @@ def responses(samples: Samples, gains: Gains) -> list[LoopResponse]:
 
     Parameters
     ----------
-    samples : where to look
+    samples : samples of the scan
     gains : dimensionless arrays that fit each other
 
     Returns
@@ -271,7 +273,7 @@ def responses(samples: Samples, gains: Gains) -> list[LoopResponse]:
 def _required(samples: Samples, gains: Gains, bands: list[LoopResponse]) -> tuple[Floats, Floats]:
     """Return the places at which a Re Z_c is required, and the greatest R there.
 
-    They are the frequencies of the coupling as it runs, or of an impedance display theta, and its R is R/s^2.
+    They are the frequencies of the coupling as it runs, or for an impedance display theta, and its R is R/s^2.
     """
     places = []
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -292,7 +294,7 @@ def _required(samples: Samples, gains: Gains, bands: list[LoopResponse]) -> tupl
 
 
 def _least_damping(problem: Problem, samples: Samples, gains: Gains, bands: list[LoopResponse], at: Axes) -> Floats:
-    """Return the least scale, b_c or 1/k_c, that meets the demand."""
+    """Return the least scale, b_c or 1/k_c, that meets the constraint."""
     if problem.worlds_met is not None:
         return _least_scale_in_worlds(problem.worlds_met, samples, gains, at)
     factor = problem.stability.safety_factor
@@ -307,7 +309,7 @@ def _least_damping(problem: Problem, samples: Samples, gains: Gains, bands: list
 
 
 def _within_bounds(problem: Problem, scale: Floats, at: Axes) -> tuple[Floats, Floats]:
-    """Return a scale raised to the least within the bounds, and log(how far it exceeds the upper one)."""
+    """Return a scale raised to the least within the bounds, and log of its ratio to the upper bound."""
     least, most = scale_limits(problem, at.time_constant[..., None, None, :, None])
     b_c = np.maximum(scale, least)
     slack = 1 + 1e-9
@@ -371,7 +373,7 @@ def _forbidding(
 
 
 def _times(limit: float, number: Floats) -> Floats:
-    """Return a limit times a number >= 0; without a limit nothing is beyond it, not at 0 either."""
+    """Return a limit times a number >= 0; without a limit the product is infinite, also at 0."""
     return limit * number if limit < inf else np.full_like(number, inf)
 
 

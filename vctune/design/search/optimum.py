@@ -32,35 +32,35 @@ from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.running import OutOfTimeError, check_time, out_of_time, seconds_left, time_limit
 
 WORTH_POLISHING = 1.05
-"""A start is polished if its scanned error is at most this much above the best polished one: about what the refined
-grid may miss of a local minimum. With less a start is passed over that polishing would have made the best, with more
-starts are polished that do not win."""
+"""A start is polished if its scanned error is at most this much above the best polished one, which is about the error
+of the refined grid at a local minimum. Less skips a start that polishing would have made the best; more polishes starts
+that do not win."""
 PROOF_ROUNDS, MORE_DIGITS = 4, 2
-"""How often a refuted optimum is polished again, and how many digits more are then written. With 4 rounds the demands
-are sharpened up to 1e-3, where a design costs 0.1 % more than it must. Half gives up designs that a third round proves,
-twice tries what costs more than another start."""
+"""How often a refuted optimum is polished again, and how many more digits are then written. With 4 rounds the
+tightening reaches 1e-3, which makes a design 0.1 % worse. Half gives up designs that a third round proves; twice tries
+designs that cost more than another start."""
 LONG_SHOTS = 2
-"""How many starts are polished when none is admissible: the nearest misses may be admissible between the points of the
+"""Number of starts that are polished if none is feasible: the nearest misses may be feasible between the points of the
 grid. One would bet on the scan's order, more cost time before the search of every box begins, which finds them too."""
 NEARLY = 0.1
-"""A start that misses a demand by more than this share is not polished where only an opinion is wanted: the grid's
-refined spacing is half of that. Half misses repairs that are there, twice polishes in vain."""
+"""A start that misses a constraint by more than this share is not polished where only an opinion is wanted: the grid's
+refined spacing is half of that. Half misses existing repairs; twice polishes in vain."""
 PROOF_BOXES = 300_000
-"""Boxes of proofs in vain after which a design that is undecided stays so, and none is tried sharper or from another
-start: hands that resonate far above Nyquist are never resolved. Half tries once, twice waits for a third in vain."""
+"""Boxes of undecided proofs after which the design stays undecided and the search tries no sharper one and no other
+start: hands that resonate far above Nyquist are never resolved. Half tries once; twice waits for a third failure."""
 NEW_HANDS = 12
-"""How many hands that only the proof knows an optimum is polished with: a resonance above Nyquist is met in a few hands
-of the box alone. Half and twice as many: the same designs; with none a device sampled at 20 Hz has none."""
+"""Number of hands known only to the proof with which an optimum is polished: a resonance above Nyquist occurs in a few
+hands of the box alone. Half and twice as many: the same designs; with none, a device sampled at 20 Hz has no design."""
 SHARPENING, DECIDABLE = 10.0, 1e-3
-"""By what the demands are tightened again where a proof refutes a design, and at least to what where it cannot decide:
-the boxes that it takes grow with the inverse of what is left to spare. Twice costs error, at most in proportion; half
-costs proofs."""
+"""Factor by which the constraints are tightened again if a proof refutes a design, and the least tightening if the
+proof is undecided. The number of boxes grows with the inverse of the remaining reserve. Twice costs error, at most in
+proportion; half costs proofs."""
 
 SEARCH, PROOF = "the search", "the proof"
-"""What a time limit may cut short."""
+"""Stages that a time limit may cut short."""
 SEARCHING = 0.6
 """The share of a time limit within which starts are polished once one has led to an optimum: a proof takes about as
-long as a polish. Half finds worse designs, all of it proves none."""
+long as a polish. Half finds worse designs; all of it proves none."""
 
 Progress = Callable[[str], None]
 
@@ -71,11 +71,12 @@ class Optimum:
 
     Attributes
     ----------
-    judgement : of the best design that is proved, or failing that of one that is undecided; None if there is neither
+    judgement : judgement of the best design that is proved, or failing that of one that is undecided; None if there
+        is neither
     polished : the local optimum it was rounded from
-    optima : how many local optima were found
-    seconds : of polishing and of proving
-    cut : what the time limit cut short
+    optima : number of local optima
+    seconds : seconds of polishing and of proving
+    cut : stages that the time limit cut short
     """
 
     judgement: Judgement | None
@@ -90,9 +91,9 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
 
     Parameters
     ----------
-    prepared : of a problem that leaves something free
-    scanned : what a scan of it saw, dimensionless
-    progress : told the stage of the work
+    prepared : prepared problem that leaves something free
+    scanned : result of its scan, dimensionless
+    progress : function that receives the current stage
     """
     began = perf_counter()
     optima, searched = local_optima(prepared, scanned, progress, WORTH_POLISHING)
@@ -124,7 +125,7 @@ def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
 
     Parameters
     ----------
-    problem : that leaves something free
+    problem : problem that leaves something free
     """
     if impossible(problem) is not None:
         return None
@@ -147,14 +148,14 @@ def nominal_start(prepared: Prepared) -> tuple[Start, float] | None:
 
 @np.errstate(all="ignore")
 def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
-    """Return a design of a problem that leaves something free that the optimiser takes for admissible, SI units.
+    """Return a design of a problem that leaves something free that the optimiser takes for feasible, SI units.
 
-    It stops at the first and proves nothing, and where it finds none no box is searched: an opinion in a fraction of
-    the time of `solve`.
+    It stops at the first design and proves nothing, and without one it does not search the boxes: an estimate in a
+    fraction of the time of `solve`.
 
     Parameters
     ----------
-    problem : in SI units
+    problem : problem in SI units
     """
     if impossible(problem) is not None:
         return None
@@ -174,8 +175,8 @@ def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | 
 
     Parameters
     ----------
-    prepared : of a problem that leaves something free
-    gains : where to look, SI units; any coupling is looked for beside them
+    prepared : prepared problem that leaves something free
+    gains : gains to start from, SI units; the function tries any coupling beside them
     incumbent : `Judgement.compared` to fall below
     """
     scaled, units = prepared.scaled, prepared.units
@@ -198,10 +199,10 @@ def local_optima(
 
     Parameters
     ----------
-    prepared : of a problem that leaves something free
-    scanned : starts of it, dimensionless
-    progress : told the stage of the work
-    worth : by what factor a start's error may exceed the least that is known
+    prepared : prepared problem that leaves something free
+    scanned : starts of the problem, dimensionless
+    progress : function that receives the current stage
+    worth : factor by which a start's error may exceed the least known
 
     Returns
     -------
@@ -268,8 +269,8 @@ def _best_proved(
 def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Iterator[tuple[Polished, Judgement]]:
     """Judge the rounded optimum; while it is not proved, polish again with its witness, sharper, to more digits.
 
-    A hand that asks for more by more than what was sharpened is one that only the proof has met: it has to be known,
-    not the demands sharpened.
+    If a hand requires more by more than the tightening, only the proof has found it: the search has to add it, not
+    tighten the constraints.
     """
     polished: Polished | None = optimum
     tightening, witnesses, sharpened = TIGHTENING, WorkingSet(), 0
@@ -294,7 +295,8 @@ def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Ite
 
 
 def _start_at(polished: Polished) -> Start:
-    """Return an optimum as a start, from which the same demands, a little sharper, lead to the next in its basin."""
+    """Return an optimum as a start, from which the same constraints, a little sharper, lead to the next in its
+    basin."""
     return Start(*design_of(polished.values), polished.error)
 
 

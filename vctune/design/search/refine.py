@@ -14,22 +14,22 @@ from vctune.model.gains import Gains
 from vctune.model.problem import Problem
 
 HALVINGS = 3
-"""How often the spacing of the grid around a local minimum is halved: to an eighth, 5 % of K_v, near enough for the
-order of the starts; the rest is the optimiser's, which takes a millisecond for it."""
+"""How often the spacing of the grid around a local minimum is halved: to an eighth, 5 % of K_v, which suffices for the
+order of the starts; the optimiser does the rest in a millisecond."""
 
 Index = tuple[int, ...]
-"""Of a design on a grid: K_v, corner, tau_c, b_0."""
+"""Index of a design on a grid: K_v, corner, tau_c, b_0."""
 
 
 def minima_of(problem: Problem, scores: Scores) -> list[Index]:
     """Return the local minima of a grid, best first: of the feasible designs or, without any, of all.
 
-    Where the coupling costs nothing, every coupling of a loop is as good, and minima are sought over the loops only.
+    If the coupling costs nothing, every coupling of a loop is as good, and minima are sought over the loops only.
 
     Parameters
     ----------
-    problem : whose weights say whether the coupling costs anything
-    scores : of one grid, shape (K_v, corner, tau_c, b_0)
+    problem : problem whose weights say whether the coupling costs anything
+    scores : scores of one grid, shape (K_v, corner, tau_c, b_0)
     """
     ranks = scores.ranks()
     if problem.transparency.weights.coupling > 0:
@@ -66,17 +66,17 @@ def between_neighbours(grid: Axes, places: list[Index]) -> Axes:
     Axes
         For each design and axis the place in the middle; at an end of an axis a neighbour is the place itself.
     """
-    by_axis = np.array(places, dtype=np.intp).reshape(-1, 4).T
+    by_axis = np.array(places, dtype=np.intp).reshape(-1, len(grid.each())).T
     return Axes(*(_between(np.tile(axis, (at.size, 1)), at) for axis, at in zip(grid.each(), by_axis, strict=True)))
 
 
 def refined(problem: Problem, samples: Samples, near: Axes) -> list[Start]:
-    """Refine local minima, all of them together.
+    """Refine all local minima together.
 
     Parameters
     ----------
     problem : dimensionless
-    samples : where to look
+    samples : samples of the scan
     near : each minimum between its neighbours, axes of shape (minima, 3)
 
     Returns

@@ -6,15 +6,15 @@ from vctune.design.variables import Point, ranges
 from vctune.model.problem import Problem, Range
 
 DIGITS = 8
-"""Significant digits written, unless a design is so near to where no coupling will do that it needs more."""
+"""Significant digits of a written number, unless a design so near the limit of any coupling needs more."""
 
 
 def rounded(problem: Problem, values: Point, digits: int = DIGITS) -> Point:
-    """Return five physical numbers rounded to so many digits, on their bounds where they reach them.
+    """Return five physical numbers with so many digits, on their bounds if they reach them.
 
     Parameters
     ----------
-    problem : with the bounds, SI units
+    problem : problem with the bounds, SI units
     values : K_v, K_p, b_c, m_c, b_0, SI units
     digits : significant ones
 
@@ -34,7 +34,7 @@ def _rounded(value: float, bounds: Range, digits: int) -> float:
 
 
 def near(value: float, bound: float, bounds: Range, digits: int = DIGITS) -> bool:
-    """Return whether a value counts as on a bound: it shares so many digits with it, or is nothing beside max.
+    """Return whether a value is on a bound: it shares so many digits with it, or is negligible beside max.
 
     Parameters
     ----------

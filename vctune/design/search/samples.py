@@ -10,7 +10,13 @@ import numpy as np
 
 from vctune.analysis.demands import slowest_resonance, towards_zero
 from vctune.analysis.extrema import Floats
-from vctune.analysis.in_hands import LoopsInAnyHand, LoopsInHands, loops_at_rest, loops_in_any_hand, loops_in_hands
+from vctune.analysis.loops_in_hands import (
+    LoopsInAnyHand,
+    LoopsInHands,
+    loops_at_rest,
+    loops_in_any_hand,
+    loops_in_hands,
+)
 from vctune.analysis.resonance import with_resonance
 from vctune.analysis.stability import FIRST_ANGLE, angles, unit_circle
 from vctune.design.prepared import Posed
@@ -24,14 +30,14 @@ from vctune.model.sampled.velocity_loop import ReturnDifference
 from vctune.model.transparency import log_quadrature
 
 FREQUENCIES = 64
-"""Least number in the stability band, and in three decades below Nyquist. What lies between them is the exchange's
-business; half as many cost no reference problem and no basin of the tests 0.1 %, but starts that miss more."""
+"""Least number of frequencies in the stability band, and in three decades below Nyquist. The exchange covers the gaps
+between them. Half as many change no reference problem and no test basin by 0.1 %, but give worse starts."""
 FEW, FEW_ANGLES, FEW_SPRINGS = (0.0, 0.1, 1.0), 12, 4
 """Shares of the ranges of hands, and angles per decade, at which starts are compared. The ends alone lead to the same
 designs in more rounds; half or twice as many angles to the same ones. And the spacing of the soft springs at angle 0:
 two a decade, between which R is 8 % greater at most; without them starts have no drag where much is needed."""
 PANELS = 3
-"""Of the quadrature over the transparency band, eight nodes each: starts are compared to a few percent, not better."""
+"""Panels of the quadrature over the transparency band, eight nodes each: starts are compared to a few per cent only."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,20 +54,21 @@ class Spectrum:
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """Where a scan looks.
+    """The frequencies of a scan.
 
     Attributes
     ----------
-    device : the one whose loops are looked at
+    device : the device whose loops are evaluated
     integrator : whether the law has its K_p/s term
-    band : of stability
-    nodes, averages : of the transparency band's quadrature
+    band : band of stability
+    nodes, averages : nodes and weights of the transparency band's quadrature
     circles : the return differences of the sampled loops on the unit circle, first the device's let go; none of a
         device whose loops are another's
-    radius : of what is not modelled, on the first circle; None where there is none
-    in_hand : the loop in some hands, and in springs at angle 0, or in any; none where no hands are to be met
-    objective : of how many devices the greatest error is the objective
-    others : the other devices at which the demands are posed, with the same frequencies
+    radius : unmodelled radius on the first circle; None without one
+    in_hand : the loop in some hands, and in springs at angle 0, or in any hand; empty if the problem has no claim in
+        hands
+    objective : number of devices whose greatest error is the objective
+    others : the other devices at which the constraints are imposed, with the same frequencies
     """
 
     device: Device

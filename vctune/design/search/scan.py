@@ -24,19 +24,20 @@ STARTS = 8
 """Most local minima to refine on a grid, on its gain limits, and to return. Half as many lose none of the tests'
 basins."""
 CLOSE = 0.02
-"""By what share all five numbers of two starts may differ if they are one start: less than the refined spacing."""
+"""Relative difference of all five numbers up to which two starts are one: less than the refined spacing."""
 AROUND = {"velocity": np.array([0.8, 0.9, 0.96, 0.99, 1.0, 1.02, 1.1]), "corner": np.geomspace(0.25, 4.0, 13)}
-"""Factors of given gains around which other couplings are looked for. K_v is often at its limit: hence more of the
-lower ones, and small steps next to 1. The error is flat in the corner, which is looked at further."""
+"""Factors of given gains around which other couplings are tried. K_v is often at its limit, hence more of the lower
+factors, and small steps next to 1. The error is flat in the corner, which is varied further."""
 STEPS, FLAT = 9, 1.001
-"""Places on the way from a start to an optimum; by what factor the error may seem to rise from one to the next, which
-the scan's few frequencies are good for. Greater: another basin behind a low rise is lost. Smaller: polished twice."""
+"""Places on the way from a start to an optimum, and the factor by which the error may seem to rise between them, which
+allows for the scan's few frequencies. A greater factor loses another basin behind a low rise; a smaller one polishes
+twice."""
 WORTH_ANOTHER = 0.9995
-"""Another start near an optimum is worth polishing if its error is at most this share of the optimum's: basins are
-told apart to 0.1 %, and the scan's frequencies see half of that."""
+"""Another start near an optimum is worth polishing if its error is at most this share of the optimum's. Basins are told
+apart to 0.1 %, and the scan's frequencies resolve half of that."""
 PROMISING = 3.0
-"""A local minimum of the coarse grid is refined if its error is at most this many times the least: what a narrow basin
-may lose between the points of the grid. All are refined together, so that more cost little."""
+"""A local minimum of the coarse grid is refined if its error is at most this many times the least, which allows for a
+narrow basin between the points of the grid. All are refined together, so that more cost little."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +57,8 @@ class ScanResult:
 def scan(posed: Posed) -> ScanResult:
     """Scan a dimensionless problem for starts.
 
-    K_p = 0 is scanned by itself: the integrator's absence changes the low-frequency demands. Minima of the rest that
-    lie at its lowest K_p belong to that basin and are left to it.
+    K_p = 0 is scanned separately, because the absence of the integrator changes the constraints at low frequency. Other
+    minima at the lowest K_p belong to that basin and are dropped.
     """
     problem, faces = posed.problem, _faces(posed.problem)
     found: list[Start] = []
@@ -86,8 +87,8 @@ def _promising(
 
     Parameters
     ----------
-    most : greatest error of interest; inf where nothing is admissible
-    left_out : corner whose minima are not looked at
+    most : greatest error of interest; inf if nothing is feasible
+    left_out : corner whose minima are skipped
     """
     best = limits.scores[limits.scores.lowest()]
     loops = zip(limits.below.tolist(), limits.corner.tolist(), strict=True)
@@ -106,7 +107,7 @@ def _promising(
 def _faces(problem: Problem) -> list[bool]:
     """Return whether to search without and with an integrator, as far as the bounds and the limit at 0 allow.
 
-    With damping or a force sensor's lag, without drag and without an operator's damping no K_p > 0 is admissible on a
+    With damping or a force sensor's lag, without drag and without an operator's damping no K_p > 0 is feasible on a
     band from 0.
     """
     position, device = problem.bounds.position, problem.device
@@ -122,12 +123,12 @@ def _faces(problem: Problem) -> list[bool]:
 
 
 def start_at(posed: Posed, gains: Gains) -> Start | None:
-    """Return the best start around given gains, with any coupling; None if none is admissible.
+    """Return the best feasible start around given gains, with any coupling; None if none is feasible.
 
     Parameters
     ----------
     posed : dimensionless
-    gains : dimensionless; with K_p = 0 no integrator is looked at
+    gains : dimensionless; with K_p = 0 no integrator is tried
     """
     problem, (samples, fine) = posed.problem, _surroundings(posed, gains)
     scores, _ = evaluated(problem, samples, fine)
@@ -138,7 +139,7 @@ def start_at(posed: Posed, gains: Gains) -> Start | None:
 def better_start_near(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Start | None:
     """Return a better start near a polished design: the best design of another coupling may be a basin away.
 
-    What is better is judged on the scan's few frequencies, the design itself too.
+    The scan's few frequencies decide which is better, for the given design too.
 
     Parameters
     ----------
@@ -148,7 +149,7 @@ def better_start_near(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Star
     Returns
     -------
     Start or None
-        None where the best design around is no better by `WORTH_ANOTHER`, or is a neighbour.
+        None if the best design around is no better by `WORTH_ANOTHER`, or is a neighbour.
     """
     problem, (samples, fine) = posed.problem, _surroundings(posed, gains)
     tau_c, drag = shape_of(coupling)
@@ -184,12 +185,12 @@ def _place(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float
 def in_same_basin(posed: Posed, starts: list[Start], gains: Gains) -> list[Start]:
     """Return the starts in the basin of given gains: on the straight way there, logarithmically, the error only falls.
 
-    At every pair of gains on the way the coupling is the best one of the scan's.
+    At every pair of gains on the way it takes the best coupling of the scan.
 
     Parameters
     ----------
     posed : dimensionless
-    starts : of which those that are admissible count, with an integrator where the gains have one
+    starts : starts, of which only the feasible ones are used, with an integrator if the gains have one
     gains : dimensionless
     """
     problem = posed.problem

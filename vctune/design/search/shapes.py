@@ -1,6 +1,6 @@
 """A coupling as a scale times a shape; the least feasible scale has a closed form (README, section 3).
 
-Of an admittance display the scale is b_c, the time constant m_c/b_c and Z_c = b_0 + b_c (u + j v). Of an impedance
+For an admittance display the scale is b_c, the time constant m_c/b_c and Z_c = b_0 + b_c (u + j v). For an impedance
 display, the dual, the scale is 1/k_c, the time constant b_c/k_c and 1/Z_c = (u + j v)/k_c. A rigid coupling of an
 admittance display has the time constant 0, and its scale is m_c: Z_c = b_0 + m_c j omega.
 """
@@ -21,8 +21,8 @@ from vctune.model.sampled.impedance_display import firmware_filter, offered_by_s
 from vctune.model.sampled.loop_in_worlds import offered_at
 
 SLACK = 1e-2
-"""Share of T below which the time constant b_c/k_c hardly matters: the sampled spring by itself is as good as a damper
-of k_c T/2. Half and twice it lead to the same designs."""
+"""Share of T below which the time constant b_c/k_c hardly matters: the sampled spring alone is as good as a damper of
+k_c T/2. Half and twice it lead to the same designs."""
 
 
 def unit_response(device: Device, omega: Floats, time_constant: Floats) -> tuple[Floats, Floats]:
@@ -30,7 +30,7 @@ def unit_response(device: Device, omega: Floats, time_constant: Floats) -> tuple
 
     Parameters
     ----------
-    device : whose firmware runs the coupling
+    device : device whose firmware runs the coupling
     omega : rad/s, > 0
     time_constant : s, an array that broadcasts against omega
     """
@@ -50,7 +50,7 @@ def unit_at(device: Device, theta: Floats, time_constant: Floats) -> tuple[Float
     ----------
     device : an admittance display or a servo
     theta : omega T, rad
-    time_constant : s, of one shape or an array that broadcasts against the angles
+    time_constant : s, for one shape, or an array that broadcasts against the angles
     """
     rigid = bool(np.all(time_constant == 0))
     unit = Coupling(inf, 1.0, 0.0) if rigid else Coupling(1.0, time_constant, 0.0)
@@ -63,7 +63,7 @@ def scale_per_resistance(device: Device, place: Floats, time_constant: Floats) -
 
     Parameters
     ----------
-    device : whose firmware runs the coupling
+    device : device whose firmware runs the coupling
     place : omega, rad/s, or of an impedance display theta, rad
     time_constant : s, an array that broadcasts against the places
     """
@@ -82,14 +82,14 @@ def scale_limits(problem: Problem, time_constant: Floats) -> tuple[Floats, Float
 
     Parameters
     ----------
-    problem : whose bounds hold
-    time_constant : of the coupling, in the problem's unit of time, shape (n,)
+    problem : problem whose bounds hold
+    time_constant : time constant of the coupling, in the problem's unit of time, shape (n,)
 
     Returns
     -------
     two arrays
-        Of shape (n,), in the problem's units: of b_c, or of 1/k_c for an impedance display. Where the least exceeds
-        the greatest there is no such coupling.
+        Of shape (n,), in the problem's units: of b_c, or of 1/k_c for an impedance display. If the least exceeds the
+        greatest there is no such coupling.
     """
     bounds, tau = problem.bounds, time_constant
     if not problem.device.kind.inverse:
@@ -134,7 +134,7 @@ def coupling_of(problem: Problem, scale: float, time_constant: float, drag: floa
 
     Parameters
     ----------
-    problem : in the units of the numbers
+    problem : problem in the units of the numbers
     scale, time_constant, drag : plain floats
     """
     bounds = problem.bounds
@@ -157,7 +157,8 @@ def shape_of(coupling: AnyCoupling) -> tuple[float, float]:
 
 
 def softened(coupling: AnyCoupling, by: float) -> AnyCoupling:
-    """Return a coupling of the same shape that offers more: a greater Z_c, or of an impedance display a smaller one.
+    """Return a coupling of the same shape with a greater offer: a greater Z_c, or for an impedance display a smaller
+    one.
 
     Parameters
     ----------

@@ -19,28 +19,28 @@ GAIN_REDUCTIONS = (1.0, 0.99, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
 cent on its frequencies, hence the first ones; the last are for devices that no estimate fits. The NLP moves on from
 there within its box, so that other factors lead to the same optimum."""
 STABILITY_MARGIN = 1e-4
-"""Least distance from the stability boundary, as a share of the open loop's F, where nothing else stops a design. A
+"""Least distance from the stability boundary, as a share of the open loop's F, if no other constraint stops a design. A
 limit on |S| keeps it further away; without one, half or twice is that much of a share of the gains."""
 MAX_CUTS = 24
-"""Tangents of the stability boundary at most: a curve in the plane of the gains, of which a box sees a piece. Beyond,
-the box is halved as after any bad step."""
+"""Greatest number of tangents of the stability boundary: a curve in the plane of the gains, of which a box contains a
+piece. Beyond, the box is halved as after any bad step."""
 
 
 def stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | None:
     """Return the start, K_p or both gains reduced until its loops are sound: the scan's estimate may be off.
 
-    That is, proved stable and, if that can be had, with Re(D + Z_h) > 0, for else the NLP has no values there.
+    That is, proved stable and, if that can be obtained, with Re(D + Z_h) > 0, for else the NLP has no values there.
 
     Parameters
     ----------
     problem : dimensionless, with the bounds of the gains
-    cases : the problem of each device that is looked at
+    cases : the problem of each device that is evaluated
     start : the design, dimensionless
 
     Returns
     -------
     Point or None
-        None where the loops are stable with none of the gains that are tried.
+        None if the loops are stable with none of the gains that are tried.
     """
     bounds, K_v, K_p = problem.bounds, start.gains.velocity, start.gains.position
     fallback: Point | None = None
@@ -58,8 +58,8 @@ def stable(problem: Problem, gains: Gains) -> bool:
 
     Parameters
     ----------
-    problem : of one device
-    gains : in the problem's units
+    problem : problem of one device
+    gains : gains in the problem's units
     """
     return all(_loop_stable(device, gains) for device in problem.device.loops)
 
@@ -76,8 +76,8 @@ def add_stability_cut(problem: Problem, working_set: WorkingSet, inside: Gains, 
 
     Parameters
     ----------
-    problem : of one device, dimensionless
-    working_set : that the tangent is added to
+    problem : problem of one device, dimensionless
+    working_set : working set to which the tangent is added
     inside, outside : stable and unstable gains
     """
     cuts = (stability_cut(device, inside, outside, STABILITY_MARGIN) for device in problem.device.loops)

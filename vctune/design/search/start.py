@@ -9,10 +9,10 @@ from vctune.model.gains import AnyCoupling, Gains
 
 
 class Missed(IntEnum):
-    """The gravest demand that a design misses.
+    """The most serious constraint that a design misses.
 
-    A graver one leaves the lighter without a meaning: an unstable loop has no margins, and where Re(D + Z_h) < 0 no
-    coupling will do.
+    A more serious violation makes the lesser ones meaningless: an unstable loop has no margins, and where Re(D + Z_h) <
+    0 no coupling suffices.
     """
 
     NOTHING = 0
@@ -29,10 +29,10 @@ class Start:
     Attributes
     ----------
     gains, coupling : the design, dimensionless
-    error : its transparency error; inf where it misses a demand at the scan's frequencies
-    missed : the gravest demand that it misses there
-    violation : by how much, comparable among designs that miss the same demand; of `Missed.COUPLING` and
-        `Missed.SENSITIVITY` the logarithm of a ratio; 0 where nothing is missed
+    error : its transparency error; inf if it misses a constraint at the scan's frequencies
+    missed : the most serious constraint that it misses there
+    violation : amount of the violation, comparable among designs that violate the same constraint; for
+        `Missed.COUPLING` and `Missed.SENSITIVITY` the logarithm of a ratio; 0 if nothing is violated
     """
 
     gains: Gains
@@ -43,7 +43,7 @@ class Start:
 
     @property
     def admissible(self) -> bool:
-        """Whether it meets every demand at the scan's frequencies."""
+        """Whether it meets every constraint at the scan's frequencies."""
         return self.missed is Missed.NOTHING
 
     @property

@@ -1,6 +1,7 @@
 """Requirements that no design can meet: theorems with their numbers filled in.
 
-Each limit is taken at the corner of the bounds that is kindest to it: a request is refused only where even that fails.
+Each limit is evaluated at the vertex of the bounds that is most favourable; a requirement is refused only if even that
+fails.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def impossible(problem: Problem) -> Infeasibility | None:
 
 
 def _without_damping(problem: Problem) -> Infeasibility | None:
-    """In any passive hand an impedance display without damping can meet a response of any size."""
+    """In any passive hand an impedance display without damping can face a response of any size."""
     if not problem.any_hand or problem.device.least_damping > 0:
         return None
     cause = (
@@ -43,7 +44,8 @@ def _without_damping(problem: Problem) -> Infeasibility | None:
 
 
 def _nothing_returns(problem: Problem) -> Infeasibility | None:
-    """Without a spring in any hand an impedance display at rest may stand anywhere, which is no stability to prove."""
+    """Without a spring in any hand, an impedance display at rest may stay at any position, so that there is no
+    stability to prove."""
     if problem.hands_met is None or problem.hands_met.high.stiffness > 0:
         return None
     cause = f"{OPENINGS[False]}: in hands without stiffness nothing returns the handle: a pole at 1"
@@ -60,10 +62,10 @@ def _of_passive_hands(problem: Problem) -> tuple[str, str] | None:
 
 
 def _in_limp_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
-    """In hands of stiffness K alone R at omega = 0 tends to K (b/K_p + tau_s) for K -> 0, and Re Z_c is the drag.
+    """In hands with a stiffness K alone R at omega = 0 tends to K (b/K_p + tau_s) for K -> 0, and Re Z_c is the drag.
 
-    The loss in a structure's spring may ease it. Without an integrator both sides of the demand vanish like omega^2 in
-    hands without damping and stiffness, and a margin that vanishes is not proved.
+    The loss in a structure's spring may ease it. Without an integrator both sides of the constraint vanish like omega^2
+    in hands without damping and stiffness, and a margin that vanishes is not proved.
     """
     device, bounds, units = problem.device, problem.bounds, problem.units
     if hands.high.stiffness == 0 == bounds.position.max and bounds.velocity.max > 0:
@@ -91,7 +93,7 @@ def _in_limp_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
 
 
 def _vanishing_response(problem: Problem) -> tuple[str, str] | None:
-    """A disc of radius 1 around the device's response holds none at all, with which Re G_hh = 0."""
+    """A disc of radius 1 around the device's response contains 0, with which Re G_hh = 0."""
     radii = problem.uncertainty.unmodelled if problem.uncertainty is not None else ()
     if not radii:
         return None
@@ -123,11 +125,11 @@ def _negative_resistance(problem: Problem) -> tuple[str, str] | None:
 
 
 def _least_velocity(problem: Problem) -> float:
-    """Return the K_v above which Re G_hh > 0 with the least K_p at the band's lower edge, -inf where that is not known.
+    """Return the K_v above which Re G_hh > 0 with the least K_p at the band's lower edge, -inf if that is not known.
 
-    Re D > 0 needs tau K_p < b + K_v for omega -> 0, and for an ideal device with "lag" without delay tau K_p <
-    b (1 + (omega tau)^2) + K_v: there Re D = b + (K_v - tau K_p)/(1 + (omega tau)^2). An operator's b_h adds to b. The
-    loss in a structure's spring eases it by what grows with K_p.
+    Re D > 0 needs tau K_p < b + K_v for omega -> 0, and for an ideal device with "lag" without delay tau K_p < b (1 +
+    (omega tau)^2) + K_v: there Re D = b + (K_v - tau K_p)/(1 + (omega tau)^2). An operator's b_h adds to b. The loss in
+    a structure's spring eases it by an amount that grows with K_p.
     """
     device, omega = problem.device, problem.stability.band.min
     if device.structure is not None or (omega > 0 and not is_rational(device)):
@@ -169,7 +171,7 @@ def _with_integrator(problem: Problem) -> tuple[str, str] | None:
         return None
     drag, unit = factor * limit.required, UNITS[device.units].damping
     held = device.operator is not None
-    late = "(b + tau_s K_p)" if device.force_sensor is not None else "b"
+    late = "(b + tau_s K_p)" if device.senses_late else "b"
     R = "(b^2 - 4 b_h k)/(4 (b + b_h + k)), k = K_v - tau K_p," if held else f"{late}^2/(4 (b + K_v - tau K_p))"
     reason = (
         f"with K_p > 0 the required R tends to {R} for omega -> 0, at least "
@@ -186,7 +188,7 @@ def _with_integrator(problem: Problem) -> tuple[str, str] | None:
 def _without_integrator(problem: Problem) -> tuple[str, str] | None:
     """K_v/(b + K_v)^2 rises to a maximum at K_v = b and falls after it: it is least at an end of the range of K_v.
 
-    Of a device that is not ideal the inertia depends on K_v, and nothing is said.
+    For a non-ideal device the inertia depends on K_v, and nothing is reported.
     """
     device, bounds, factor = problem.device, problem.bounds, problem.stability.safety_factor
     if not device.ideal:
@@ -204,7 +206,7 @@ def _without_integrator(problem: Problem) -> tuple[str, str] | None:
 
 
 def _at_infinity(problem: Problem) -> tuple[str, str] | None:
-    """Re Z_c tends to b_c + b_0 and R grows with K_v, of which Re G_hh > 0 needs some where K_p is not small."""
+    """Re Z_c tends to b_c + b_0 and R grows with K_v; Re G_hh > 0 needs some K_v unless K_p is small."""
     device, bounds, factor = problem.device, problem.bounds, problem.stability.safety_factor
     most = Coupling(bounds.damping.max, bounds.mass.max, bounds.drag.max)
     K_v = max(bounds.velocity.min, _least_velocity(problem))

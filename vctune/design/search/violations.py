@@ -30,19 +30,19 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 
 TRACKED_FROM = 0.8
-"""Share of its limit from which on the peak of |S| is tracked. With more a peak is not tracked that
-the next answer brings to the limit, which takes another round; with less peaks are tracked that do not bind."""
+"""Share of its limit from which on the peak of |S| is tracked. More would leave out a peak that the next answer brings
+to the limit, which takes another round; less tracks peaks that do not bind."""
 
 
 @dataclass(slots=True)
 class Violations:
-    """Where the demands are not met at a point, and by how much (relative).
+    """Points at which a design violates the constraints, and by how much (relative).
 
     Attributes
     ----------
     ratio, sensitivity, peak, unmodelled, in_hand : points
-    greatest : by how much at most
-    near_peak : where |S| is greatest, if it is near its limit
+    greatest : greatest violation
+    near_peak : point where |S| is greatest, if it is near its limit
     positive : whether Re(D + Z_h) > 0 throughout
     """
 
@@ -59,20 +59,21 @@ class Violations:
 def violations(
     posed: Posed, cases: list[Problem], values: Point, tightening: float, refuted: Sequence[ConstraintPoint] = ()
 ) -> Violations:
-    """Find where the demands fail on any device by more than half the tightening, and where the error is greatest.
+    """Find the points where the constraints fail on any device by more than half the tightening, and where the error is
+    greatest.
 
     Parameters
     ----------
     posed : dimensionless
-    cases : the problem of each device that is looked at, those of `posed` and others
+    cases : the problem of each device that is evaluated, those of `posed` and others
     values : K_v, K_p, b_c, m_c, b_0
-    tightening : relative amount by which the demands are sharpened
+    tightening : relative tightening of the constraints
     refuted : points in hands, found by a proof, that the search for the least ratio may miss
 
     Returns
     -------
     Violations
-        Dimensionless frequencies, with device and hand, at which a demand fails.
+        Dimensionless frequencies, with device and hand, at which a constraint fails.
     """
     gains, coupling = design_of(values)
     loops = of_own_loops(cases)
@@ -122,7 +123,7 @@ def _ratios(problem: Problem, gains: Gains, coupling: AnyCoupling, tightening: f
 
 
 def _in_hands(problem: Problem, gains: Gains, coupling: AnyCoupling, tightening: float) -> Violations:
-    """Find where the ratio fails in the hands of a problem."""
+    """Find the points where the ratio fails in the hands of a problem."""
     worst = least_ratios(problem, gains, coupling)
     if problem.worlds_met is not None:
         worst = [*worst, *windows(problem, gains, coupling, worst)]
@@ -166,7 +167,7 @@ def _unmodelled(problem: Problem, gains: Gains, tightening: float) -> Violations
 
 
 def _inside(posed: Posed, gains: Gains, coupling: AnyCoupling, tightening: float) -> Violations:
-    """Find where the ratio fails on devices that are not among the vertices of their box."""
+    """Find the points where the ratio fails on devices that are not among the vertices of their box."""
     found, least = Violations(), log(posed.problem.stability.safety_factor) + tightening
     for worst in worst_inside(posed, gains, coupling):
         short = least - log(max(worst.ratio, 1e-300))
@@ -191,11 +192,11 @@ def _lowest_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Min
 def near_peak(cases: list[Problem], gains: Gains) -> ConstraintPoint | None:
     """Return where |S| is greatest of all devices if that is near its limit and below the Nyquist frequency.
 
-    None where no gain is free: the NLP could not track the peak, whose rounding alone may have passed the limit.
+    None if no gain is free: the NLP could not track the peak, whose rounding alone may have passed the limit.
 
     Parameters
     ----------
-    cases : the problem of each device that is looked at, dimensionless
+    cases : the problem of each device that is evaluated, dimensionless
     gains : dimensionless
     """
     loops = of_own_loops(cases)
@@ -219,7 +220,7 @@ def least_resistance(problem: Problem, gains: Gains) -> Minima:
 
     Parameters
     ----------
-    problem : of one device
+    problem : problem of one device
     gains : plain floats, in the problem's units
 
     Returns

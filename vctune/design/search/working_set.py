@@ -29,7 +29,7 @@ def constraint_points(device: Device, omega: Iterable[float]) -> list[Constraint
 
     Parameters
     ----------
-    device : in the units of the frequencies
+    device : device in the units of the frequencies
     omega : rad per unit of time
     """
     return [ConstraintPoint(float(w), device) for w in omega]
@@ -41,9 +41,9 @@ def stacked(points: Sequence[ConstraintPoint]) -> tuple[Device, Floats]:
 
 
 TIGHTENING_IN_HANDS = 1e-4
-"""By what share the demand in hands is sharpened at least: what touches it in many hands and at many frequencies at
-once, as at omega = 0 in hands of any mass, is proved in a number of boxes that grows with one over the root of this.
-The error grows by about as much."""
+"""Least relative tightening of the constraint in hands. A design may touch it in many hands and at many frequencies at
+once, as at omega = 0 in hands of any mass; the proof then takes a number of boxes that grows with one over the root of
+this. The error grows by about as much."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class WorkingSet:
     stability : tangents of the stability boundary
     unmodelled : points of |1 - S| r < 1
     in_hand : points of Re Z_c >= R in a hand
-    tracked_peaks : where |S| peaks near its limit: the frequency of the peak is a variable of the NLP
+    tracked_peaks : points where |S| peaks near its limit: the frequency of the peak is a variable of the NLP
     """
 
     ratio: list[ConstraintPoint] = field(default_factory=list)
@@ -78,7 +78,7 @@ class WorkingSet:
         return known.get(quantity)
 
     def sizes(self) -> tuple[int, ...]:
-        """Return the number of demands of each kind, in the order of `nlp_structure.DEMANDS`."""
+        """Return the number of constraints of each kind, in the order of `nlp_structure.DEMANDS`."""
         points = self.ratio, self.sensitivity, self.stability, self.peak, self.unmodelled, self.in_hand
         return tuple(len(each) for each in points)
 
@@ -92,13 +92,13 @@ class WorkingSet:
     ) -> WorkingSet:
         """Return the same frequencies on other devices, in the same hands or in others.
 
-        Where the loop is sampled it is the angle omega T that stays, so that what is posed at Nyquist stays there.
+        If the loop is sampled the angle omega T stays fixed, so that constraints at Nyquist stay there.
 
         Parameters
         ----------
-        changed : what becomes of a device, in the units that the set has
-        time : their sample time, of which the new set has its times in units
-        held : what becomes of a hand, in the units that the set has
+        changed : function that converts a device, in the units of the set
+        time : their sample time, the unit of time of the new set
+        held : function that converts a hand, in the units of the set
         """
 
         def moved(points: list[ConstraintPoint], stretch: float = 1.0) -> list[ConstraintPoint]:

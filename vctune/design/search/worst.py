@@ -1,8 +1,8 @@
 """The devices of an uncertain box on which the ratio Re Z_c / R of a design is least, or |S| greatest: estimates, no
 proof.
 
-At a frequency omega the delay d counts only by the phase omega d, which turns fully within 2 pi/omega: the delays of
-one turn stand for all longer ones.
+At a frequency omega the delay d only matters through the phase omega d, which turns fully within 2 pi/omega: the delays
+of one turn stand for all longer ones.
 """
 
 from __future__ import annotations
@@ -20,31 +20,32 @@ from vctune.analysis.extrema import Floats, Minima
 from vctune.design.prepared import Posed, with_device
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.parts import DELAYS
 from vctune.model.problem import Problem
-from vctune.proof.device_box import DELAYS, DIRECTION, MOST_AT_ONCE, DeviceBox
+from vctune.proof.device_box import DIRECTION, MOST_AT_ONCE, DeviceBox
 from vctune.running import check_time
 
 SHARES, DELAY_SHARES, MOST_DEVICES = 5, 13, 325
-"""Values of each uncertain number that are looked at, its ends among them. The ratio is smooth in mass and damping, and
-a delay, and what is not modelled, turn a phase once: 13 values see every half turn six times. Half may miss a minimum,
-which the proof then finds; twice costs four to eight times the devices, of which there are at most so many: of many
-uncertain numbers three values each are looked at, or two."""
+"""Values of each uncertain number that are tried, including its ends. The ratio is smooth in mass and damping. A delay
+and an unmodelled response turn a phase once: 13 values see every half turn six times. Half may miss a minimum, which
+the proof then finds; twice means four to eight times the devices, whose number is limited: with many uncertain numbers
+three values of each are tried, or two."""
 MOST = 24
-"""Minima over frequency that are refined, the lowest ones; all at once on arrays. A long delay makes more of them, of
-which the higher ones do not bind."""
+"""Minima over frequency that are refined, the lowest ones; all at once on arrays. A long delay makes more of them; the
+higher ones do not bind."""
 FIRST_STEP = 0.02, 0.1
 """First steps of the refinement: of the frequency, relative, and of a number as a share of its reach. About half of the
 grid's: with less a minimum is reached in more rounds, with more another one may be."""
 STEPS, SHRINK = 40, 0.5
-"""Rounds of the refinement, and what its steps shrink by where no neighbour is lower: to 1e-10 of the first in 40
-rounds, half of them for moving; the ratio is flat at its minimum, so that half as many give it to 1e-6 still."""
+"""Rounds of the refinement, and the factor by which its steps shrink if no neighbour is lower: to 1e-10 of the first in
+40 rounds, half of them for moving. The ratio is flat at its minimum, so half as many still give it to 1e-6."""
 MANY, TOGETHER = 5, 2
-"""Numbers, the frequency among them, of which any may move in one step; of more only so many do, which of nine numbers
-leaves 162 steps of 19,682. Half and twice as many at a time lead to designs as good."""
+"""Numbers, including the frequency, of which any may move in one step; beyond, only so many move at once, which for
+nine numbers leaves 162 steps of 19,682. Half and twice as many at a time lead to designs as good."""
 
 SWEEPS = 3
-"""How often all numbers are taken to their ends, for a greater |S|: once is mostly enough, what still rises after three
-times the proof finds. Half and twice it find the same devices."""
+"""How often all numbers are moved to their ends, for a greater |S|. Once is mostly enough; the proof finds any
+remaining rise. Half and twice it find the same devices."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +65,7 @@ class Worst:
 
 
 Value = Callable[[Floats], Floats]
-"""Of omega and the uncertain numbers, along the first axis."""
+"""A function of omega and the uncertain numbers, along the first axis."""
 
 
 def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Worst]:
@@ -72,7 +73,7 @@ def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Wors
 
     Parameters
     ----------
-    posed : with a box of devices, in any units
+    posed : prepared problem with a box of devices, in any units
     gains, coupling : a design, plain floats, in these units
 
     Returns
@@ -96,18 +97,18 @@ def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Wors
 def loudest(posed: Posed, gains: Gains, case: Problem, peaks: Minima) -> tuple[Problem, Minima] | None:
     """Return a device, and the maxima of its |S|, found by taking numbers to the end at which |S| is greater.
 
-    One after the other, until none is left: |S| mostly rises or falls with each of them.
+    They are moved one after the other, until no move helps: |S| mostly rises or falls with each of them.
 
     Parameters
     ----------
-    posed : in any units
+    posed : prepared problem in any units
     gains : plain floats, in these units
     case, peaks : the problem of the device to begin with, and its maxima of |S|
 
     Returns
     -------
     problem and Minima, or None
-        None where the device is the one to begin with, and where all vertices of the box are looked at anyway.
+        None if the device is the first one, or if all vertices of the box are tried anyway.
     """
     if posed.box is None or len(posed.box.modelled.uncertain) <= MOST_AT_ONCE:
         return None
@@ -130,7 +131,7 @@ def _device(box: DeviceBox, numbers: Sequence[Any]) -> Device:
 
 
 def _reach(box: DeviceBox, name: str, omega: Floats) -> Floats:
-    """Return how far an uncertain number is followed at each frequency: over its range, at most a turn."""
+    """Return the range over which an uncertain number is varied at each frequency: its range, at most a turn."""
     reach = box.high.number(name) - box.low.number(name)
     return np.minimum(reach, 2 * pi / omega) if name in DELAYS else np.full_like(omega, reach)
 
@@ -165,7 +166,7 @@ def _minima(value: Value, box: DeviceBox, omega: Floats) -> Floats:
 
 
 def _refined(value: Value, box: DeviceBox, at: Floats, ends: Floats) -> tuple[Floats, Floats]:
-    """Return lower values and where they are, by a search among neighbours at distances that shrink."""
+    """Return lower values and their places, by a search among neighbours at shrinking distances."""
     low, high = ends[:, :1], ends[:, 1:]
     steps = np.array(list(product((-1.0, 0.0, 1.0), repeat=len(at))))
     if len(at) > MANY:

@@ -23,10 +23,10 @@ def check_message(
 
     Parameters
     ----------
-    judgement : of the design
-    repairs : of a refuted one, None if not looked for
-    changed : the numbers that were edited since the design was solved, with limits where they were
-    together : those of them that pass only if all are taken back
+    judgement : judgement of the design
+    repairs : repairs of a refuted one, None if not sought
+    changed : the numbers that were edited since the design was solved, with their earlier values as limits
+    together : those that pass only if all are restored
     """
     if judgement.status is Status.CERTIFIED:
         return _proved(judgement)
@@ -43,19 +43,19 @@ def taken_back(repairs: Sequence[Repair], changed: Sequence[ParameterChange]) ->
 
     Parameters
     ----------
-    repairs, changed : as of `check_message`
+    repairs, changed : see `check_message`
     """
     solved = {(change.key, change.limit) for change in changed}
     return [repair for repair in repairs if (repair.key, repair.new) in solved]
 
 
 def line_to_change(text: str, repairs: Sequence[Repair] | None, together: Sequence[ParameterChange]) -> int:
-    """Return the line of the number to change, or where the file does not state it that of its table.
+    """Return the line of the number to change, or of its table if the file does not state it.
 
     Parameters
     ----------
-    text : of the file that states the design
-    repairs, together : as of `check_message`
+    text : text of the file that states the design
+    repairs, together : see `check_message`
     """
     lines = toml.Lines(text)
     of_gains = [repair.key for repair in repairs or [] if repair.key in SYMBOLS]
@@ -83,7 +83,7 @@ def _whole(together: Sequence[ParameterChange]) -> str:
 
 
 def _remedy(repairs: Sequence[Repair], changed: Sequence[ParameterChange]) -> str:
-    """Return the best change of one gain that would do, and the changes of the problem that would."""
+    """Return the best change of one gain that would pass, and the changes of the problem that would."""
     if not repairs:
         return "no change of one number passes"
     of_gain = [repair for repair in repairs if repair.key in SYMBOLS]

@@ -46,10 +46,10 @@ class Checked:
     Attributes
     ----------
     source : the file that holds the numbers
-    name : of the problem
-    verdict : what is proved
-    message : one line: proved, or what fails and what would repair it, or what is wrong with the input
-    line : of the source, that the message is about
+    name : name of the problem
+    verdict : the proved claims
+    message : one line: proved, or the failure and its repair, or the fault of the input
+    line : line of the source, that the message is about
     finding : None for bad input
     strict : whether a warning fails the check
     """
@@ -99,9 +99,9 @@ class DesignFinding:
     Attributes
     ----------
     file : the problem
-    judgement : of the gains
-    repairs : of a violated design, those of its own numbers first, of the least error first
-    warnings : what the user should know
+    judgement : judgement of the gains
+    repairs : repairs of a violated design, those of its own numbers first, of the least error first
+    warnings : warnings for the user
     seconds : it took
     """
 
@@ -130,8 +130,8 @@ def finding_of(
     Parameters
     ----------
     file : the problem
-    judgement : of the gains
-    repairs : that were found by now; None if not looked for
+    judgement : judgement of the gains
+    repairs : repairs found so far; None if not sought
     notes : beside those of any judged gains
     repairing, proving : how long it took, s
     """

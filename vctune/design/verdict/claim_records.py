@@ -82,7 +82,7 @@ def _environment_of_any_hand(problem: Problem, judgement: Judgement, outcome: Ou
     hand, environment = found
     held = device.operator or LeastOperator(0.0, 0.0)
     resonators = [ResonatorRecord(mass=mass, stiffness=stiffness) for mass, stiffness in hand.resonators]
-    also = {"resonators": resonators} if resonators else {}
+    also: dict[str, Any] = {"resonators": resonators} if resonators else {}
     record = HandRecord(mass=hand.mass + held.mass, damping=held.damping, stiffness=hand.stiffness, **also)
     return _environment_record(device, record, environment)
 
@@ -92,7 +92,7 @@ GROWING: dict[ClaimId, Callable[[Problem, Judgement, Outcome], dict[str, Environ
     "worlds": _environment,
     "any_hand": _environment_of_any_hand,
 }
-"""Finds what a design grows with where the claim is refuted."""
+"""Functions that find the environment with which a design grows if the claim is refuted."""
 
 
 def _environment_record(device: Device, hand: HandRecord, found: GrowingEnvironment) -> dict[str, EnvironmentRecord]:

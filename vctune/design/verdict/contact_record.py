@@ -16,26 +16,17 @@ from vctune.model.hands import Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.frequency import finite_hertz
 from vctune.model.problem import Problem
-from vctune.model.servo import latency
+from vctune.model.servo import LATENCY_PARTS, latency
 from vctune.proof.certificate import certify
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.engine.interval import Verdict
 from vctune.running import unlimited
 
-KEYS_OF = {
-    "hold": ("hold", "device.sample_time"),
-    "interpolation": ("interpolation", "device.sample_time"),
-    "delay": ("delay", "device.servo.delay"),
-    "lag": ("lag", "device.servo.bandwidth_hz"),
-    "sensor": ("force sensor", "device.force_sensor"),
-    "filter": ("filter", "device.force_sensor.filter_coefficient"),
-}
-"""What each part of a latency is called, and the key that states it."""
 RESERVE = 1e-3
-"""By what share the contact that is proved is softer than the stiffest in double precision: what is nearer takes a
-proof of many more boxes. Half of it takes up to twice the boxes."""
+"""Share by which the proved contact is softer than the stiffest in double precision: a closer one takes many more
+boxes. Half of it takes up to twice the boxes."""
 DIGITS = 4
-"""Of the stiffest contact."""
+"""Digits of the stiffest contact."""
 
 
 def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | None:
@@ -43,8 +34,8 @@ def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | No
 
     Parameters
     ----------
-    problem : with every default filled in, SI units
-    judgement : of the design
+    problem : problem with every default filled in, SI units
+    judgement : judgement of the design
     """
     hands = problem.hands_met
     if problem.device.servo is None or hands is None:
@@ -61,8 +52,8 @@ def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | No
         stiffness=K,
         safety_factor=factor,
         parts=[
-            LatencyPartRecord(part=KEYS_OF[name][0], key=KEYS_OF[name][1], latency_s=seconds, drag=factor * K * seconds)
-            for name, seconds in parts.items()
+            LatencyPartRecord(part=part.label, key=part.key, latency_s=seconds, drag=factor * K * seconds)
+            for part, seconds in ((LATENCY_PARTS[name], seconds) for name, seconds in parts.items())
         ],
         latency_s=_latency(slowest),
         rest_drag=factor * at_rest,
@@ -82,7 +73,7 @@ def _latency(device: Device) -> float:
 def _own_spring(device: Device) -> float:
     """Return the drag that the firmware's own spring requires at rest, N s/m, without the force sensor's delay."""
     assert device.servo is not None
-    return (device.servo.stiffness or 0.0) * _latency(replace(device, force_sensor=None))
+    return (device.servo.stiffness or 0.0) * _latency(device.sensing_at_once)
 
 
 def _stiffest(
@@ -92,8 +83,8 @@ def _stiffest(
 
     Parameters
     ----------
-    problem, judgement : of the design
-    hands : to be met, of which a certified design bears all
+    problem, judgement : those of the design
+    hands : hands of the claim; a certified design bears all of them
     bears : the stiffest contact in double precision
     """
     if judgement.status is Status.CERTIFIED and (bears == inf or _floored(bears) <= hands.high.stiffness):

@@ -16,20 +16,20 @@ from vctune.model.problem import Criterion, Problem
 from vctune.running import OutOfTimeError
 
 COMPARISON = "the comparison of criteria"
-"""What a time limit may cut short."""
+"""A stage that a time limit may cut short."""
 
 
 def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:
     """Return a solved problem with the error that either criterion alone would allow; unchanged if it has one
     criterion.
 
-    That is what its file would give with the other criterion, defaults that depend on it included, measured on the same
+    That is the result of its file with the other criterion, including defaults that depend on it, measured on the same
     band and Z_0.
 
     Parameters
     ----------
     file : the problem
-    solved : certified, or there is nothing to compare with
+    solved : certified; otherwise there is nothing to compare with
     """
     problem = file.problem
     if problem.stability.criterion != "both" or problem.bounds.fixed or solved.status is not Status.CERTIFIED:
@@ -51,7 +51,7 @@ def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:
 def _under(criterion: Criterion, tables: dict[str, Any], problem: Problem) -> Problem | None:
     """Return the problem of a file with one criterion; None if it contradicts the rest of the file."""
     stability = {**tables.get("stability", {}), "criterion": criterion}
-    return reading.pose({**tables, "stability": stability}, problem.name, problem.transparency)[0]
+    return reading.pose({**tables, "stability": stability}, problem.name, problem)[0]
 
 
 def _alternative(criterion: Criterion, problem: Problem) -> Alternative | None:

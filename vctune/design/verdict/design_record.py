@@ -74,7 +74,7 @@ if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
 
 PROVED_BAND = "the proof of a wider band"
-"""What a time limit may cut short."""
+"""A stage that a time limit may cut short."""
 SHOWN = 200
 """Rounds and open boxes of a search that are kept."""
 
@@ -85,7 +85,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
     Parameters
     ----------
     file : the problem and its text
-    solved : what came of it
+    solved : its result
     ipopt : IPOPT's version if it took part (`vctune.design.nlp.nlp.ipopt_version`)
 
     Returns
@@ -102,9 +102,9 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
     Parameters
     ----------
     file : the problem and its text
-    solved : what came of it
+    solved : its result
     ipopt : IPOPT's version; None if it took no part
-    date : on which it is written (`vctune.document.text.date.today`); None where that is nobody's business
+    date : day on which it is written (`vctune.document.text.date.today`); None if it must not be written
     """
     judgement, problem = solved.judgement, solved.problem
     proved = _proved(problem, judgement) if judgement is not None else {}
@@ -165,7 +165,7 @@ def _alternative(each: Alternative) -> AlternativeRecord:
 
 @cache
 def versions(ipopt: str | None) -> dict[str, str | None]:
-    """Return the versions that determine a result; IPOPT's is None where it took no part."""
+    """Return the versions that determine a result; IPOPT's is None if it took no part."""
     return {
         "vctune": __version__,
         "casadi": version("casadi"),
@@ -180,7 +180,7 @@ def at_bound(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[str]
 
     Parameters
     ----------
-    problem : with the bounds, SI units
+    problem : problem with the bounds, SI units
     gains, coupling : a design, SI units
     """
     return [key for key, _ in _touched(problem, point(gains, coupling))]
@@ -201,7 +201,7 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
     Parameters
     ----------
     problem, judgement : the design
-    cures : of an idle design, the changes after which it is not, the least error first; None if not looked for
+    cures : cures of an idle design, the changes after which it is not, the least error first; None if not sought
     """
     found = []
     for key, side in _touched(problem, point(judgement.gains, judgement.coupling)):
@@ -230,7 +230,8 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
 
 
 def _cured(cures: Sequence[Repair] | None) -> str:
-    """Return which demand keeps a design from using its loop: the one whose change cures it with the least error."""
+    """Return which constraint keeps a design from using its loop: the one whose change cures it with the least
+    error."""
     if cures is None:
         return ""
     if not cures:

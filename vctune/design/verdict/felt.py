@@ -1,4 +1,4 @@
-"""The record of how a design feels, which stands beside its error."""
+"""The record of how a design feels, beside its error."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def felt_record(device: Device, gains: Gains, coupling: AnyCoupling) -> FeltReco
     Parameters
     ----------
     device : plain numbers; its least operator is not counted
-    gains, coupling : of its design
+    gains, coupling : those of its design
     """
     felt = feel(device, gains, coupling)
     return FeltRecord(

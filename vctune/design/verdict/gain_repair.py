@@ -1,6 +1,6 @@
 """Which number of a refuted design to change: an edited one, or the one with the least error afterwards.
 
-Nothing here solves or judges by itself: the caller says how (`RepairTest`).
+This module neither solves nor judges: the caller passes the functions (`RepairTest`).
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from vctune.model.problem import Problem, Range
 from vctune.running import check_time
 
 MOST_DRAG = 10.0
-"""The greatest drag that is tried, in reference impedances: what is felt of it alone is an error of about ten. Half and
-twice leave out, or add, what nobody wants to feel."""
+"""The greatest drag that is tried, in reference impedances; its effect alone is an error of about ten. Half and twice
+leave out, or add, designs that nobody wants to feel."""
 
 
 def repair_of(change: ParameterChange, new: float, design: Judgement) -> Repair:
@@ -29,7 +29,7 @@ def repair_of(change: ParameterChange, new: float, design: Judgement) -> Repair:
 
     Parameters
     ----------
-    change : of the number
+    change : change of the number
     new : its new value
     design : the certified design that it leads to
     """
@@ -42,22 +42,22 @@ def edits(problem: Problem, judgement: Judgement, solved: Mapping[str, float]) -
 
     Parameters
     ----------
-    problem : that the design is of
-    judgement : of the numbers as they are
-    solved : the numbers of the solved design by their keys, or none
+    problem : problem of the design
+    judgement : judgement of the numbers as they are
+    solved : the numbers of the solved design by their keys, or empty
     """
     given = design_numbers(judgement.kind, judgement.gains, judgement.coupling)
     return [change_of_gain(problem, key, given[key], new) for key, new in solved.items() if new != given[key]]
 
 
 def undone(pasted: dict[str, Any], changed: Sequence[ParameterChange], test: RepairTest) -> list[Repair]:
-    """Return the edits each of which alone, taken back, leads to a certified design, the least error first.
+    """Return the edits of which each alone, taken back, gives a certified design, the least error first.
 
     Parameters
     ----------
     pasted : the problem's document with the numbers as they are
-    changed : what was edited
-    test : how changed problems are tried
+    changed : the edited numbers
+    test : test of changed problems
     """
     found = []
     for change in changed:
@@ -71,20 +71,20 @@ def undone_together(pasted: dict[str, Any], changed: Sequence[ParameterChange], 
 
     Parameters
     ----------
-    pasted, changed, test : as of `undone`
+    pasted, changed, test : see `undone`
     """
     document = reduce(lambda document, change: change.applied(document, change.limit), changed, pasted)
     return _verified(document, test) is not None
 
 
 def solved_numbers(stated: dict[str, Any], judgement: Judgement, test: RepairTest) -> dict[str, float]:
-    """Return the numbers of the design that solving a problem makes by their keys; none where it makes none.
+    """Return the numbers of a problem's solution by their keys; empty if there is none.
 
     Parameters
     ----------
-    stated : the problem's document; what it fixes is free
-    judgement : of a design
-    test : how a problem with free numbers is solved
+    stated : the problem's document; its fixed numbers become free
+    judgement : judgement of a design
+    test : test of a problem with free numbers
     """
     problem = _with_free(stated, judgement, *design_numbers(judgement.kind, judgement.gains, judgement.coupling))
     design = test.verify(problem) if problem is not None and not problem.bounds.fixed else None
@@ -94,14 +94,14 @@ def solved_numbers(stated: dict[str, Any], judgement: Judgement, test: RepairTes
 def best_values(stated: dict[str, Any], judgement: Judgement, test: RepairTest) -> Iterator[Repair]:
     """Yield for each number of a design the value with the least error, the others as they are.
 
-    The problem is solved with that number alone free, in the range that the file states or in the default one. Numbers
-    that a first opinion gives up are tried all the same if it gives up all of them.
+    The problem is solved with that number alone free, in the range that the file states or in the default one. If the
+    first estimate rejects all numbers, all of them are tried all the same.
 
     Parameters
     ----------
     stated : the problem's document
-    judgement : of the design
-    test : how problems with one free number are tried
+    judgement : judgement of the design
+    test : test of problems with one free number
 
     Raises
     ------
@@ -138,7 +138,7 @@ def _with_one_free(stated: dict[str, Any], judgement: Judgement, key: str) -> Pr
 
 
 def _with_free(stated: dict[str, Any], judgement: Judgement, *keys: str) -> Problem | None:
-    """Return a problem whose design is fixed but for some numbers; None where that contradicts another key."""
+    """Return a problem whose design is fixed except for some numbers; None if that contradicts another key."""
     tables: dict[str, dict[str, Any]] = design_tables(judgement.kind, judgement.gains, judgement.coupling)
     for table, name in (key.split(".") for key in keys):
         del tables[table][name]

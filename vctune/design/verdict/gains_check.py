@@ -44,7 +44,7 @@ OTHER_VERSION = Note("other-version", "the gains were made for another version o
 
 @dataclass(frozen=True, slots=True)
 class _Input:
-    """A file that is read once, for it may be a pipe."""
+    """A file that is read only once, because it may be a pipe."""
 
     path: Path
     text: str
@@ -61,9 +61,9 @@ def check_files(
 
     Parameters
     ----------
-    paths : of the files
-    progress : told the stage of the work
-    begun : told each problem before the work on it
+    paths : paths of the files
+    progress : function that receives the current stage
+    begun : function that receives each problem before the work on it
 
     Returns
     -------
@@ -100,12 +100,12 @@ def check_problem(file: ProblemFile, design: GainsFile | None = None) -> Checked
     Returns
     -------
     Checked
-        Verdict, message, warnings, and what was found.
+        Verdict, message, warnings, and details.
 
     Raises
     ------
     InputError
-        If the design is for another kind of device, or there is none and the problem does not fix every number.
+        If the design is for another kind of device, or there is no design and the problem does not fix every number.
     """
     name = Path(file.problem.name)
     if design is not None:
@@ -206,9 +206,10 @@ def _judged(
 def _repairs(
     file: ProblemFile, judgement: Judgement, changed: list[ParameterChange], progress: Progress
 ) -> tuple[list[Repair] | None, list[ParameterChange]]:
-    """Return the repairs of a refuted design pasted into its problem, or the cures of an idle one; None for others.
+    """Return the repairs of a refuted design pasted into its problem, or the cures of an idle one; None for any other
+    design.
 
-    With them the edits that, taken back, make it pass only all together; none where one alone does.
+    It also returns the edits that only pass if all of them are restored; empty if one alone passes.
     """
     if judgement.status is not Status.VIOLATED and not judgement.idle:
         return None, []
@@ -230,7 +231,8 @@ def _cures(
     changed: list[ParameterChange],
     progress: Progress,
 ) -> list[Repair] | None:
-    """Return the cures of an idle design; None where solving finds one that is not, or the time limit ends that."""
+    """Return the cures of an idle design; None if solving finds a design that is not idle, or the time limit ends the
+    search."""
     try:
         if back := undone(pasted, changed, OF_FIXED_IN_USE):
             return back

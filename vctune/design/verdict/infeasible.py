@@ -18,7 +18,7 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.keys import QUANTITIES
 from vctune.model.numbers.units import UNITS
 from vctune.model.problem import Problem
-from vctune.model.servo import latency
+from vctune.model.servo import LATENCY_PARTS, latency
 from vctune.proof.claims.sampled_poles import spectral_radius
 
 OPENINGS = {True: "there is no admissible design", False: "no admissible design was found, nor proved impossible"}
@@ -29,27 +29,17 @@ CUT_SHORT = "the time limit ended the search before it had found a design"
 NEXT_TO_NOTHING = 1e-9
 """Ratio below which Re Z_c vanishes where R does not, as at 0 Hz without drag. Half and twice it: the same words."""
 
-QUICKER = {
-    "hold": "shorten device.sample_time",
-    "interpolation": "shorten device.sample_time",
-    "delay": "shorten device.servo.delay",
-    "lag": "raise device.servo.bandwidth_hz",
-    "sensor": "state a quicker device.force_sensor",
-    "filter": "raise device.force_sensor.filter_coefficient",
-}
-"""What shortens a part of a servo's latency."""
-
 
 @dataclass(frozen=True, slots=True)
 class Infeasibility:
-    """Why there is no admissible design.
+    """Why there is no feasible design.
 
     Attributes
     ----------
-    cause : which demand fails, where and by how much
-    advice : what may repair it
-    proved : whether it follows from a theorem or from a search that has emptied every box of gains, not from one that
-        found nothing
+    cause : violated constraint, where and by how much
+    advice : its possible repair
+    proved : whether it follows from a theorem or from a search that has pruned every box of gains, not from a search
+        without result
     """
 
     cause: str
@@ -63,7 +53,7 @@ class Infeasibility:
 
 
 def out_of_time_before_a_design() -> Infeasibility:
-    """Return why there is no design where the time limit has ended the search."""
+    """Return why there is no design, after the time limit has ended the search."""
     return Infeasibility(CUT_SHORT, "allow more time", proved=False)
 
 
@@ -74,12 +64,12 @@ def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> In
     ----------
     prepared : the problem
     scanned : the scan's result
-    proved : whether every box of gains has been searched in vain
+    proved : whether a search of every box of gains has found no design
 
     Returns
     -------
     Infeasibility
-        In words: the demand, the frequency, by how much, and what may repair it.
+        In words: the constraint, the frequency, the violation, and possible repairs.
     """
     opening = OPENINGS[proved]
     if not scanned.starts:
@@ -97,7 +87,7 @@ def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> In
 
 
 def _tried(problem: Problem, gains: Gains, coupling: AnyCoupling) -> str:
-    """Return the numbers that tell a design from others: the gains of its loop, or where it has none the coupling."""
+    """Return the numbers that identify a design: the gains of its loop or, without a loop, the coupling."""
     units, kind = problem.units, problem.device.kind
     if kind.own_loop:
         return f"velocity {gains.velocity:.4g} {units.damping}, position {gains.position:.4g} {units.stiffness}"
@@ -107,7 +97,7 @@ def _tried(problem: Problem, gains: Gains, coupling: AnyCoupling) -> str:
 
 
 def _on(case: Problem, problem: Problem) -> str:
-    """Return on which device a case fails where it is not the problem's own: the numbers in which it differs."""
+    """Return the device on which a case fails, if it is not the problem's own: the numbers in which it differs."""
     own = problem.device
     other = {key: number for key, number in case.device.numbers().items() if number != own.number(key)}
     return f"with {', '.join(f'{key} {number:.6g}' for key, number in other.items())}: " if other else ""
@@ -147,12 +137,12 @@ def _first_failure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tup
 def _short_of_drag(problem: Problem, ratio: float, place: str) -> tuple[str, str]:
     """Return by how much a servo's drag is less than stiffness times latency, and the possible repair."""
     factor, late = problem.stability.safety_factor, latency(problem.device, FLOATS)
-    longest = max(QUICKER, key=lambda part: float(getattr(late, part)))
+    longest = max(LATENCY_PARTS, key=lambda part: float(getattr(late, part)))
     missed = f", short of the safety factor {factor:.4g} by a factor of {factor / ratio:.4g}" if ratio > 0 else ""
     return (
         f"the drag is {ratio:.4g} of what contacts behind {1e3 * float(late.total):.4g} ms of latency ask for "
         f"{place}{missed}",
-        f"allow a greater coupling.drag, state softer contacts in [operator], or {QUICKER[longest]}",
+        f"allow a greater coupling.drag, state softer contacts in [operator], or {LATENCY_PARTS[longest].quicker}",
     )
 
 
@@ -185,7 +175,7 @@ def _shortfall(problem: Problem, coupling: AnyCoupling, ratio: float, place: str
 
 
 def _least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float, float, str]:
-    """Return the least Re Z_c / R of any hand that is to be met, its frequency, rad/s, and where that is in words."""
+    """Return the least Re Z_c / R of any required hand, its frequency, rad/s, and its place in words."""
     found = []
     if problem.passive:
         minima = ratio_minima(problem, gains, coupling)
@@ -197,7 +187,7 @@ def _least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple
 
 
 def _lacking_resistance(problem: Problem, gains: Gains) -> tuple[str, str] | None:
-    """Return where the loop's resistance is negative; None where it is positive throughout."""
+    """Return a frequency where the loop's resistance is negative; None if it is positive throughout."""
     device = problem.device
     grid = demand_grid(device, *sampled_span(problem))
     resistance = local_minima(lambda omega: response(device, gains, omega).resistance, grid)

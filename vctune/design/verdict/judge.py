@@ -52,16 +52,16 @@ STATUS_OF = {
 
 
 IDLE = 0.5
-"""A mean or greatest |1 - G_he| above which the velocity loop is hardly used: without a loop it is 1, and half of what
-the operator should feel is lost at 0.5. It decides on a warning and its cures, not on a design: with half of it more
-designs are warned of; twice as much is warned of none."""
+"""A mean or greatest |1 - G_he| above which the velocity loop is hardly used: without a loop it is 1, and at 0.5 half
+of what the operator should feel is lost. It decides on a warning and its cures, not on a design. Half of it warns of
+more designs; twice warns of none."""
 
 
 PROVING = 0.85
-"""The share of the time that is left, if there is a limit, for the proof of a design; the rest is for what double
-precision says of it, a second for an uncertain device. Half leaves designs unproved, all of it ends late."""
+"""The share of the remaining time, if there is a limit, for the proof of a design. The rest is for the numbers in
+double precision, a second for an uncertain device. Half leaves designs unproved; all of it ends late."""
 CUT = " (the time limit cut its proof)"
-"""What is added to a claim whose proof the time limit ended."""
+"""Note on a claim whose proof the time limit ended."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,13 +73,13 @@ class Judgement:
     gains, coupling : the design
     transparency : its error and the three terms, on the nominal device
     error : the objective: that error, or the greatest at the vertices of a box of devices
-    compared : the same of the terms alone that can differ between designs: what a bound is about
+    compared : the same for the terms that can differ between designs, to which a bound applies
     min_ratio, worst : least Re Z_c / R on the band and where, rad/s (0 or inf at an end of the axis)
     tightest : the device on which it is least, of the nominal one and those of a box
-    in_hand : the least Re Z_c / R in the hands to be met, and in which; None where none are
-    in_any_hand : the least Re(1/Z_c)/R of an impedance display in any passive hand, if any is to be met
+    in_hand : the least Re Z_c / R in the hands of the claim, and its hand; None without such hands
+    in_any_hand : the least Re(1/Z_c)/R of an impedance display in any passive hand, if any is required
     peak_sensitivity, worst_sensitivity : greatest |S| of these devices up to Nyquist and where, rad/s
-    certificate : what is proved
+    certificate : the proved claims
     cut : whether the time limit ended its proof, or left devices of a box unlooked at in hands
     """
 
@@ -110,12 +110,12 @@ class Judgement:
 
     @property
     def worst_hz(self) -> float:
-        """Where Re Z_c / R is least, Hz."""
+        """Frequency of the least Re Z_c / R, Hz."""
         return hertz(self.worst)
 
     @property
     def worst_sensitivity_hz(self) -> float:
-        """Where |S| is greatest, Hz."""
+        """Frequency of the greatest |S|, Hz."""
         return hertz(self.worst_sensitivity)
 
     @property
@@ -142,12 +142,13 @@ class Judgement:
 
     @property
     def idle(self) -> bool:
-        """Whether the design is certified, and hardly uses its velocity loop."""
+        """Whether the design is certified and hardly uses its velocity loop."""
         return self.tightest.kind.own_loop and self.status is Status.CERTIFIED and self.transparency.tracking > IDLE
 
     @property
     def open_claims(self) -> list[str]:
-        """The claims that are not proved, each with its verdict, where it fails and on which device of a box."""
+        """The claims that are not proved, each with its verdict, its place and the device of a box on which it
+        fails."""
         units, kind = UNITS[self.tightest.units], self.tightest.kind
         return [
             f"{found.verdict.value}{_place(found, units)}: {CLAIMS[claim].said_of(kind)}{CUT * found.cut}"
@@ -178,11 +179,11 @@ def _place(outcome: Outcome, units: Units) -> str:
 
 
 def judge(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Judgement:
-    """Judge given gains against a problem's demands.
+    """Judge given gains against a problem's constraints.
 
     Parameters
     ----------
-    problem : with every default filled in
+    problem : problem with every default filled in
     gains, coupling : plain floats, N s/m, N/m and kg
 
     Returns
@@ -195,11 +196,11 @@ def judge(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Judgement:
 
 @np.errstate(all="ignore")
 def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
-    """Judge given gains against the demands of a problem.
+    """Judge given gains against the constraints of a problem.
 
     Parameters
     ----------
-    posed : in SI units
+    posed : prepared problem in SI units
     gains, coupling : plain floats, N s/m, N/m and kg
 
     Returns
@@ -214,11 +215,11 @@ def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
 
 @np.errstate(all="ignore")
 def judge_all(problem: Problem, designs: Sequence[tuple[Gains, AnyCoupling]]) -> list[Judgement]:
-    """Judge several designs against a problem's demands, as `judge` does, their proofs made together.
+    """Judge several designs against a problem's constraints, as `judge` does, with their proofs made together.
 
     Parameters
     ----------
-    problem : with every default filled in, SI units
+    problem : problem with every default filled in, SI units
     designs : gains and couplings, plain floats, SI units
 
     Returns
@@ -245,7 +246,7 @@ def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: C
 
 
 class _InHands(NamedTuple):
-    """A device, and its least ratios in the hands to be met and in any passive one."""
+    """A device, and its least ratios in the hands of the claim and in any passive one."""
 
     device: Device
     held: RatioInHand | None
@@ -304,12 +305,12 @@ def least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[
 
     Parameters
     ----------
-    problem : of a device that is known exactly
+    problem : problem of a device that is known exactly
     gains, coupling : a design, plain floats
 
     Returns
     -------
-    ratio : inf where nothing is required
+    ratio : inf if nothing is required
     omega : rad/s; 0 or inf at an end of the axis
     """
     device, band = problem.device, problem.stability.band

@@ -24,13 +24,14 @@ from vctune.model.problem import Problem
 from vctune.model.transparency import TERMS
 
 ACTIVE = 1e-5
-"""Multipliers below which a demand is not listed: those that do not bind keep a little from IPOPT's barrier."""
+"""Multipliers below which a constraint is not listed: those that do not bind keep a little from IPOPT's barrier."""
 
 
 def active(solved: Solved) -> list[ActiveRecord]:
-    """Return the demands that hold the design, the dearest first: kind, frequency and multiplier.
+    """Return the constraints that hold the design, the dearest first: kind, frequency and multiplier.
 
-    The multiplier is d log(error)/d log(demand): by how many per cent the error falls when the demand is eased by one.
+    The multiplier is d log(error)/d log(constraint): by how many per cent the error falls if the constraint is eased by
+    one.
     """
     if solved.polished is None:
         return []
@@ -72,7 +73,7 @@ def _device(problem: Problem, place: ConstraintPoint) -> DeviceRecord:
 def _priced(polished: Polished) -> Floats:
     """Return the multipliers, those of the ratio for 2 Re(D + Z_h) Re Z_c >= factor 2 Re(D + Z_h) R.
 
-    In the hand of an operator the NLP has written it with both terms of the factor on different sides.
+    In the hand of an operator the NLP has written the constraint with both terms of the factor on different sides.
     """
     multipliers, ratio = np.abs(polished.solution.multipliers), polished.working_set.ratio
     if polished.structure.operator_damping and ratio:

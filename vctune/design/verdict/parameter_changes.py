@@ -12,6 +12,7 @@ from vctune.document.schema.device_contradictions import FASTEST
 from vctune.document.schema.validation import KeyPath, dotted
 from vctune.document.text.raw import number_at, placed
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS, SYMBOLS
+from vctune.model.parts import ENTRIES
 from vctune.model.problem import Problem
 
 RELATIVE_CHANGES = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 0.6, 1.0, 1.5, 2.2, 3.0, 10.0, 1e2, 1e3, 1e4, 1e5)
@@ -23,34 +24,29 @@ A gain that is changed too far fails again: up to a factor of 4 no window wider 
 FURTHEST = 1e6
 """How far a bound, or a gain, is moved at most: beyond any that could be built. A factor of ten is one trial."""
 SOFTEST = 1e-3
-"""How far the heaviest, most damped or stiffest hand is brought down at most: to what nobody would call a hand."""
+"""Least share to which the heaviest, most damped or stiffest hand is reduced: nobody would call less a hand."""
 FINEST, FINEST_FROM_ZERO = 1e-9, 1e-18
-"""Relative changes below which a change is none: what is smaller is lost in the digits of a file, or of a number."""
+"""Least relative changes: smaller ones are lost in the digits of a file, or of a number."""
 DIGITS = 12
 """Significant digits of a new value at most."""
-FASTER = {
-    "velocity.filter_hz": "a faster filter of the velocity",
-    "actuator.bandwidth_hz": "a faster actuator",
-    "force_sensor.bandwidth_hz": "a faster force sensor",
-    "structure.frequency_hz": "a stiffer handle",
-    "servo.bandwidth_hz": "a faster servo",
-}
+BETTER = {key: each for key, each in ENTRIES.items() if each.better}
+"""The numbers of a device's parts of which a better one may be bought."""
 OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
 ONLY_UPWARDS = ("coupling.mass", "coupling.drag")
-"""What adds to Re Z_c wherever it grows: less of it makes nothing possible."""
+"""Numbers that add to Re Z_c as they grow: a decrease makes nothing possible."""
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterChange:
     """A number of a problem file that may be changed one way.
 
-    Changes are relative to the smaller of the old and the new value. Where the old value is 0 they are relative to the
-    natural size, and where it is infinite the same holds of the reciprocals.
+    Changes are relative to the smaller of the old and the new value. If the old value is 0 they are relative to the
+    natural size; if it is infinite the same holds for the reciprocals.
 
     Attributes
     ----------
-    path : where it stands in the file
-    meaning : what changing it means
+    path : its place in the file
+    meaning : meaning of the change
     old : the value that the file, or a default, gives it
     limit : the furthest value worth trying, above `old` or below it
     scale : natural size, where `old` is 0 or infinite
@@ -101,7 +97,7 @@ class ParameterChange:
         return abs(new - self.old) / min(new, self.old) if new > 0 else inf
 
     def size(self, new: float) -> float:
-        """Return the size of a change, by which changes of all numbers are compared: r/(1 + r), r the relative change.
+        """Return the size of a change, for comparing changes of all numbers: r/(1 + r), r the relative change.
 
         It is at most 1, the change relative to the greater of the old and the new value.
         """
@@ -109,12 +105,12 @@ class ParameterChange:
         return relative / (1 + relative) if relative < inf else 1.0
 
     def partial(self, new: float, share: float) -> float:
-        """Return the value after a share of a change; of the reciprocals where the old value is infinite.
+        """Return the value after a share of a change; if the old value is infinite, of the reciprocals.
 
         Parameters
         ----------
         new : value after the whole change
-        share : of it, 0 < share <= 1
+        share : share of it, 0 < share <= 1
         """
         return new / share if self.old == inf else self.old + share * (new - self.old)
 
@@ -131,7 +127,7 @@ class ParameterChange:
         Parameters
         ----------
         relative : the least change that is wanted
-        growth : how much greater it may be, as a share of it
+        growth : greatest relative increase
 
         Returns
         -------
@@ -160,7 +156,7 @@ class ParameterChange:
 
         Parameters
         ----------
-        document : parsed TOML, which stays as it is
+        document : parsed TOML, which is not modified
         new : the new value, in the file's unit
         """
         beside = () if self.other is None else (((*self.path[:-1], OTHER_END[self.path[-1]]), self.other),)
@@ -173,7 +169,7 @@ def parameter_changes(document: dict[str, Any], problem: Problem) -> list[Parame
     Parameters
     ----------
     document : parsed TOML
-    problem : that it states
+    problem : problem that it states
     """
     return [*_of_device(problem), *_of_operator(problem), *changes_of_demands(document, problem)]
 
@@ -184,7 +180,7 @@ def changes_of_demands(document: dict[str, Any], problem: Problem) -> list[Param
     Parameters
     ----------
     document : parsed TOML
-    problem : that it states
+    problem : problem that it states
     """
     band = _of_band(document, problem) if problem.passive else ()
     return [*band, *_of_worlds(problem), *_of_demands(problem), *_of_gains(document, problem)]
@@ -203,26 +199,21 @@ def _of_device(problem: Problem) -> Iterator[ParameterChange]:
     if device.latency > 0:
         yield ParameterChange(late, "less delay", device.latency, 0.0)
     nyquist = 0.5 / device.sample_time
-    for key, meaning in FASTER.items():
-        rate = device.number(key)
-        if rate is not None:
-            fastest = nyquist if key == "velocity.filter_hz" else max(100 * rate, nyquist)
-            yield ParameterChange(
-                ("device", *key.split(".")),
-                problem.units.translated(meaning),
-                rate,
-                min(fastest, FASTEST / device.sample_time),
-            )
-    if device.force_sensor is not None and device.force_sensor.delay > 0:
-        path = ("device", "force_sensor", "delay")
-        less = f"less delay of the {problem.units.force_name} sensor"
-        yield ParameterChange(path, less, device.force_sensor.delay, 0.0)
+    for key, each in sorted(BETTER.items(), key=lambda entry: entry[1].quantity == "time"):
+        number, meaning = device.number(key), problem.units.translated(each.better)
+        if number is None or number == 0:
+            continue
+        limit = 0.0
+        if each.quantity == "rate":
+            fastest = nyquist if each.sampled else max(100 * number, nyquist)
+            limit = min(fastest, FASTEST / device.sample_time)
+        yield ParameterChange(("device", *key.split(".")), meaning, number, limit)
 
 
 def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
-    """Yield fewer hands: with more damping, or where a box of them is to be met with less mass or stiffness.
+    """Yield fewer hands: with more damping or, if the claim is about a box of them, with less mass or stiffness.
 
-    Where none of a box has a stiffness, nothing may return the handle: then stiffer hands, too.
+    If no hand of a box has a stiffness, nothing may return the handle: then stiffer hands, too.
     """
     device, low, high = problem.device, problem.hands.low, problem.hands.high
     meaning, loop = "more damping in every hand", _natural_impedance(problem)
@@ -321,8 +312,8 @@ def change_of_gain(problem: Problem, key: str, old: float, limit: float) -> Para
 
     Parameters
     ----------
-    problem : that the design is of
-    key : of the number
+    problem : problem of the design
+    key : key of the number
     old, limit : the value that it has, and the furthest one
     """
     table, name = key.split(".")
@@ -347,10 +338,10 @@ def _natural_sizes(problem: Problem) -> dict[str, float]:
 
 
 def _upwards(old: float, natural: float) -> float:
-    """Return how far upwards to go."""
+    """Return the greatest upward change."""
     return max(FURTHEST * old, 10 * natural)
 
 
 def _downwards(old: float, key: str) -> float:
-    """Return how far downwards to go: to 0 where a gain may be that."""
+    """Return the greatest downward change: to 0 if a gain may be 0."""
     return 0.0 if key.startswith("gains.") else old / FURTHEST

@@ -22,16 +22,16 @@ from vctune.proof.claims.whole_samples import kept_at_whole_sample, sensed_force
 from vctune.running import OutOfTimeError, check_time
 
 PRICES = "the prices of the device's numbers"
-"""What a time limit may cut short."""
+"""A stage that a time limit may cut short."""
 
 STEP = 1e-5
 """Relative change of a number over which the derivative is taken, each way: its error is about as great, and rounding
 is far below. Half and twice give the same four digits."""
 STEEPEST = 50.0
-"""d log error/d log number from which on a change is a jump, as where the delay of a servo passes a whole number of
-samples, and has no slope: of slopes none is above 10. Half and twice tell the same apart."""
+"""d log error/d log number from which on a change is a jump without a slope, for example where the delay of a servo
+passes a whole number of samples; no slope is above 10. Half and twice decide alike."""
 BETTER = 0.01
-"""By what share a better number is better: to so much the least error is linear, but for a bend at the optimum."""
+"""Share by which a better number is better: up to this the least error is linear, except for a bend at the optimum."""
 
 
 @np.errstate(all="ignore")
@@ -40,7 +40,7 @@ def with_prices(solved: Solved) -> Solved:
 
     Parameters
     ----------
-    solved : what came of a problem
+    solved : the result of a problem
     """
     judgement, polished = solved.judgement, solved.polished
     if judgement is None or judgement.status is not Status.CERTIFIED or polished is None:
@@ -77,7 +77,7 @@ class _OfDevice:
         return device.with_numbers({self.name: factor * device.number(self.name)})
 
     def held(self, hand: Hand, hands: Hands, factor: float) -> Hand:
-        """Return a hand of the box, which stays as it is."""
+        """Return a hand of the box, which is not modified."""
         return hand
 
 
@@ -87,7 +87,7 @@ class _OfHands:
 
     Attributes
     ----------
-    name : of what they have
+    name : name of the hand's number
     end : "min", "max", or "" for both
     """
 
@@ -104,7 +104,7 @@ class _OfHands:
         return float(getattr(problem.hands.low if self.end == "min" else problem.hands.high, self.name))
 
     def changed(self, device: Device, factor: float) -> Device:
-        """Return a device, which stays as it is."""
+        """Return a device, which is not modified."""
         return device
 
     def held(self, hand: Hand, hands: Hands, factor: float) -> Hand:
@@ -128,7 +128,7 @@ def _numbers(problem: Problem) -> list[_OfDevice | _OfHands]:
 
 
 def _price(prepared: Prepared, polished: Polished, here: _Changed, number: _OfDevice | _OfHands) -> Price:
-    """Return the price of a number: of more or less of it, whichever lowers the error."""
+    """Return the price of a number: for more or less of it, whichever lowers the error."""
     old = number.of(prepared.problem)
     less, more = (_changed(prepared, polished, number, factor) for factor in (1 - STEP, 1 + STEP))
     optimised = compared(prepared.given).error(*design_of(prepared.units.to_si(polished.values))) ** 2
@@ -147,7 +147,7 @@ class _Changed:
 
     Attributes
     ----------
-    lagrangian : of the last NLP, whose objective is the logarithm of the error
+    lagrangian : Lagrangian of the last NLP, whose objective is the logarithm of the error
     others2 : sum of the squares of the terms of the error that are the same for every design, and not in the NLP
     """
 

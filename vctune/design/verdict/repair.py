@@ -1,7 +1,7 @@
 """Repairs that make a design possible: changes of one number, each sufficient on its own, the least error first.
 
-Numbers of the problem are changed as little as will do; a number of a design takes the value with the least error, or
-the one that it had when it was solved. Nothing here imports the optimiser before it is needed.
+Numbers of the problem change as little as possible; a number of a design takes the value with the least error, or that
+of the solved design. Nothing here imports the optimiser before it is needed.
 """
 
 from __future__ import annotations
@@ -38,18 +38,18 @@ from vctune.running import OutOfTimeError, check_time, out_of_time, time_limit
 SHARE = 0.9
 """The share of a repair that must not suffice."""
 ROUNDS = 10
-"""How often a first opinion is corrected: a little more where it does not suffice, a tenth less where less does. Two or
-three times are usual; half as many leave out repairs, twice as many wait for none."""
+"""Number of corrections of a first estimate: a little more if it does not suffice, a tenth less if less suffices. Two
+or three times are usual; half as many leave out repairs, twice as many wait for none."""
 REPAIRS = "the repairs"
-"""What a time limit may cut short."""
+"""A stage that a time limit may cut short."""
 LONGEST = 30.0
-"""Seconds after which nothing more is tried: what takes so long is a device whose every answer takes long. Half
-leaves out repairs on a slow machine, which is said (`CUT_SHORT`); those that are listed are the same."""
+"""Seconds after which vctune tries no more changes; only a device whose every answer takes long needs so many. Half
+leaves out repairs on a slow machine, and vctune says so (`CUT_SHORT`); the listed repairs are the same."""
 CUT_SHORT = Note("warn-repairs-cut-short", f"repairs were looked for during {LONGEST:g} s; there may be more of them")
 FINER = 30.0
-"""By what smaller changes are tried while even the least tried is enough; then the interval is bisected."""
+"""Factor by which smaller changes are tried while even the least one suffices; then the interval is bisected."""
 SLACK = 1e-5
-"""By what share a first opinion wants the ratio greater than its demand, as the proof of rounded gains will."""
+"""Share by which the screening requires more than the limit of the ratio, as the proof of rounded gains will."""
 
 Progress = Callable[[str], None]
 Posed = Callable[[dict[str, Any]], Problem | None]
@@ -60,7 +60,7 @@ def _posed(document: dict[str, Any]) -> Problem | None:
 
 
 def _seems_admissible(problem: Problem) -> bool:
-    """Return whether a problem's fixed design meets the demands in double precision, and its poles are proved."""
+    """Return whether a problem's fixed design meets the constraints in double precision and its poles are proved."""
     return all(_seems_admissible_on(case, *problem.fixed_design) for case in pose_devices(problem).cases)
 
 
@@ -107,7 +107,7 @@ def _seems_solvable_in_use(problem: Problem) -> bool:
 
 
 def _in_use(judgement: Judgement | None) -> Judgement | None:
-    """Return a design that uses its velocity loop; None for any other, or for none."""
+    """Return a design that uses its velocity loop; None for any other design, or without one."""
     return None if judgement is None or judgement.idle else judgement
 
 
@@ -117,11 +117,12 @@ def _seems_in_use(problem: Problem) -> bool:
 
 OF_FIXED = RepairTest(_seems_admissible, _judged, 2e-3)
 OF_FREE = RepairTest(_seems_solvable, _solved, 0.05, furthest_first=True)
-"""Of problems that fix every number, and of those that leave something free: judged in a millisecond, so that the least
-change can be found closely, or solved in a second. Half or twice the width costs one trial more or less a number."""
+"""Tests for problems that fix every number, and for those that leave something free: judged in a millisecond, so that
+the least change can be found closely, or solved in a second. Half or twice the width costs one trial more or less for
+each number."""
 OF_FIXED_IN_USE = RepairTest(_seems_in_use, lambda problem: _in_use(_judged(problem)), OF_FIXED.width)
 OF_FREE_IN_USE = RepairTest(_seems_solvable_in_use, lambda problem: _in_use(_solved(problem)), OF_FREE.width)
-"""Of the same, until their designs use the velocity loop."""
+"""The same tests, until the designs use the velocity loop."""
 
 
 def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda stage: None) -> Solved:
@@ -130,8 +131,8 @@ def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda 
     Parameters
     ----------
     file : the problem
-    solved : what came of it
-    progress : told the stage of the work
+    solved : its result
+    progress : function that receives the current stage
     """
     problem, judgement, began = file.problem, solved.judgement, perf_counter()
     idle = judgement is not None and judgement.idle
@@ -162,10 +163,11 @@ def repairs_of_design(
     Parameters
     ----------
     stated : the problem's document
-    judgement : of the design
-    changed : the numbers that were edited since the design was solved, with limits where they were; where none are
-        known the problem is solved, and a design that differs from its own in one number was edited there
-    progress : told what is tried
+    judgement : judgement of the design
+    changed : the numbers that were edited since the design was solved, with their earlier values as limits; if none are
+        known vctune solves the problem, and treats a design that differs from the solution in one number as edited
+        there
+    progress : function that receives the current stage
 
     Returns
     -------
@@ -195,13 +197,13 @@ def repairs_of_design(
 
 
 def find_cures(document: dict[str, Any], problem: Problem, progress: Progress = lambda stage: None) -> list[Repair]:
-    """Return the least changes of one demand after which a problem has a design that uses its velocity loop.
+    """Return the least changes of one constraint after which a problem has a design that uses its velocity loop.
 
     Parameters
     ----------
     document : parsed TOML
-    problem : that it states, whose own design does not
-    progress : told what is tried
+    problem : problem that it states, whose own design does not
+    progress : function that receives the current stage
     """
     test = OF_FIXED_IN_USE if problem.bounds.fixed else OF_FREE_IN_USE
     return find_repairs(document, changes_of_demands(document, problem), test, progress)
@@ -235,14 +237,14 @@ def find_repairs(
     ----------
     document : parsed TOML
     changes : the numbers that may be changed
-    test : how changed problems are tried
-    progress : told what is tried
+    test : test of changed problems
+    progress : function that receives the current stage
     posed : the problem that a document states, or None
 
     Returns
     -------
     list of Repair
-        The least error first; of the same error, as where a demand on given gains is eased, the smallest change.
+        The least error first; of the same error, as where a constraint on given gains is eased, the smallest change.
     """
     found: list[Repair] = []
     with suppress(OutOfTimeError), time_limit(LONGEST):
@@ -269,7 +271,7 @@ class _Search:
     ----------
     document : parsed TOML
     change : the number
-    test : how changed problems are tried
+    test : test of changed problems
     posed : the problem that a document states, or None
     """
 
@@ -279,7 +281,7 @@ class _Search:
     posed: Posed
 
     def hopeless(self) -> bool:
-        """Return whether it will not do however far it goes, where going further only eases the demands."""
+        """Return whether it will not do however far it goes, where going further only eases the constraints."""
         furthest = self.change.relative_change(self.change.limit)
         return self.test.furthest_first and self.change.eases and not self.promising(furthest)
 
@@ -290,7 +292,7 @@ class _Search:
         return posed is not None and self.test.estimate(posed)
 
     def certified(self, new: float) -> Judgement | None:
-        """Return the design that there is with a new value, if it is certified."""
+        """Return the design with a new value, if it is certified."""
         posed = self.posed(self.change.applied(self.document, new))
         check_time()
         judgement = self.test.verify(posed) if posed is not None else None
@@ -300,11 +302,11 @@ class _Search:
     def least(self, low: float, high: float) -> Repair | None:
         """Return the least change that repairs the problem while `SHARE` of it does not, if found in `ROUNDS`.
 
-        Where any change of a 0 repairs it, the first that was tried stands for all.
+        If any change of a 0 repairs it, the first tried change is used.
 
         Parameters
         ----------
-        low, high : relative changes of which the second seems to suffice
+        low, high : relative changes; the second seems to suffice
         """
         change, width = self.change, self.test.width
         relative = self._narrowed(low, high)

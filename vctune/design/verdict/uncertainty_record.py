@@ -19,7 +19,7 @@ def device_record(device: Device, problem: Problem) -> DeviceRecord:
 
     Parameters
     ----------
-    device : of the problem's box, SI units
+    device : device of the problem's box, SI units
     problem : one with an uncertain device
     """
     widths = dict(problem.uncertainty.half_widths) if problem.uncertainty is not None else {}
@@ -39,8 +39,8 @@ def uncertainty_record(problem: Problem, judgement: Judgement, nominal_error: fl
     Parameters
     ----------
     problem : one with an uncertain device
-    judgement : of the robust design
-    nominal_error : of the best design for the nominal device alone, None if it was not looked for
+    judgement : judgement of the robust design
+    nominal_error : error of the best design for the nominal device alone, None if it was not sought
     """
     posed, design = pose(problem), (judgement.gains, judgement.coupling)
     box, uncertainty = posed.box, problem.uncertainty

@@ -9,9 +9,9 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from vctune.document.records.part import DisplayPart, Number, Pair, Part, Row, Shown, text
-from vctune.model.device import Unmodelled
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.units import Units
+from vctune.model.parts import Unmodelled
 from vctune.model.worlds import World, Worlds
 from vctune.proof.claims.registry import ClaimId
 
@@ -109,7 +109,7 @@ WITHOUT_ID: dict[str, ClaimId] = {
     "stable in every hand with every passive environment, Re Z_c >= safety_factor R up to Nyquist": "hands",
     "stable in every hand with every passive environment, Re 1/Z_c >= safety_factor R up to Nyquist": "hands",
 }
-"""The sentences by which files name claims that were written before claims had identifiers. No new ones come."""
+"""The sentences that name claims in files written before claims had identifiers. No new ones come."""
 
 
 def _id_may_lack(schema: dict[str, Any]) -> None:
@@ -119,8 +119,8 @@ def _id_may_lack(schema: dict[str, Any]) -> None:
 class ClaimRecord(Part):
     """A claim, where, on which device and in which hand it fails, and the environment with which it grows there.
 
-    Where the time limit `cut` its proof it is undecided. Its sentence is for people, in the words of the version that
-    wrote it; programs ask for its `id`.
+    If the time limit `cut` its proof it is undecided. Its sentence is for people, in the words of the version that
+    wrote it; programs require its `id`.
     """
 
     model_config = ConfigDict(json_schema_extra=_id_may_lack)
@@ -181,8 +181,8 @@ class WorldRecord(Part):
 
         Parameters
         ----------
-        hz : where it binds; None to leave that out
-        units : of its numbers
+        hz : frequency where it binds; None to leave it out
+        units : units of its numbers
         """
         place = "" if hz is None else f" at {text(hz)} Hz"
         small = units.mass == "kg" and self.mass < GRAMS

@@ -31,7 +31,7 @@ class SideRecord(Part):
 
 
 class DifferenceRecord(Part):
-    """A key of the problem that says one thing here and another there; null where it is not said, a range as a pair."""
+    """A key of the problem with two different values; null if a file does not state it, a range as a pair."""
 
     key: str
     a: Any
@@ -74,11 +74,11 @@ class Side:
 
     Attributes
     ----------
-    source : what it is called
+    source : its name
     record : the design
-    problem : that it was made for, on the yardstick on which it was
-    felt : what it does; None where there is no design
-    measured : its error on the yardstick of both, or on that of A and on that of B; None where there is none
+    problem : problem that it was made for, on the yardstick on which it was
+    felt : how the design feels; None without a design
+    measured : its error on the yardstick of both, or on that of A and on that of B; None if there is none
     """
 
     source: str

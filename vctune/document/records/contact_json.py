@@ -29,7 +29,7 @@ class ContactRecord(Part):
     """The drag that contacts require before a servo, and the stiffest contact that its coupling bears.
 
     `stiffness` is that of the stiffest hand of the box, `safety_factor` that of the problem, `own_spring` the drag that
-    the firmware's own spring asks for at rest.
+    the firmware's own spring requires at rest.
     """
 
     stiffness: float
@@ -80,7 +80,7 @@ class ContactRecord(Part):
     def example(self) -> tuple[float, float] | None:
         """Return a round part of the latency, a quarter of it at most, and the drag at rest without it.
 
-        Returns None where no contact has a stiffness.
+        Returns None if no contact has a stiffness.
         """
         if self.rest_drag == 0:
             return None

@@ -29,7 +29,7 @@ def design_of(value: Any, source: str) -> DesignRecord:
     Parameters
     ----------
     value : the object
-    source : what messages call it
+    source : its name in messages
 
     Raises
     ------

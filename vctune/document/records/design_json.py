@@ -1,7 +1,7 @@
 """The record of a design: each key of design.json once, with its type and its label (README.md, section 3).
 
-What is written, what a file must hold to be read back, and the rows of the table and of the report's page all follow
-from the fields of these classes: a new number is a new field.
+The fields of these classes determine what is written, what a file must hold to be read back, and the rows of the table
+and of the report's page: a new number is a new field.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Four = Annotated[list[float], Field(min_length=4, max_length=4)]
 
 
 class ActiveRecord(Part):
-    """A demand that holds the design: where, on which device, and at which price."""
+    """An active constraint: where, on which device, and at which price."""
 
     demand: str
     hz: Number
@@ -140,7 +140,7 @@ class DesignRecord(Document):
         "optimality": "optimality",
         "inner_loop": "velocity loop",
     }
-    """The parts that are shown as rows, in their order, and what they are called."""
+    """The parts that are shown as rows, in their order, and their names."""
 
     problem: ProblemRecord
     status: Literal["certified", "violated", "undecided", "infeasible"]

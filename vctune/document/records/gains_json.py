@@ -96,7 +96,7 @@ def coupling_record(coupling: AnyCoupling) -> CouplingRecord | SpringRecord:
 
 
 class TransparencyRecord(DisplayPart):
-    """The error and its unweighted terms, of an impedance display those of the dual."""
+    """The error and its unweighted terms, for an impedance display those of the dual."""
 
     error: Annotated[Number, Shown("error")]
     admittance: Annotated[Number, Shown("{free_motion}")]

@@ -17,12 +17,13 @@ from vctune.model.numbers.units import UNITS, Units
 
 FILE, DEVICE_FILE, EXCITATION_FILE = "identification.json", "device.toml", "excitation.csv"
 STROKE = {"to": 0.05, "speed": 0.01}
-"""Of the hand in the experiment, m and m/s; it is shorter where that would be too many samples."""
+"""Stroke and speed of the hand in the experiment, m and m/s; the stroke is shorter if it would take too many samples.
+"""
 GRIP = 0.1
 ROTARY_HAND = {"mass": 0.005, "damping": 0.3, "stiffness": 30.0}
-"""Hands of a linear device so far from an axis, m: a rotary servo has no inertia to go by."""
+"""Distance from the axis, m, of a rotary servo's default hands: a servo has no inertia from which to derive them."""
 STEP = 1e-5
-"""What shares are rounded up to, so that the box as written holds the box as found."""
+"""Step to which shares are rounded up, so that the written box contains the identified one."""
 
 
 class NumberRecord(Part):
@@ -71,7 +72,7 @@ class RecordingRecord(Part):
 
 
 class EstimateRecord(Part):
-    """A number as one recording, or one direction of it, has it."""
+    """The estimate of a number from one recording, or from one direction of it."""
 
     source: str
     value: float
@@ -143,7 +144,7 @@ def stated(value: float, low: float, high: float) -> tuple[float, float]:
 
     Parameters
     ----------
-    value, low, high : the interval; where it reaches down to 0 the share is its greatest
+    value, low, high : the interval; if it reaches down to 0 the share is at its greatest
 
     Returns
     -------
@@ -162,7 +163,7 @@ def device_text(record: IdentificationRecord) -> str:
 
     Parameters
     ----------
-    record : of the identification
+    record : record of the identification
     """
     device = dict(record.device)
     document: dict[str, Any] = {"name": record.name}

@@ -21,11 +21,11 @@ class Shown:
 
     Attributes
     ----------
-    label : what it is called, of a linear device
-    unit : text behind the number; in both a field's name in braces stands for its value
+    label : its name for a linear device
+    unit : text behind the number; in label and unit, a field's name in braces is replaced by its value
     digits : significant digits
-    scale : of the number in that unit
-    optional : whether the row is left out where the number does not exist
+    scale : scale of the number in that unit
+    optional : whether to leave out the row if the number does not exist
     detail : whether it is for the report alone, too much for a terminal
     of : which quantity it is (`vctune.model.numbers.units`), whose unit is then behind it
     """
@@ -53,7 +53,7 @@ def text(value: Any, digits: int = 5) -> str:
 
     Parameters
     ----------
-    value : a number, a pair of numbers, a text, or None for what does not exist
+    value : a number, a pair of numbers, a text, or None if it does not exist
     digits : significant ones of a float
     """
     if isinstance(value, list):
@@ -67,7 +67,7 @@ def _existing(value: Any) -> Any:
 
 
 Number = Annotated[float | None, BeforeValidator(_existing)]
-"""Null in the file where it does not exist."""
+"""Null in the file if it does not exist."""
 Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
 
@@ -95,9 +95,9 @@ def filled(part: Part, words: str, units: Units) -> str:
 
     Parameters
     ----------
-    part : whose fields are named
+    part : part whose fields are named
     words : text with names in braces, as in "of {band}"
-    units : of what is shown
+    units : units of the shown numbers
     """
 
     def stated(field: re.Match[str]) -> str:
@@ -112,7 +112,7 @@ class Document(Part):
 
     Attributes
     ----------
-    SCHEMA : what the object calls itself under the key `schema`
+    SCHEMA : name of the object under the key `schema`
     """
 
     SCHEMA: ClassVar[str]

@@ -7,12 +7,12 @@ from vctune.document.schema.number_units import unit_of
 from vctune.model.numbers.units import Units
 
 NO_DIFFERENCE = 5e-5
-"""Share of the error below which a change of it is none: of the hundredth by which a number is better. Half shows
-digits of what nobody will feel, twice hides some."""
+"""Relative change of the error below which a price counts as none, for a number better by a hundredth. Half shows
+digits that nobody will feel; twice hides some."""
 
 
 class PriceRecord(Part):
-    """The price of a number of the device: by what share the least error changes if it is better, to first order."""
+    """The price of a number of the device: by which share the least error changes if it is better, to first order."""
 
     key: str
     old: float

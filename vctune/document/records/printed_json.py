@@ -14,7 +14,7 @@ class NamedRecord(Part):
 
 
 class RefusalRecord(Document):
-    """In the list of `vctune check`, input that cannot be used or was not looked at: its file, the line, and why."""
+    """In the list of `vctune check`, input that cannot be used or was skipped: its file, the line, and why."""
 
     SCHEMA = "vctune/refusal/1"
 

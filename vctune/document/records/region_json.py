@@ -1,6 +1,6 @@
 """The region file: the feasible gains, cell by cell, as a baseline for continuous integration.
 
-Each key of region.json once, with its type: what is written and what a file must hold to be read back.
+Each key of region.json once, with its type: this determines what is written and what a file must hold to be read back.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ Index = Annotated[int, Field(ge=0)]
 Edges = Annotated[list[NotNegative], Field(min_length=2)]
 Verdict = Literal["feasible", "infeasible", "undecided"]
 Cell = Annotated[tuple[Index, Index, Index, Index, Verdict, float | None], Strict(False)]
-"""Numbers of the edges x_low, x_high, y_low, y_high; what is proved; b_c of a feasible cell where it is free."""
+"""Indices of the edges x_low, x_high, y_low, y_high; the verdict; b_c of a feasible cell if it is free."""
 
 
 class DemandsRecord(Part):
@@ -104,7 +104,7 @@ class CheckedProblemRecord(Part):
 class RegionDocument(Document):
     """The plane of gains and its cells, in SI units: the object of region.json.
 
-    Of one that was `interrupted`, cells that were not looked at are undecided.
+    If it was `interrupted`, skipped cells are undecided.
     """
 
     SCHEMA = "vctune/region/1"

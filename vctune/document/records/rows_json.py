@@ -1,6 +1,6 @@
 """The output of a study: the lines of rows.jsonl, and the objects of `vctune sweep` and `vctune front`.
 
-Names of columns have no dot, so that none of them is the key of an axis.
+Names of columns have no dot, so that no axis has the same key.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class RowsHeader(Document):
 class FeltRecord(Part):
     """How a design feels, on no yardstick (`vctune.analysis.feel`); null without a design, or above Nyquist.
 
-    The wall is looked at at 10 Hz; tracking ends where |G_he|, of an impedance display |A H/N|, falls below 1/sqrt 2.
+    The wall is evaluated at 10 Hz; tracking ends where |G_he|, for an impedance display |A H/N|, falls below 1/sqrt 2.
     """
 
     felt_mass_1hz: Annotated[Number, Shown("mass felt at 1 Hz", of="mass")]
@@ -43,7 +43,7 @@ class YardstickRecord(Part):
 
 
 class NumbersRecord(Part):
-    """The error, its unweighted terms, the design, its least ratio and where; null without a design."""
+    """The error, its unweighted terms, the design, its least ratio and the frequency of it; null without a design."""
 
     error: Annotated[Number, Shown("transparency error")]
     admittance_term: Annotated[Number, Shown("|Z_0 G_hh|")]
@@ -58,7 +58,7 @@ class NumbersRecord(Part):
     min_ratio: Annotated[Number, Shown("least Re Z_c / R")]
     worst_hz: Annotated[Number, Shown("where the ratio is least", of="frequency")]
     peak_sensitivity: Annotated[Number, Shown("peak |S|")]
-    stability_high_hz: Annotated[Number, Shown("upper edge of the stability band, if any is asked for", of="frequency")]
+    stability_high_hz: Annotated[Number, Shown("upper edge of the stability band, if required", of="frequency")]
 
 
 COLUMNS = how_shown(NumbersRecord) | how_shown(FeltRecord) | how_shown(YardstickRecord)
@@ -79,7 +79,7 @@ DESIGN = {
 class RowRecord(YardstickRecord, FeltRecord, NumbersRecord):
     """A line of rows.jsonl: a finished point, by the digest of all that determines it.
 
-    Where the `time_limit`, s, has cut its work short, it is undecided, and a run with more time tries it again.
+    If the `time_limit`, s, has cut its work short, it is undecided, and a run with more time tries it again.
     """
 
     key: str
@@ -118,9 +118,7 @@ class ObjectiveRecord(Part):
 class SweepRecord(Document):
     """The summary of a sweep.
 
-    `units` are those of axes and numbers, `idle` counts certified designs, and `stability_high_hz` is the least and the
-    greatest upper edge of the stability band where neither problem nor axes state it and the points' own devices differ
-    in it.
+    `units` are those of axes and numbers, `idle` counts certified designs.
     """
 
     SCHEMA = "vctune/sweep/2"
@@ -130,7 +128,6 @@ class SweepRecord(Document):
     status: dict[str, int]
     idle: int
     yardstick: ObjectiveRecord
-    stability_high_hz: Pair | None
     units: dict[str, str]
     best: Cells | None
     worst: Cells | None

@@ -1,6 +1,6 @@
 """The simulation file: the object that `vctune simulate --json` prints, read back for a report.
 
-Each key is a field here: what is written and what a file must hold to be read back follow from them.
+Each key is a field here; the fields determine what is written and what a file must hold to be read back.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class LeastVirtualRecord(Part):
 
 
 class FitRecord(Part):
-    """A number of the environment as it was felt."""
+    """A felt number of the environment."""
 
     value: Number
     asked: Number

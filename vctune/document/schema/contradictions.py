@@ -13,9 +13,9 @@ from vctune.document.schema.plausibility import in_finer_unit
 from vctune.document.schema.rotary_contradictions import missing_of_rotary
 from vctune.document.schema.validation import Contradiction
 from vctune.document.text.raw import number_at
-from vctune.model.device import PARTS
 from vctune.model.hands import HAND
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS, WORLD
+from vctune.model.parts import PARTS
 
 MAX_DECADES = 12
 

@@ -10,29 +10,29 @@ The least K_v, 1e-8 m/T, is below 1e-5 Z at any delay that is supported, so that
 
 from __future__ import annotations
 
-from dataclasses import astuple, replace
+from dataclasses import replace
 from math import inf, pi, sqrt
-from typing import Literal
+from typing import Any
 
+from pydantic import BaseModel
+
+from vctune.document.schema.device_schema import DeviceTable, ServoDeviceTable, UncertaintyTable, VelocityTable
 from vctune.document.schema.experiment_schema import ExperimentTable, FrictionTable, SensorsTable
 from vctune.document.schema.problem_schema import (
-    DeviceTable,
-    ForceSensorTable,
     OperatorTable,
     ProblemDocument,
-    ServoDeviceTable,
     StabilityTable,
     TransparencyTable,
-    UncertaintyTable,
     WorldsTable,
 )
-from vctune.model.device import Actuator, Device, ForceSensor, Servo, Structure, VelocityEstimate
+from vctune.model.device import Device
 from vctune.model.display import DISPLAYS
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
 from vctune.model.hands import Hand, Hands, LeastOperator
 from vctune.model.loop.limits import lags
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import UnitSystem
+from vctune.model.parts import PARTS
 from vctune.model.problem import (
     ABSENT,
     HUMAN_HANDS,
@@ -49,15 +49,15 @@ from vctune.model.transparency import Terms
 from vctune.model.worlds import EVERY_WORLD, World, Worlds
 
 
-def resolve(document: ProblemDocument, default_name: str, yardstick: Transparency | None = None) -> Problem:
+def resolve(document: ProblemDocument, default_name: str, yardstick: Problem | None = None) -> Problem:
     """Return the problem that a valid document states, every default filled in.
 
     Parameters
     ----------
     document : the tables of a problem file, in its units
     default_name : of the problem, where the document states none
-    yardstick : whose band and Z_0 replace the defaults of the objective; None for those of the device. The bounds have
-        the scales of the device in either case
+    yardstick : whose bands and Z_0 replace the defaults of the objective and of the stability band; None for those of
+        the device. The bounds have the scales of the device in either case
     """
     hands = _hands(document.operator or OperatorTable(), document.device.units)
     operator = LeastOperator(hands.low.mass, hands.low.damping) if hands.low.mass or hands.low.damping else None
@@ -77,18 +77,22 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Transparenc
     Z_0 = objective.reference_impedance or (_asked(hands, lag) if device.servo else device.mass * middle)
     own = Transparency(Band(2 * pi * f1, 2 * pi * f2), Z_0, objective.norm, Terms(**objective.weights.model_dump()))
     transparency = _on(yardstick, own, objective)
-    return Problem(
+    stability = _stability(document.stability, criterion, device, lag, transparency.band.min)
+    found = Problem(
         name=document.name if document.name is not None else default_name,
         description=document.description,
         device=device,
         bounds=_bounds(document, device, lag, Z_0, middle),
         transparency=transparency,
-        stability=_stability(document.stability, criterion, device, lag, transparency.band.min),
+        stability=stability,
         uncertainty=_uncertainty(document.uncertainty, device),
         experiments=tuple(_experiment(table, device) for table in document.experiment),
         hands=hands,
         worlds=_worlds(document.environment),
     )
+    if yardstick is None or document.stability.band_hz is not None or not (found.passive and yardstick.passive):
+        return found
+    return replace(found, stability=replace(stability, band=yardstick.stability.band))
 
 
 def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, middle: float) -> Bounds:
@@ -97,8 +101,8 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
     Parameters
     ----------
     document : which states some
-    device : whose scales the others have
-    lag : of its loop, s
+    device : device whose scales the others have
+    lag : lag of its loop, s
     Z_0, middle : N s/m and rad/s, of the device's own transparency band unless they are stated
     """
     gains, coupling = document.gains, document.coupling
@@ -132,33 +136,32 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
     )
 
 
-def _on(yardstick: Transparency | None, own: Transparency, table: TransparencyTable) -> Transparency:
+def _on(yardstick: Problem | None, own: Transparency, table: TransparencyTable) -> Transparency:
     """Return the objective whose band and Z_0 are a yardstick's where a table leaves them at their defaults."""
     if yardstick is None:
         return own
     return replace(
         own,
-        band=own.band if table.band_hz else yardstick.band,
-        reference_impedance=table.reference_impedance or yardstick.reference_impedance,
+        band=own.band if table.band_hz else yardstick.transparency.band,
+        reference_impedance=table.reference_impedance or yardstick.transparency.reference_impedance,
     )
 
 
 def _hands(table: OperatorTable, system: UnitSystem) -> Hands:
     """Return the hands of a table; a plain number is the least, the greatest is then a human hand's, or as much.
 
-    What a human hand is to a rotary device nobody knows but who states it: there a plain number is all.
+    The hands of a rotary device have no default, so that a plain number is all.
     """
-    most = astuple(HUMAN_HANDS.high) if system == "linear" else (0.0, 0.0, 0.0)
-    each = (table.mass, table.damping, table.stiffness)
-    ranges = [
-        Range(value, max(value, high)) if isinstance(value, float) else Range(value.min, value.max)
-        for value, high in zip(each, most, strict=True)
-    ]
-    return Hands(Hand(*(range_.min for range_ in ranges)), Hand(*(range_.max for range_ in ranges)))
+    ranges = {}
+    for name, high in HUMAN_HANDS.high.numbers.items():
+        value, most = getattr(table, name), high if system == "linear" else 0.0
+        ranges[name] = Range(value, max(value, most)) if isinstance(value, float) else Range(value.min, value.max)
+    ends = ({name: getattr(each, end) for name, each in ranges.items()} for end in ("min", "max"))
+    return Hands(*(Hand(**numbers) for numbers in ends))
 
 
 def _worlds(table: WorldsTable | None) -> Worlds | None:
-    """Return the environments of a table; None where it excludes none that is passive."""
+    """Return the environments of a table; None if it excludes no passive one."""
     if table is None:
         return None
     low = World(table.mass.min, table.damping.min, table.stiffness.min)
@@ -170,19 +173,19 @@ def _worlds(table: WorldsTable | None) -> Worlds | None:
 def _asked(hands: Hands, latency: float) -> float:
     """Return the drag that the stiffest hand of a box requires of a servo at rest, stiffness times latency, N s/m.
 
-    Where no hand has a stiffness, its damping or its mass over the latency stand in its place.
+    If no hand has a stiffness, its damping or its mass over the latency is used instead.
     """
     most = hands.high
     return max(most.stiffness * latency, most.damping, most.mass / latency) or 1.0
 
 
 def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag: float, slowest: float) -> Stability:
-    """Return the demands; those of an impedance display are up to the Nyquist frequency.
+    """Return the constraints; those of an impedance display are up to the Nyquist frequency.
 
     Parameters
     ----------
-    table : as stated
-    criterion : which hands are met
+    table : table as stated
+    criterion : selects the hands
     device, lag : whose loop it is, and its lag, s
     slowest : lower edge of the transparency band, rad/s
     """
@@ -197,40 +200,38 @@ def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag:
 
 def device_of(table: DeviceTable | ServoDeviceTable) -> Device:
     """Return the device of a table; parts without effect are omitted."""
-    sensed = _force_sensor(table.force_sensor)
     if isinstance(table, ServoDeviceTable):
-        servo = Servo(**table.servo.model_dump())
-        return Device(1.0, 0.0, table.sample_time, force_sensor=sensed, display="servo", servo=servo, units=table.units)
-    velocity, actuator, structure = table.velocity, table.actuator, table.structure
-    own: Literal["measured", "difference"] = "difference" if DISPLAYS[table.display].differences else "measured"
-    estimate = VelocityEstimate(own)
-    if velocity is not None:
-        estimate = VelocityEstimate(velocity.source or own, velocity.filter_hz, velocity.filter_order)
-    flexible = None
-    if structure is not None:
-        flexible = Structure(structure.handle_mass, structure.frequency_hz, structure.damping_ratio)
+        return Device(1.0, 0.0, table.sample_time, display="servo", units=table.units, **_parts(table))
+    velocity = table.velocity or VelocityTable()
+    if velocity.source is None:
+        own = "difference" if DISPLAYS[table.display].differences else "measured"
+        table = table.model_copy(update={"velocity": velocity.model_copy(update={"source": own})})
     return Device(
         table.mass,
         table.damping,
         table.sample_time,
         table.delay,
         table.hold,
-        velocity=None if estimate == VelocityEstimate() else estimate,
-        actuator=Actuator(actuator.bandwidth_hz, actuator.order) if actuator else None,
-        force_sensor=sensed,
-        structure=flexible,
         display=table.display,
         units=table.units,
+        **_parts(table),
     )
 
 
-def _force_sensor(table: ForceSensorTable | None) -> ForceSensor | None:
-    sensed = ForceSensor() if table is None else ForceSensor(**table.model_dump())
-    return None if sensed == ForceSensor() else sensed
+def _parts(table: BaseModel) -> dict[str, Any]:
+    return {key: part for key, part in stated_parts(table).items() if part != PARTS[key].idle}
+
+
+def stated_parts(table: BaseModel) -> dict[str, Any]:
+    """Return the parts that the table of a device states, by their keys, those that do nothing too."""
+    stated = {key: getattr(table, key, None) for key in PARTS}
+    return {
+        key: PARTS[key].record(**part.model_dump(exclude_none=True)) for key, part in stated.items() if part is not None
+    }
 
 
 def _uncertainty(table: UncertaintyTable, device: Device) -> Uncertainty | None:
-    """Return None where no number moves: a half-width of 0, or relative to a number that is 0."""
+    """Return None if no number moves: a half-width of 0, or relative to a number that is 0."""
     widths = table.model_dump(by_alias=True, exclude={"objective", "unmodelled"})
     moving = tuple((key, width) for key, width in widths.items() if width > 0)
     radii = () if device.servo is not None else tuple(table.unmodelled)

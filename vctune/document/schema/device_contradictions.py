@@ -10,21 +10,15 @@ from typing import Any
 from vctune.document.schema.number_units import units_stated
 from vctune.document.schema.validation import Contradiction
 from vctune.document.text.raw import number_at
-from vctune.model.device import NUMBERS
+from vctune.model.parts import DELAYS, LOOP_DELAYS, NUMBERS, PARTS, PartNumber
 
 MAX_DELAY_SAMPLES = 200
 """Of the device's own delay and of its force sensor's."""
+SENSED_DELAYS = set(DELAYS) - set(LOOP_DELAYS)
+"""The delays behind the loop's own, which `contradictions` looks at."""
 FASTEST, SLOWEST = 1e3, 1e-6
-"""Between what shares of the sampling rate a bandwidth or a resonance may lie: beyond, it does nothing, or nothing else
-does anything."""
-
-RATES = (
-    ("actuator", "bandwidth_hz"),
-    ("force_sensor", "bandwidth_hz"),
-    ("structure", "frequency_hz"),
-    ("servo", "bandwidth_hz"),
-)
-"""Rates of a device's parts, Hz."""
+"""Range of a bandwidth or a resonance as shares of the sampling rate: beyond it, the part has no effect, or hides all
+others."""
 
 
 def impossible_parts(raw: dict[str, Any]) -> Iterator[Contradiction]:
@@ -42,37 +36,39 @@ def impossible_parts(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _rates(raw: dict[str, Any], sample_time: float) -> Iterator[Contradiction]:
-    corner, nyquist = number_at(raw, "device", "velocity", "filter_hz"), 0.5 / sample_time
-    if corner is not None and corner > nyquist:
-        yield (
-            ("device", "velocity", "filter_hz"),
-            f"{corner:g} Hz is above the Nyquist frequency {nyquist:g} Hz; lower it, or leave it out",
-        )
-    for part, key in RATES:
-        rate = number_at(raw, "device", part, key)
-        if rate is None or rate <= 0:
+    nyquist = 0.5 / sample_time
+    for part, each in _numbers_of_parts():
+        path, number = ("device", part, each.name), number_at(raw, "device", part, each.name)
+        if number is None or number <= 0:
             continue
-        if rate * sample_time > FASTEST:
-            most = f"{FASTEST / sample_time:g}"
-            remedy = "lower it" if part == "servo" else "leave the table out"
-            yield ("device", part, key), f"{rate:g} Hz is above {most} Hz, where it does nothing; {remedy}"
-        if rate * sample_time < SLOWEST:
-            yield ("device", part, key), f"{rate:g} Hz is below {SLOWEST / sample_time:g} Hz; raise it"
-    delay = number_at(raw, "device", "force_sensor", "delay")
-    share = number_at(raw, "uncertainty", "force_sensor.delay") or 0.0
-    if delay is not None and isfinite(delay) and delay / sample_time * (1 + share) > MAX_DELAY_SAMPLES:
-        samples = delay / sample_time * (1 + share)
-        yield (
-            ("device", "force_sensor", "delay"),
-            f"{delay:.12g} s is up to {samples:.12g} sample times; at most {MAX_DELAY_SAMPLES} are supported",
-        )
+        if each.quantity == "rate" and each.sampled:
+            if number > nyquist:
+                message = f"{number:g} Hz is above the Nyquist frequency {nyquist:g} Hz; lower it, or leave it out"
+                yield path, message
+        elif each.quantity == "rate":
+            if number * sample_time > FASTEST:
+                most = f"{FASTEST / sample_time:g}"
+                remedy = "lower it" if part == "servo" else "leave the table out"
+                yield path, f"{number:g} Hz is above {most} Hz, where it does nothing; {remedy}"
+            if number * sample_time < SLOWEST:
+                yield path, f"{number:g} Hz is below {SLOWEST / sample_time:g} Hz; raise it"
+        elif f"{part}.{each.name}" in SENSED_DELAYS and isfinite(number):
+            share = number_at(raw, "uncertainty", f"{part}.{each.name}") or 0.0
+            samples = number / sample_time * (1 + share)
+            if samples > MAX_DELAY_SAMPLES:
+                most = f"at most {MAX_DELAY_SAMPLES} are supported"
+                yield path, f"{number:.12g} s is up to {samples:.12g} sample times; {most}"
+
+
+def _numbers_of_parts() -> Iterator[tuple[str, PartNumber]]:
+    return ((key, each) for key, part in PARTS.items() for each in part.numbers)
 
 
 def _filters(device: dict[str, Any]) -> Iterator[Contradiction]:
-    for part, order, corner in (("velocity", "filter_order", "filter_hz"), ("force_sensor", "order", "bandwidth_hz")):
+    for part, each in _numbers_of_parts():
         table = device.get(part)
-        if isinstance(table, dict) and order in table and corner not in table:
-            yield ("device", part, order), f"is of a low-pass; write {corner} too, or leave it out"
+        if each.order and isinstance(table, dict) and each.order in table and each.name not in table:
+            yield ("device", part, each.order), f"is of a low-pass; write {each.name} too, or leave it out"
 
 
 def _masses(raw: dict[str, Any]) -> Iterator[Contradiction]:

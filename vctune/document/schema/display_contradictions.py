@@ -9,9 +9,10 @@ from vctune.document.schema.number_units import units_stated
 from vctune.document.schema.validation import Contradiction
 from vctune.document.text.raw import number_at
 from vctune.model.hands import HAND
+from vctune.model.parts import PARTS
 
 OF_ADMITTANCE: dict[tuple[str, ...], str] = {
-    ("device", "force_sensor"): "it senses no force",
+    **{("device", key): part.lacking["impedance"] for key, part in PARTS.items() if "impedance" in part.lacking},
     ("gains", "position"): "it has no velocity loop, whose error an integrator would add up",
     ("coupling", "mass"): "its coupling is coupling.damping beside coupling.stiffness",
     ("coupling", "drag"): "its coupling is coupling.damping beside coupling.stiffness",
@@ -19,16 +20,14 @@ OF_ADMITTANCE: dict[tuple[str, ...], str] = {
     ("environment",): "its demands are proved of every passive environment alone, not of a box of them",
     ("uncertainty", "unmodelled"): "its demands are not proved of a response that is not known",
 }
-"""What an impedance display has not got."""
+"""Keys that do not apply to an impedance display."""
 OF_OWN_LOOP: dict[tuple[str, ...], str] = {
     ("device", "mass"): "the hand does not move it: its motion follows the command alone",
     ("device", "damping"): "the hand does not move it: its motion follows the command alone",
     ("device", "delay"): "the delay is device.servo.delay",
     ("device", "hold"): "its command is held over a sample, or interpolated",
     ("device", "display"): "a servo is an admittance display",
-    ("device", "velocity"): "no gain of this file acts on its velocity",
-    ("device", "actuator"): "its lag is device.servo.bandwidth_hz and order",
-    ("device", "structure"): "a spring behind its loop is not modelled",
+    **{("device", key): part.lacking["servo"] for key, part in PARTS.items() if "servo" in part.lacking},
     ("gains",): "its loop is the vendor's; only the coupling is designed",
     ("coupling", "stiffness"): "its coupling is damping and mass in series, beside drag",
     ("stability", "band_hz"): "its requirements are proved at every frequency up to the Nyquist frequency",
@@ -37,7 +36,7 @@ OF_OWN_LOOP: dict[tuple[str, ...], str] = {
     ("uncertainty", "delay"): 'the delay is "servo.delay"',
     ("stability", "max_sensitivity"): "the file closes no loop of its own that could be too sensitive",
 }
-"""What a servo has not got."""
+"""Keys that do not apply to a servo."""
 
 
 def impossible_display(raw: dict[str, Any]) -> Iterator[Contradiction]:

@@ -19,7 +19,7 @@ OF_OWN_LOOP: dict[tuple[str, ...], str] = {
     ("actuator", "limit"): "the firmware commands no force",
     ("baseline",): "a regular PID commands a force, which it does not take",
 }
-"""What the experiment of a servo has not got."""
+"""Keys that do not apply to the experiment of a servo."""
 
 
 def impossible_experiments(raw: dict[str, Any]) -> Iterator[Contradiction]:
@@ -39,7 +39,7 @@ def impossible_experiments(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _value(table: dict[str, Any], model: Any, group: str, key: str) -> float | None:
-    """Return a number of a table, its default where it is left out; None where it is not a number."""
+    """Return a number of a table, or its default if it is absent; None if it is not a number."""
     given = table.get(group, {})
     if isinstance(given, dict) and key not in given:
         fields = model.model_fields.items()

@@ -37,6 +37,6 @@ Text = Annotated[str, Field(strict=True)]
 
 
 class Table(BaseModel):
-    """A table that refuses keys that it does not know."""
+    """A table that refuses unknown keys."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)

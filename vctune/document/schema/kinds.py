@@ -50,7 +50,7 @@ def require_record_of(file: ProblemFile, record: ProblemRecord, source: str, wha
     file : the problem
     record : the problem that it was made for
     source : the file that holds the record
-    what : it is, "design" or "region"
+    what : the kind of record, "design" or "region"
 
     Raises
     ------

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag
 
+from vctune.document.schema.device_schema import ActuatorTable, ForceSensorTable, VelocityTable
 from vctune.document.schema.fields import MOST, NotNegative, Positive, Table, Text
-from vctune.document.schema.problem_schema import ActuatorTable, ForceSensorTable, VelocityTable
 
 UNITS: dict[str, float] = {
     "s": 1.0, "ms": 1e-3, "us": 1e-6,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from vctune.document.schema.validation import KeyPath
+from vctune.model.hands import QUANTITIES as OF_HAND
 from vctune.model.numbers.keys import QUANTITIES as OF_VARIABLES
 from vctune.model.numbers.units import UNITS, Units
 
@@ -20,6 +21,8 @@ QUANTITIES = {
     "frequency": ("band_hz", "bandwidth_hz", "filter_hz", "frequency_hz"),
 }
 """Which keys are which quantity (`vctune.model.numbers.units`), whatever table they stand in."""
+BY_KEY = OF_VARIABLES | {f"operator.{name}": quantity for name, quantity in OF_HAND.items()}
+"""Those that are told by their whole keys."""
 SHARES = ("uncertainty", "weights")
 """Tables of numbers without a unit."""
 
@@ -35,15 +38,13 @@ def unit_of(path: KeyPath, units: Units) -> str:
 
     Parameters
     ----------
-    path : of its key
-    units : of the problem
+    path : path of its key
+    units : units of the problem
     """
     names = [step for step in path if isinstance(step, str) and step not in ("min", "max")]
     if not names or any(name in SHARES for name in names):
         return ""
-    quantity = OF_VARIABLES.get(".".join(names)) or next(
-        (each for each, keys in QUANTITIES.items() if names[-1] in keys), ""
-    )
+    quantity = BY_KEY.get(".".join(names)) or next((each for each, keys in QUANTITIES.items() if names[-1] in keys), "")
     return units.of(quantity)
 
 
@@ -52,7 +53,7 @@ def heading(name: str, unit: str) -> str:
 
     Parameters
     ----------
-    name : of the column
+    name : name of the column
     unit : "" for none
     """
     return f"{name} [{unit}]" if unit and "_hz" not in name else name

@@ -10,10 +10,10 @@ from vctune.model.experiment import Environment
 from vctune.model.problem import Problem
 
 SLOWEST = 0.1
-"""Sample time from which on it is asked whether it is in seconds, s: twice that of the slowest example."""
+"""Sample time, s, from which on vctune asks whether it is in seconds: twice that of the slowest example."""
 STIFFEST = 1e6
-"""Greatest stiffness of a hand from which on it is asked whether it is in SI units, N/m or N m/rad: ten times that of a
-stiff fixture, a thousand times that of a firm grip."""
+"""Greatest stiffness of a hand, N/m or N m/rad, from which on vctune asks whether it is in SI units: ten times that of
+a stiff fixture, a thousand times that of a firm grip."""
 FIRM = 1e3
 """Stiffness of a firm grip, N/m."""
 FINER = ((1e-6, "microseconds"), (1e-3, "milliseconds"))
@@ -38,9 +38,9 @@ def doubts(problem: Problem) -> Iterator[Note]:
     for number, experiment in enumerate(problem.experiments):
         if outside := _outside(experiment.environment, problem):
             what, key = outside
-            said = f"experiment {experiment.name!r} renders {what}, which is not in [environment]: of what it shows"
+            said = f"experiment {experiment.name!r} renders {what}, which is not in [environment]: "
             path = ("experiment", number, "environment", key)
-            yield Note("warn-environment", f"{said} nothing is proved", path)
+            yield Note("warn-environment", f"{said}no claim covers what it shows", path)
     if RESERVED.match(name.strip().lstrip(".")):
         said = f"name {name!r} is that of a device on Windows; the folder is {folder_name(name)}: better choose another"
         yield Note("warn-name", said)
@@ -70,7 +70,7 @@ def in_finer_unit(value: float, most: float) -> tuple[str, float]:
 
     Parameters
     ----------
-    value : as it is written
+    value : the written value
     most : the greatest plausible time, s
     """
     scale, unit = next(((scale, unit) for scale, unit in reversed(FINER) if value * scale < most / 5), FINER[0])

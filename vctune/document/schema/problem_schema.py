@@ -9,15 +9,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 
+from vctune.document.schema.device_schema import AnyDeviceTable, UncertaintyTable
 from vctune.document.schema.experiment_schema import ExperimentTable
 from vctune.document.schema.fields import (
     Edge,
     NotNegative,
     NotNegativeOrInf,
-    Portion,
     Positive,
     PositiveOrInf,
-    Share,
     Table,
     Text,
 )
@@ -51,127 +50,6 @@ Variable = Annotated[
 ]
 Damping = Annotated[
     Annotated[NotNegativeOrInf, Tag("<number>")] | Annotated[NotNegativeRange, Tag("<range>")], Discriminator(_form)
-]
-
-
-Order = Annotated[int, Field(strict=True, ge=1, le=2)]
-
-
-class VelocityTable(Table):
-    """How the firmware obtains the velocity of the motor."""
-
-    source: Literal["measured", "difference"] | None = Field(
-        None,
-        alias="from",
-        description="Source of the velocity: a sensor, or the backward difference of the sampled position. Default: "
-        "measured; for an impedance display the difference.",
-    )
-    filter_hz: Positive | None = Field(
-        None,
-        description="Corner f of the firmware's low-pass y += a (x - y), a = 1 - e^(-2 pi f T), Hz. Default: none.",
-    )
-    filter_order: Order = Field(1, description="Number of these low-passes in series, 1 or 2.")
-
-
-class ActuatorTable(Table):
-    """The response of the motor's force to its command."""
-
-    bandwidth_hz: Positive = Field(description="Bandwidth of the force (current) loop, Hz.")
-    order: Order = Field(
-        1, description="Order: 1 is w/(s + w), 2 is w^2/(s^2 + sqrt(2) w s + w^2), with w = 2 pi bandwidth_hz."
-    )
-
-
-class ForceSensorTable(Table):
-    """The sensor of the hand's force."""
-
-    bandwidth_hz: Positive | None = Field(
-        None, description="Bandwidth of sensor and filter, Hz, defined like the actuator's. Default: no low-pass."
-    )
-    order: Order = Field(1, description="Order of the low-pass, 1 or 2.")
-    delay: NotNegative = Field(0.0, description="Delay until the firmware has the sample, s; at most 200 sample times.")
-
-
-class StructureTable(Table):
-    """A handle on a spring. The motor's part has all of the device's damping; sensor and motor act on it."""
-
-    handle_mass: Positive = Field(description="Part of device.mass on the handle's side of the spring, kg.")
-    frequency_hz: Positive = Field(description="Frequency of the free resonance, both parts against each other, Hz.")
-    damping_ratio: NotNegative = Field(description="Damping ratio of that resonance.")
-
-
-class ServoTable(Table):
-    """A closed loop that follows a command late, such as a robot under its vendor's controller."""
-
-    command: Literal["velocity", "position"] = Field(
-        "velocity", description="Kind of command: a velocity, held over a sample, or a position, interpolated over it."
-    )
-    delay: NotNegative = Field(
-        description="Delay from sampling to motion beyond the hold, s; at most 200 sample times, uncertainty included."
-    )
-    bandwidth_hz: Positive = Field(description="Bandwidth of the motion that follows the late command, Hz.")
-    order: Order = Field(1, description="Order of that low-pass, 1 or 2, defined like the actuator's.")
-    stiffness: Positive | None = Field(
-        None,
-        description="Stiffness of the firmware's spring between the measured position and its reference, N/m; the "
-        "force sensor does not delay it. Default: no spring.",
-    )
-
-
-class ServoSensorTable(ForceSensorTable):
-    """The sensor of the hand's force, and the admittance controller's filter of its samples."""
-
-    filter_coefficient: Portion | None = Field(
-        None, description="Coefficient a of the controller's filter y += a (x - y), 0 < a <= 1. Default: no filter."
-    )
-
-
-class ServoDeviceTable(Table):
-    """A device that follows its command late and that the hand cannot push."""
-
-    units: Literal["linear", "rotary"] = Field("linear", description="Kind of motion, as for any other device.")
-    sample_time: Positive = Field(description="Sample time of the admittance controller, s.")
-    servo: ServoTable
-    force_sensor: ServoSensorTable | None = Field(None, description="Default: the force is sensed without delay.")
-
-
-class DeviceTable(Table):
-    """The mechanism: Z_d = mass s + damping."""
-
-    display: Literal["admittance", "impedance"] = Field(
-        "admittance",
-        description='Kind of display. "admittance": force in, velocity out. "impedance": motion in, force out.',
-    )
-    units: Literal["linear", "rotary"] = Field(
-        "linear",
-        description="Kind of motion of the handle. For a rotary device (a wheel, a knob, a joint), read kg m2, rad and "
-        "N m for every kg, m and N of this file; mass is the moment of inertia. The keys keep their names.",
-    )
-    mass: Positive = Field(description="Moving mass, kg.")
-    damping: NotNegative = Field(description="Viscous damping, N s/m.")
-    sample_time: Positive = Field(description="Sample time of the velocity loop, s.")
-    hold: Literal["zoh", "lag"] = Field(
-        "zoh", description="Hold: exact zero-order hold, or the paper's first-order lag 2/(2+sT)."
-    )
-    delay: NotNegative = Field(
-        0.0,
-        description="Delay from sampling to actuation beyond the hold, s; at most 200 sample times, uncertainty "
-        "included.",
-    )
-    velocity: VelocityTable | None = Field(None, description="Default: measured without delay.")
-    actuator: ActuatorTable | None = Field(None, description="Default: the force follows the command without lag.")
-    force_sensor: ForceSensorTable | None = Field(None, description="Default: the force is sensed without delay.")
-    structure: StructureTable | None = Field(None, description="Default: rigid.")
-
-
-def _device_form(value: Any) -> str:
-    servo = "servo" in value if isinstance(value, dict) else isinstance(value, ServoDeviceTable)
-    return "<servo>" if servo else "<mechanism>"
-
-
-AnyDeviceTable = Annotated[
-    Annotated[DeviceTable, Tag("<mechanism>")] | Annotated[ServoDeviceTable, Tag("<servo>")],
-    Discriminator(_device_form),
 ]
 
 
@@ -303,51 +181,6 @@ class StabilityTable(Table):
         description='"passive": any passive hand, on band_hz. "hands": every hand of [operator] with every passive '
         'environment, or with every environment of [environment], in the sampled loop at every frequency. "both": '
         'both claims. A servo, or a file with [environment], has the default "hands".',
-    )
-
-
-class UncertaintyTable(Table):
-    """Relative half-widths of the device's numbers; the constraints hold for every device within them.
-
-    The number of a part of the device has its name in quotes, as in "actuator.bandwidth_hz" = 0.2.
-    """
-
-    mass: Share = Field(0.0, description="Uncertainty of device.mass; 0.1 means plus or minus 10 %.")
-    damping: Share = Field(0.0, description="Uncertainty of device.damping.")
-    delay: Share = Field(0.0, description="Uncertainty of device.delay.")
-    velocity_filter_hz: Share = Field(
-        0.0, alias="velocity.filter_hz", description="Uncertainty of device.velocity.filter_hz."
-    )
-    actuator_bandwidth_hz: Share = Field(
-        0.0, alias="actuator.bandwidth_hz", description="Uncertainty of device.actuator.bandwidth_hz."
-    )
-    force_sensor_bandwidth_hz: Share = Field(
-        0.0, alias="force_sensor.bandwidth_hz", description="Uncertainty of device.force_sensor.bandwidth_hz."
-    )
-    force_sensor_delay: Share = Field(
-        0.0, alias="force_sensor.delay", description="Uncertainty of device.force_sensor.delay."
-    )
-    structure_handle_mass: Share = Field(
-        0.0, alias="structure.handle_mass", description="Uncertainty of device.structure.handle_mass."
-    )
-    structure_frequency_hz: Share = Field(
-        0.0, alias="structure.frequency_hz", description="Uncertainty of device.structure.frequency_hz."
-    )
-    structure_damping_ratio: Share = Field(
-        0.0, alias="structure.damping_ratio", description="Uncertainty of device.structure.damping_ratio."
-    )
-    servo_delay: Share = Field(0.0, alias="servo.delay", description="Uncertainty of device.servo.delay.")
-    servo_bandwidth_hz: Share = Field(
-        0.0, alias="servo.bandwidth_hz", description="Uncertainty of device.servo.bandwidth_hz."
-    )
-    unmodelled: list[tuple[Positive, Positive]] = Field(
-        default_factory=list,
-        description="Unmodelled dynamics, [[Hz, radius], ...]: the device's response may be multiplied by any factor "
-        "in a disc around 1 with this radius, linear between the frequencies on logarithmic axes and constant beyond.",
-    )
-    objective: Literal["nominal", "worst"] = Field(
-        "nominal",
-        description="Error to minimise: that of the nominal device, or the greatest at the vertices of the box.",
     )
 
 

@@ -29,7 +29,7 @@ def missing_of_rotary(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _hands_are_met(raw: dict[str, Any]) -> bool:
-    """Return whether hands of a box are to be met: on an impedance display any passive hand is in their place."""
+    """Return whether hands of a box are required: on an impedance display any passive hand is in their place."""
     stability, display = raw.get("stability", {}), raw["device"].get("display")
     criterion = stability.get("criterion", "both") if isinstance(stability, dict) else "both"
     return criterion == "hands" or (criterion == "both" and display != "impedance")
@@ -41,8 +41,7 @@ def _hands(operator: Any, *, servo: bool) -> Iterator[Contradiction]:
     lacking = [key for key in HAND if not isinstance(operator.get(key.partition(".")[2]), dict)]
     if not lacking:
         return
-    ends = (HUMAN_HANDS.high.mass, HUMAN_HANDS.high.damping, HUMAN_HANDS.high.stiffness)
-    of_a_grip = dict(zip(HAND, ends, strict=True))
+    of_a_grip = HUMAN_HANDS.high.by_key
     written = ", ".join(f"{key.partition('.')[2]} = {{ min = 0, max = {of_a_grip[key]:g} r^2 }}" for key in lacking)
     otherwise = "" if servo else ', or ask for stability.criterion = "passive"'
     yield (
@@ -53,7 +52,7 @@ def _hands(operator: Any, *, servo: bool) -> Iterator[Contradiction]:
 
 
 def _defaults(path: tuple[str | int, ...], stated: Any, table: type[BaseModel]) -> Iterator[Contradiction]:
-    """Return the keys of a table that are left out and whose defaults are in units of a linear device."""
+    """Return the absent keys of a table whose defaults are in units of a linear device."""
     if not isinstance(stated, dict):
         return
     for name, field in table.model_fields.items():

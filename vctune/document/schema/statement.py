@@ -7,14 +7,15 @@ from dataclasses import asdict, fields, is_dataclass
 from math import inf, pi
 from typing import Any
 
-from vctune.model.device import Device, ForceSensor, Servo, VelocityEstimate
+from vctune.model.device import Device
 from vctune.model.display import ADMITTANCE
 from vctune.model.experiment import Experiment
 from vctune.model.numbers.frequency import hertz
+from vctune.model.parts import PARTS, Servo, VelocityEstimate
 from vctune.model.problem import Band, Bounds, Problem, Range
 from vctune.model.worlds import Worlds
 
-SERVO_KEYS = ("units", "sample_time", "servo", "force_sensor")
+SERVO_KEYS = ("units", "sample_time", *(key for key, part in PARTS.items() if "servo" not in part.lacking))
 """Keys of the table of a device that is a servo."""
 
 
@@ -78,15 +79,14 @@ def table_of(value: Any) -> dict[str, Any]:
         del table["radii"]  # which [uncertainty] states
     elif isinstance(value, VelocityEstimate):
         table["from"] = table.pop("source")
-        if "filter_hz" not in table:
-            del table["filter_order"]  # of a low-pass that is not there
     elif isinstance(value, Device) and value.servo is not None:
         table = {key: entry for key, entry in table.items() if key in SERVO_KEYS and entry != "linear"}
     elif isinstance(value, Device):
         absent = {"display": value.kind is ADMITTANCE, "units": value.units == "linear"}
         table = {key: entry for key, entry in table.items() if not absent.get(key)}
-    elif isinstance(value, ForceSensor) and "bandwidth_hz" not in table:
-        del table["order"]
+    for number in (each for part in PARTS.values() if isinstance(value, part.record) for each in part.numbers):
+        if number.order and number.name not in table:
+            del table[number.order]  # of a low-pass that is not there
     return table
 
 

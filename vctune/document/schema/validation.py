@@ -19,12 +19,12 @@ from vctune.document.text.hints import CALLED, commas_meant, number_meant
 
 MAX_MISTAKES = 25
 TAGS = ("<number>", "<range>", "<text>", "<column>", "<mass>", "<spring>", "<mechanism>", "<servo>")
-"""What tells the forms of a key apart, which is no part of its path."""
+"""Tags of a key's alternative forms, which are no part of its path."""
 LONG = 60
 
 KeyPath = tuple[str | int, ...]
 Contradiction = tuple[KeyPath, str]
-"""Path of a key, and what is wrong between its value and others that are each right."""
+"""Path of a key, and the contradiction between its value and others that are valid on their own."""
 
 
 class Fault(NamedTuple):
@@ -39,13 +39,13 @@ MOVED: dict[KeyPath, str] = {
     ("sensors", "velocity"): "is the device's now, of design and simulation alike: write it as [device.velocity] from",
     ("sensors", "filter_hz"): "is the device's now, of design and simulation alike: write it in [device.velocity]",
 }
-"""Keys that earlier versions had, and where they are now."""
+"""Keys of earlier versions, and their present places."""
 PAIR_LISTS: dict[KeyPath, tuple[str, str]] = {
     ("uncertainty", "unmodelled"): ("[Hz, radius]", "unmodelled = [[1.0, 0.02], [100.0, 0.1]]"),
 }
-"""Keys that are lists of pairs: what a pair is, and how all of it is written."""
+"""Keys that are lists of pairs: the meaning of a pair, and how to write the list."""
 Check = Callable[[dict[str, Any]], list[Contradiction]]
-"""Finds what is wrong between values that are each right, in whatever part of a document is valid."""
+"""A function that finds contradictions between valid values, in the valid parts of a document."""
 Document = TypeVar("Document", bound=BaseModel)
 
 
@@ -56,8 +56,8 @@ def validated(model: type[Document], text: str, source: str, check: Check) -> Do
     ----------
     model : class of the document
     text : TOML
-    source : what messages call it
-    check : finds what is wrong between values that are each right
+    source : its name in messages
+    check : function that finds contradictions between valid values
 
     Raises
     ------
@@ -77,7 +77,7 @@ def examined(model: type[Document], raw: dict[str, Any], check: Check) -> tuple[
     ----------
     model : class of the document
     raw : tables
-    check : finds what is wrong between values that are each right
+    check : function that finds contradictions between valid values
     """
     between = [Fault(path, message, "contradiction") for path, message in check(raw)]
     try:
@@ -94,8 +94,8 @@ def refusal(faults: list[Fault], text: str | None, source: str) -> InputError:
     Parameters
     ----------
     faults : at least one
-    text : that was read; None if there is no file
-    source : what the message calls it
+    text : text that was read; None if there is no file
+    source : its name in the message
     """
     lines = toml.Lines(text) if text is not None else None
     listed = faults[:MAX_MISTAKES]
@@ -119,7 +119,7 @@ def _line(lines: toml.Lines, path: KeyPath) -> int:
 
 
 def dotted(path: KeyPath) -> str:
-    """Return a key as it is written: tables joined by dots, elements of lists in brackets."""
+    """Return a key in its written form: tables joined by dots, elements of lists in brackets."""
     text = ""
     for step in path:
         name = step if isinstance(step, int) or re.fullmatch(r"[\w-]+", step) else json.dumps(step, ensure_ascii=False)
@@ -145,7 +145,7 @@ def _fault(model: type[BaseModel], details: Any) -> Fault:
 
 
 Message = Callable[[Any, dict[str, Any]], str]
-"""Makes a message of a value and what was asked of it."""
+"""A function that makes a message from a value and its constraint."""
 
 
 def _range_messages(model: type[BaseModel], path: KeyPath) -> dict[str, Message]:
@@ -203,7 +203,7 @@ def _elements(path: KeyPath) -> str:
 
 
 def _pair(path: KeyPath) -> str:
-    """Return how the pair at a path, or that of which it is an element, is written."""
+    """Return the written form of the pair at a path, or of the pair that contains it."""
     return next((form for key, (form, _) in PAIR_LISTS.items() if path[: len(key)] == key), "[lower, upper]")
 
 
@@ -225,9 +225,9 @@ def _field_at(model: type[BaseModel], path: KeyPath) -> FieldInfo | None:
 
 
 def _table_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
-    """Return the table at a path: a key's own, that of each element of a list, or one that may be left out.
+    """Return the table at a path: a key's own, that of each element of a list, or an optional one.
 
-    A tag in the path says which of several tables a key holds; without one it is the first.
+    A tag in the path says which of several tables a key holds; without a tag it is the first.
     """
     tables, annotation = [model], None
     for step in path:
@@ -266,13 +266,14 @@ def _unknown(model: type[BaseModel], path: KeyPath) -> str:
 
     Parameters
     ----------
-    model : of the document
-    path : of the key, with the tags of the forms on its way
+    model : class of the document
+    path : path of the key, with the tags of the forms on its way
     """
     table = _table_at(model, path[:-1])
     known = [field.alias or name for name, field in table.model_fields.items()] if table else ["min", "max"]
-    if CALLED.get(str(path[-1])) in known:
-        return f"unknown key; of a rotary device too it is called {CALLED[str(path[-1])]}"
+    called = CALLED.get(str(path[-1]), str(path[-1]).replace("torque", "force"))
+    if called != path[-1] and called in known:
+        return f"unknown key; of a rotary device too it is called {called}"
     meant = get_close_matches(str(path[-1]), known, n=1, cutoff=0.6)
     if meant:
         return f"unknown key; did you mean {meant[0]}?"
@@ -283,7 +284,7 @@ def _unknown(model: type[BaseModel], path: KeyPath) -> str:
 
 
 def _tables(model: type[BaseModel], told: KeyPath, tag: KeyPath) -> Iterator[tuple[str, set[str]]]:
-    """Yield the tables of a document with their keys: of the one at `told` that which the tag names."""
+    """Yield the tables of a document with their keys; at `told` only the table of the tag."""
     for name in model.model_fields:
         table = _table_at(model, (name, *(tag if (name,) == told else ())))
         if table:

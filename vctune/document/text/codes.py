@@ -1,7 +1,7 @@
 """The stable code of every refusal, warning, remark and left-out line.
 
-Each is explained under a heading of its own in the README of the folder that says it, from where `vctune explain CODE`
-takes its page: a code without a page, and a page whose example does not give its code, fail the tests.
+Each has a heading of its own in the README of the folder that uses it, from which `vctune explain CODE` takes its page:
+a code without a page, and a page whose example does not give its code, fail the tests.
 """
 
 from __future__ import annotations
@@ -110,17 +110,17 @@ Code = Literal[
     "warn-yields",
     "wrong-type",
 ]
-"""A new one is added here, given to what is said, and explained in a README."""
+"""To add a code, write it here, use it in its message, and explain it in a README."""
 ENDING = re.compile(r" \[([a-z]+(?:-[a-z]+)*)\]$")
 
 
 def coded(text: str, code: Code) -> str:
-    """Return a line with its code at its end, from which `vctune explain` goes on.
+    """Return a line with its code at its end, from which `vctune explain` continues.
 
     Parameters
     ----------
-    text : what is said
-    code : what it is an instance of
+    text : the text
+    code : its code
     """
     return f"{text} [{code}]"
 
@@ -130,8 +130,8 @@ def has_code(line: str | None, code: Code) -> bool:
 
     Parameters
     ----------
-    line : what is said, if anything
-    code : looked for
+    line : the text, if any
+    code : sought
     """
     found = ENDING.search(line or "")
     return found is not None and found[1] == code
@@ -143,9 +143,9 @@ class Note:
 
     Attributes
     ----------
-    code : what it is an instance of
-    text : what is said
-    path : of the key in a problem file that it is about; empty where it is about no single one
+    code : its code
+    text : the text
+    path : the key in a problem file that it is about; empty if it is about no single one
     """
 
     code: Code

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from hashlib import sha256
 from typing import Any
 
-from vctune.model.device import OF_FIRMWARE, PARTS
 from vctune.model.display import ADMITTANCE
 from vctune.model.experiment import Experiment
+from vctune.model.hands import Hand
+from vctune.model.parts import OF_FIRMWARE, PARTS
 from vctune.model.problem import Problem
 
 
@@ -23,6 +24,9 @@ def problem_digest(problem: Problem) -> str:
     for part, key in (path.split(".") for path in OF_FIRMWARE):
         if (table := stated["device"].get(part)) is not None and table[key] is None:
             del table[key]
+    for end in stated["hands"].values():  # likewise a number of a hand that has a default
+        for known in (each for each in fields(Hand) if end[each.name] == each.default):
+            del end[known.name]
     if problem.device.kind is ADMITTANCE:
         del stated["device"]["display"], stated["bounds"]["stiffness"]
     if problem.device.units == "linear":

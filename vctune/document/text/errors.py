@@ -14,9 +14,9 @@ class Mistake:
 
     Attributes
     ----------
-    code : what it is an instance of; `vctune explain CODE` tells more
+    code : its code; `vctune explain CODE` tells more
     key : dotted key, "" for the document as a whole
-    message : what is wrong, with the value, and what to do
+    message : the fault, with the value, and what to do
     line : line number from 1, or None
     """
 
@@ -57,11 +57,11 @@ class InputError(ValueError):
 
         Parameters
         ----------
-        source : path of the file, or what else is at fault
-        code : what the mistake is an instance of
-        message : what is wrong, by how much, and what to do
-        key : dotted; empty where no key is at fault
-        line : of the file, from 1; None where it has none
+        source : path of the file, or another source of the fault
+        code : code of the mistake
+        message : the fault, by how much, and what to do
+        key : dotted key; empty if no key is at fault
+        line : line of the file, from 1; None if it has none
         """
         return InputError(source, [Mistake(code, key, message, line)])
 

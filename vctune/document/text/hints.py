@@ -10,26 +10,24 @@ PREFIXED = {"g": ("kg", 1e-3), "ms": ("s", 1e-3), "us": ("s", 1e-6), "µs": ("s"
     "g cm2": ("kg m2", 1e-7), "kg cm2": ("kg m2", 1e-4), "mNm": ("N m", 1e-3), "mN m": ("N m", 1e-3),
     "deg": ("rad", pi / 180), "rpm": ("rad/s", pi / 30),
 }  # fmt: skip
-"""Units that are written where those of the file are meant: which of these they are so much of."""
+"""Units that users write instead of those of the file, and their conversion."""
 CALLED = {
     "inertia": "mass",
     "moment_of_inertia": "mass",
     "handle_inertia": "handle_mass",
-    "torque_noise": "force_noise",
-    "torque_sensor": "force_sensor",
 }
-"""Keys by what a rotary device's numbers are called."""
+"""Keys by what a rotary device's numbers are called; a key of a torque is that of a force."""
 WITH_COMMA = re.compile(r"([-+]?\d+),(\d+)")
 WITH_UNIT = re.compile(r"([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?) *([A-Za-zµ][\w /^²·*]*)")
 ASSIGNED = re.compile(r"=\s*([^#]*?)\s*(?:#.*)?$")
 
 
 def number_meant(text: str) -> str:
-    """Return the hint at the number that a text was to be, with a decimal comma or a unit; "" if it was to be none.
+    """Return the hint at the number that a text probably means, with a decimal comma or a unit; "" if there is none.
 
     Parameters
     ----------
-    text : as it is written
+    text : the written text
     """
     comma = WITH_COMMA.fullmatch(text)
     if comma:
@@ -44,22 +42,22 @@ def number_meant(text: str) -> str:
 
 
 def hint_on_line(line: str) -> str:
-    """Return the hint at the number that a line of TOML, which does not parse, was to hold; "" if it was to be none.
+    """Return the hint at the number that a line of TOML, which does not parse, probably means; "" if there is none.
 
     Parameters
     ----------
-    line : of the file
+    line : line of the file
     """
     assigned = ASSIGNED.search(line)
     return number_meant(assigned[1]) if assigned else ""
 
 
 def commas_meant(values: list[object]) -> str:
-    """Return the hint at the pair of numbers with decimal commas that a list was to be; "" if it was to be none.
+    """Return the hint at the pair of numbers with decimal commas that a list probably means; "" if there is none.
 
     Parameters
     ----------
-    values : of the list
+    values : values of the list
     """
     if len(values) != 4 or not all(type(value) is int for value in values):
         return ""

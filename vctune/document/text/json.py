@@ -22,7 +22,7 @@ def read_json(path: Path, kind: str, max_bytes: int) -> Any:
     Parameters
     ----------
     path : the file
-    kind : what it ought to be, for the message about a file that is too long
+    kind : expected kind, for the message about a file that is too long
     max_bytes : the most that such a file can have
 
     Raises
@@ -53,9 +53,9 @@ def as_record(value: Any, part: type[Record], source: str, *, kind: str, remedy:
     ----------
     value : the object
     part : class of the record
-    source : what messages call it
-    kind : what to name instead of another object
-    remedy : for one that is damaged
+    source : its name in messages
+    kind : the expected object, for the message
+    remedy : remedy for one that is damaged
 
     Raises
     ------

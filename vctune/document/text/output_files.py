@@ -19,12 +19,11 @@ RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d) *(\.|$)", re.IGNORECASE)
 
 
 def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = (), aside: Iterable[Path] = ()) -> None:
-    """Write the files of one run in the place of those of an earlier run; SIGINT and SIGTERM wait meanwhile.
+    """Replace the files of an earlier run by those of one run; SIGINT and SIGTERM wait meanwhile.
 
     When all the new files are complete, the older ones go, the last first; then those to keep are renamed; then the
-    first is replaced; then the others come in their order. So the files that are there are of one run whenever the
-    process ends, even killed. The first has to be worth something alone, and the last should be the one that shows the
-    others.
+    first is replaced; then the others come in their order. So the files are always those of one run, even if the
+    process is killed. The first must be useful alone, and the last should be the one that shows the others.
 
     Parameters
     ----------
@@ -92,7 +91,7 @@ def make_folder(path: Path) -> None:
 
 
 def folder_name(name: str) -> str:
-    """Return a design's name as the name of one folder on any system.
+    """Return a design's name as a valid name of a folder on any system.
 
     Without separators, characters that do not print, leading dots or names of devices.
     """

@@ -22,7 +22,7 @@ def number_at(raw: dict[str, Any], *path: str | int) -> float | None:
 def placed(document: dict[str, Any], numbers: Iterable[tuple[tuple[str | int, ...], float]]) -> dict[str, Any]:
     """Return a copy of a document with numbers set at their paths; tables and pairs that are not there are made.
 
-    A number in the place of one is replaced by it.
+    An invalid value is replaced by the given number.
 
     Parameters
     ----------

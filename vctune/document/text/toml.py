@@ -15,7 +15,7 @@ from vctune.document.text.hints import hint_on_line
 
 MAX_BYTES = 100_000
 STDIN = Path("-")
-"""What stands for standard input in the place of a file."""
+"""The name of standard input in place of a file."""
 
 KeyPath = Sequence[str | int]
 
@@ -67,8 +67,8 @@ def parse(text: str, source: str) -> dict[str, Any]:
 
     Parameters
     ----------
-    text : of a file
-    source : what messages call it
+    text : text of a file
+    source : its name in messages
 
     Returns
     -------
@@ -96,7 +96,7 @@ def parse(text: str, source: str) -> dict[str, Any]:
 
 
 class Lines:
-    """Where the keys of a TOML text are.
+    """The lines of the keys in a TOML text.
 
     tomllib gives no positions, but parses beginnings of the text: the last line of the longest parsable beginning
     that lacks a key is the line before it. Whether a beginning has a key grows with its length, so a bisection finds

@@ -31,12 +31,12 @@ def toml_text(document: Mapping[str, Any]) -> str:
 
 
 def quoted(text: str) -> str:
-    """Return a TOML basic string; JSON's escapes are TOML's, but for DEL, which TOML wants escaped."""
+    """Return a TOML basic string; JSON's escapes are TOML's, except that TOML also escapes DEL."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _headed(value: Any) -> bool:
-    """Whether a value is a table, or a list of tables, so that it stands under headings."""
+    """Whether a value is a table, or a list of tables, which TOML writes under headings."""
     tables = isinstance(value, list | tuple) and len(value) > 0 and all(isinstance(item, Mapping) for item in value)
     return isinstance(value, Mapping) or tables
 

@@ -30,7 +30,7 @@ def robust_covariance(scores: Scores, information: Floats, reach: int) -> Floats
     ----------
     scores : shape (n, p)
     information : shape (p, p), of the sensitivities
-    reach : how many rows residuals are correlated over
+    reach : number of rows over which residuals are correlated
 
     Returns
     -------
@@ -72,11 +72,12 @@ def least_squares(sensitivity: Floats, measured: Floats) -> Floats:
 
 
 def joint_factor(count: int) -> float:
-    """Return how many standard deviations hold `count` numbers at once with probability `TOGETHER`; at least 2.
+    """Return the number of standard deviations that covers `count` numbers at once with probability `TOGETHER`; at
+    least 2.
 
     Parameters
     ----------
-    count : of numbers in the box
+    count : number of numbers in the box
     """
     each = TOGETHER ** (1 / max(count, 1))
     low, high = 0.0, 10.0

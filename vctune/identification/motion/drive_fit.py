@@ -8,8 +8,7 @@ import numpy as np
 
 from vctune.identification.motion.covariance import robust_covariance
 from vctune.identification.response.response import Complex, Lines
-from vctune.model.device import Actuator
-from vctune.model.loop.filters import actuator_response
+from vctune.model.loop.filters import low_pass
 from vctune.model.numbers.arithmetic import FLOATS
 
 PI2 = 2 * np.pi
@@ -68,5 +67,5 @@ def fit_drive(lines: Lines, sample_time: float) -> DriveFit:
 
 
 def _model(lines: Lines, lag: float, delay: float) -> Complex:
-    through = actuator_response(Actuator(1 / (PI2 * lag)), lines.omega, FLOATS)
+    through = low_pass(1 / (PI2 * lag), 1, lines.omega, FLOATS)
     return np.asarray((through.re - 1j * lines.omega * through.lag) * np.exp(-1j * lines.omega * delay))

@@ -15,11 +15,12 @@ from vctune.identification.motion.signals import Signals
 from vctune.identification.motion.spectral_filters import filtered, smooth, spectrum, stride
 
 CLEAR = 4.0
-"""How many standard deviations the rise at low speed must have: its velocity is chosen after the data were seen."""
+"""Required significance of the rise at low speed, in standard deviations: its velocity is chosen after the data were
+seen."""
 TRIED = 24
 """Velocities of the curve that are tried, from a hundredth of the peak speed to a half."""
 WITHIN = 12
-"""A rise that is more than so many times Coulomb's friction is none of Stribeck's."""
+"""Greatest rise, in units of Coulomb's friction, of Stribeck's curve."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,9 +29,9 @@ class FrictionFound:
 
     Attributes
     ----------
-    coulomb : at high speed, N
-    stiction, stribeck_velocity : at vanishing speed, N, and where one becomes the other, m/s; None where the data do
-        not show it
+    coulomb : friction at high speed, N
+    stiction, stribeck_velocity : at vanishing speed, N, and where one becomes the other, m/s; None if the data do not
+        show it
     """
 
     coulomb: float
@@ -39,12 +40,12 @@ class FrictionFound:
 
 
 def friction_of(signals: Signals, fit: MotionFit, known: dict[str, float]) -> FrictionFound | None:
-    """Return the friction that a motion shows; None for none.
+    """Return the friction that a motion shows; None if it shows none.
 
     Parameters
     ----------
-    signals : of the recording
-    fit : of its motion, the same both ways
+    signals : signals of the recording
+    fit : fit of its motion, the same both ways
     known : delays that need not be found
     """
     coulomb = fit.value("coulomb")

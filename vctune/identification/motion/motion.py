@@ -27,7 +27,7 @@ MEMORY = 1.0
 SLOW = 0.05
 """Share of the peak speed below which friction is not Coulomb's and the sign of the velocity is in doubt."""
 LEAST_KEPT = 0.3
-"""With less than this share of the samples away from turns, turns are kept."""
+"""Least share of the samples away from turns; with less, turns are kept."""
 STEPS = 60
 STRIDE = 4.0
 """Most that a delay changes at once, sample times."""
@@ -40,11 +40,11 @@ class MotionFit:
 
     Attributes
     ----------
-    names : of the numbers, in the order of `values`; the delays last
+    names : names of the numbers, in the order of `values`; the delays last
     values : shape (p,), SI units
     covariance : shape (p, p), of correlated residuals
     cutoff_hz : of the low-pass on both sides
-    samples : how many were used, and of the log's samples how many there are
+    samples : number of used samples, and number of the log's samples
     residual, force : root mean squares, N
     """
 
@@ -73,9 +73,9 @@ class FittedSamples:
     Attributes
     ----------
     rows : their places among every `stride` sample of the log
-    step : from one of these to the next, s
+    step : step from one of these to the next, s
     measured, fitted : N
-    sensitivity : of the fitted force to each number, shape (samples, p)
+    sensitivity : sensitivity of the fitted force to each number, shape (samples, p)
     """
 
     rows: NDArray[np.int64]
@@ -105,7 +105,7 @@ def motion_fit(
     signals : position, force and time of a recording, prepared for the regression
     cutoff_hz : of the low-pass on both sides, at most `HIGHEST` of the sampling rate
     names : `DIRECTIONAL` or `SYMMETRIC`
-    known : delays that are not to be found, by "delay" and "sensor_delay", s
+    known : delays that are given and not fitted, by "delay" and "sensor_delay", s
     slow : share of the peak speed below which samples are not used
 
     Returns
@@ -113,7 +113,7 @@ def motion_fit(
     MotionFit
         Of the numbers in `names` and the delays that are not known.
     FittedSamples
-        What it was made of.
+        The samples of the fit.
     """
     delays = _delays(signals, known)
     free = [name for name in delays if name not in known]
@@ -167,13 +167,13 @@ def _covariance(
 
 @dataclass(frozen=True, slots=True)
 class PlacedScores:
-    """Residual times sensitivity at every sample in time, of which no more is made at once than is summed.
+    """Residual times sensitivity at every sample in time, made in pieces for the sum.
 
     Attributes
     ----------
-    sensitivity, residual : at the samples that count
-    places : of those, rising
-    count : of all samples
+    sensitivity, residual : at the used samples
+    places : their indices, rising
+    count : number of all samples
     """
 
     sensitivity: Floats
@@ -202,7 +202,7 @@ def _pushed(
     kept: Flags,
     slopes: Floats,
 ) -> Floats:
-    """Return the force at the samples that count; `slopes` is filled with those of the fitted force by free delays."""
+    """Return the force at the used samples; `slopes` is filled with those of the fitted force by free delays."""
     every = stride(cutoff_hz, signals.sample_time)
     force = np.zeros(len(slopes))
     for name, column, sign in (("delay", "command", -1j), ("sensor_delay", "hand", 1j)):
@@ -223,7 +223,7 @@ def _pushed(
 
 
 def _kept(signals: Signals, cutoff_hz: float, least: float) -> Flags:
-    """Return which samples count: neither at an end nor at a turn."""
+    """Return the used samples: neither at an end nor at a turn."""
     T, v = signals.sample_time, signals.velocity
     kept = np.ones(v.size, dtype=bool)
     margin = edge(cutoff_hz, 4 * T, T)

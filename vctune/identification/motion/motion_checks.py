@@ -25,10 +25,10 @@ class Check:
 
     Attributes
     ----------
-    code : of the way
-    name : of the number and of the way
+    code : code of the method
+    name : name of the number and of the way
     value : SI units
-    sigma : standard deviation that this way has; None if it has none of its own
+    sigma : standard deviation of this estimate; None if it has none of its own
     """
 
     code: Code
@@ -38,12 +38,12 @@ class Check:
 
 
 def bootstrap(fit: MotionFit, samples: FittedSamples) -> Check | None:
-    """Return the mass from blocks of the log drawn at random, and its deviation; None of a log that has no two blocks.
+    """Return the mass from blocks of the log drawn at random, and its deviation; None for a log that has no two blocks.
 
     Parameters
     ----------
-    fit : of the motion
-    samples : what it was made of
+    fit : fit of the motion
+    samples : data of the fit
     """
     length = max(1, round(MEMORY / samples.step))
     count = samples.rows.size // length
@@ -62,13 +62,14 @@ def bootstrap(fit: MotionFit, samples: FittedSamples) -> Check | None:
 
 
 def instrumental(signals: Signals, fit: MotionFit, samples: FittedSamples) -> Check | None:
-    """Return the mass with the reference's motion as an instrument, which no noise of the loop is in; None without one.
+    """Return the mass with the reference's motion as an instrument, which is free of the loop's noise; None without
+    one.
 
     Parameters
     ----------
-    signals : of the recording
-    fit : of its motion, each way
-    samples : what it was made of
+    signals : signals of the recording
+    fit : fit of its motion, each way
+    samples : data of the fit
     """
     if signals.reference is None:
         return None
@@ -104,7 +105,7 @@ def classical(recording: Recording, sample_time: float, recipe: ClassicalTable) 
 
     Parameters
     ----------
-    recording : with a force on the motor; None is returned without
+    recording : recording with a force on the motor; None is returned without
     sample_time : s
     recipe : filter and decimation
     """

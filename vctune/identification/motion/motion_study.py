@@ -15,24 +15,24 @@ from vctune.document.recording import Floats, Recording
 from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError, Mistake
 from vctune.identification.box import COULOMB_SHARE, Estimate
-from vctune.identification.known import known_delays
+from vctune.identification.known import SENSOR, known_delays
 from vctune.identification.motion.friction_fit import FrictionFound, friction_of
 from vctune.identification.motion.motion import DIRECTIONAL, SYMMETRIC, FittedSamples, MotionFit, motion_fit
 from vctune.identification.motion.motion_checks import Check, Classical, bootstrap, classical, instrumental
 from vctune.identification.motion.signals import Signals, acceleration_noise, cutoffs, signals_of, speed
 from vctune.identification.motion.signals import signals as turned_signals
 from vctune.identification.motion.spectral_filters import HIGHEST, smooth, spectrum
-from vctune.model.device import Actuator
+from vctune.model.parts import Actuator
 
 UNEXPLAINED = 0.6
-"""Greatest residual, of the force, with which a log is one of a mass with friction at all."""
+"""Greatest relative residual of the force at which a log is one of a mass with friction."""
 SUSPICIOUS = 0.05
 """Residual, of the force, from which on it is tried whether the two columns are swapped."""
 CLEAR = 2.0
 """Difference between the directions, in standard deviations, from which on they are two."""
 FRICTION = Note("limit-friction", "friction is not quite Coulomb's")
 MASSES = {False: (1e-4, 5e3), True: (1e-8, 5e3)}
-"""What a haptic device can weigh, kg and, if it is rotary, kg m2."""
+"""Range of masses of a haptic device, kg and, if it is rotary, kg m2."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,13 +42,13 @@ class MotionStudy:
     Attributes
     ----------
     directional, symmetric : fits with friction each way, and the same both ways
-    samples : of the directional one
+    samples : samples of the directional fit
     others : directional fits at other cut-offs
     force_noise : standard deviation of a sample of the sensed force, N; None without one
     checks : other ways to the mass
-    classical : the classical inverse model, where it was asked for
-    friction : for the simulation; None for none
-    speed : root mean square of it, m/s
+    classical : the classical inverse model, if requested
+    friction : friction for the simulation; None if there is none
+    speed : root mean square of the speed, m/s
     position_noise : standard deviation of a position sample, m
     chi2 : power of the residual over that of the encoder's noise in it
     sharp_chi2 : the same at the highest cut-off, and its degrees of freedom: where two models differ most
@@ -72,8 +72,8 @@ class MotionStudy:
 
         Parameters
         ----------
-        hertz : of the bins, evenly spaced from 0
-        sample_time : of the log, s
+        hertz : frequencies of the bins, evenly spaced from 0
+        sample_time : sample time of the log, s
         """
         omega = 2 * np.pi * hertz
         share = smooth(omega, self.directional.cutoff_hz) * omega**2 * abs(self.directional.value("mass"))
@@ -84,13 +84,13 @@ class MotionStudy:
         fit, text = self.directional, f"{source}: motion"
         found = [Estimate("mass", fit.value("mass"), fit.sigma("mass"), text, self._excess("mass"))]
         found += self._dampings(text)
-        for name, key in (("delay", "delay"), ("sensor_delay", "force_sensor.delay")):
+        for name, key in (("delay", "delay"), ("sensor_delay", f"{SENSOR}.delay")):
             if name in fit.names:
                 found.append(Estimate(key, fit.value(name), fit.sigma(name), text, self._excess(name)))
         return found
 
     def _excess(self, name: str) -> tuple[float, float]:
-        """Return by how much the other cut-offs differ beyond their own spread, below and above."""
+        """Return the difference of the other cut-offs beyond their own spread, below and above."""
         own, below, above = self.directional.value(name), 0.0, 0.0
         for fit in self.others:
             beyond = abs(fit.value(name) - own) - 2 * fit.sigma(name) - 2 * self.directional.sigma(name)
@@ -99,7 +99,7 @@ class MotionStudy:
         return float(below), float(above)
 
     def _dampings(self, text: str) -> list[Estimate]:
-        """Return the damping, or one each way where the directions differ."""
+        """Return the damping, or one each way if the directions differ."""
         fit = self.directional
         ways = [fit.names.index(f"damping_{way}") for way in ("forwards", "backwards")]
         difference = fit.values[ways[0]] - fit.values[ways[1]]
@@ -125,7 +125,7 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
     ----------
     recording : checked
     sample_time : s
-    actuator : between command and motor, where it is known
+    actuator : actuator between command and motor, if it is known
     known : delays that need not be found
 
     Returns

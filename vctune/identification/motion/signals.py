@@ -20,10 +20,11 @@ from vctune.identification.motion.spectral_filters import (
     spectrum,
     stride,
 )
-from vctune.model.device import Actuator, Device
+from vctune.model.device import Device
+from vctune.model.parts import Actuator
 
 WAYS = ("forwards", "backwards", "ahead", "back", "always")
-"""What friction goes with."""
+"""The regressors of friction."""
 
 ATTENUATION = 1e-4
 """Greatest share of the acceleration's power that may be the encoder's noise: it takes as much from the mass."""
@@ -36,15 +37,16 @@ class Signals:
     Attributes
     ----------
     position : shape (n,), m
-    command : the force on the motor, as commanded or as measured, N; None without one that moves
-    hand : the hand's force as sensed, N; None without
-    reference : position that was asked for, m; None without
+    command : the force on the motor, as commanded or as measured, N; None if no such column moves
+    hand : the sensed force of the hand, N; None without
+    reference : commanded position, m; None without
     sample_time : s
     is_command : whether the force is a command, held between samples
-    actuator : of a held command, where it is known
+    actuator : actuator behind a held command, if it is known
     noise : standard deviation of a position sample, m
-    velocity : behind the highest cut-off that its noise bears, m/s: says which way the device moves
-    spectra : of position, command and hand, the command's behind hold and actuator, and of what `WAYS` names
+    velocity : behind the highest cut-off that its noise allows, m/s; gives the direction of motion
+    spectra : spectra of position, command and hand, the command's behind hold and actuator, and of the columns of
+        `WAYS`
     """
 
     position: Floats
@@ -81,7 +83,7 @@ def signals(
     velocity : m/s
     hand, reference : N and m; None without
     is_command : whether the force is a command, held between samples
-    actuator : of a held command, where it is known
+    actuator : actuator behind a held command, if it is known
     """
     columns = {"position": position - position.mean()} | ways(velocity)
     columns |= {} if hand is None else {"hand": hand}
@@ -147,7 +149,7 @@ def acceleration_noise(signals: Signals, cutoff_hz: float) -> float:
 
     Parameters
     ----------
-    signals : of the recording
+    signals : signals of the recording
     cutoff_hz : of the low-pass, Hz
     """
     omega = np.linspace(0, np.pi / signals.sample_time, 4096)
@@ -161,7 +163,7 @@ def signals_of(recording: Recording, sample_time: float, actuator: Actuator | No
     ----------
     recording : its position, and its force or command
     sample_time : s
-    actuator : between command and motor, where it is known
+    actuator : actuator between command and motor, if it is known
     """
     force, held = recording.values("force"), False
     if force is None:
@@ -185,7 +187,7 @@ def signals_of(recording: Recording, sample_time: float, actuator: Actuator | No
 
 
 def _velocity(position: Spectrum, noise: float) -> Floats:
-    """Return the velocity behind the highest cut-off at which its noise is a hundredth of it."""
+    """Return the velocity behind the highest cut-off at which its noise is a hundredth of the signal."""
     omega = np.linspace(0, np.pi / position.sample_time, 4096)
     cutoff = HIGHEST / position.sample_time
     for _ in range(7):
@@ -203,7 +205,7 @@ def position_noise(position: Floats, quantum: float | None) -> float:
     Parameters
     ----------
     position : m
-    quantum : as stated, m; None for the least step between samples
+    quantum : quantum as stated, m; None for the least step between samples
     """
     step = np.abs(np.diff(position))
     least = float(step[step > 0].min(initial=np.inf)) if quantum is None else quantum

@@ -1,12 +1,12 @@
 """Filters without phase, by their frequency response: the same for every column, so that no column leads another.
 
-What a low-pass leaves needs no more samples than its cut-off asks for: `stride` says which to keep.
+After a low-pass, fewer samples suffice: `stride` says which to keep.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import ceil, log
 from typing import Any
 
@@ -22,7 +22,7 @@ Complex = NDArray[np.complex128]
 Response = Callable[[Floats], Any]
 """A frequency response, real or complex, of omega, rad/s."""
 HIGHEST = 0.08
-"""Greatest cut-off as a share of the sampling rate: what is left at the Nyquist frequency is 1e-6. Twice: 1 %."""
+"""Greatest cut-off as a share of the sampling rate: 1e-6 remains at the Nyquist frequency. Twice: 1 %."""
 REACH = 1.1
 """Reach of the kernel in units of 1/cut-off: beyond it is less than 1e-14 of its height."""
 LONGEST = 64
@@ -39,7 +39,7 @@ class Spectrum:
     Attributes
     ----------
     lines : shape (size // 2 + 1,)
-    samples, size : of the column, and with its zeros
+    samples, size : those of the column, and with its zeros
     sample_time : s
     """
 
@@ -100,7 +100,7 @@ def filtered(column: Spectrum, response: Response, every: int = 1) -> Floats:
     Parameters
     ----------
     column : its spectrum
-    response : of omega, rad/s
+    response : function of omega, rad/s
     every : which samples are returned; a power of two, at most `LONGEST`
     """
     omega = column.omega(every)
@@ -109,12 +109,12 @@ def filtered(column: Spectrum, response: Response, every: int = 1) -> Floats:
 
 
 def edge(cutoff_hz: float, delay: float, sample_time: float) -> int:
-    """Return how many samples at each end of a filtered column are not of the log alone.
+    """Return the number of samples at each end of a filtered column that do not depend on the log alone.
 
     Parameters
     ----------
     cutoff_hz : of the low-pass, Hz
-    delay : by which the column is shifted, s
+    delay : shift of the column, s
     sample_time : s
     """
     return ceil((REACH / cutoff_hz + abs(delay)) / sample_time) + 1
@@ -128,6 +128,5 @@ def drive(device: Device, omega: Floats) -> Complex:
     device : its sample time, delay, hold and actuator are used
     omega : rad/s
     """
-    rest = replace(device, structure=None, velocity=None, force_sensor=None)
-    at = device_response(rest, omega, FLOATS).drive
+    at = device_response(device, omega, FLOATS).drive
     return np.asarray(at.re - 1j * omega * at.lag)

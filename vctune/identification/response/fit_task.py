@@ -13,13 +13,14 @@ from vctune.document.recording import Floats
 from vctune.identification.motion.spectral_filters import drive
 from vctune.identification.response.physics import SCALED, Candidate, compliances, device_of, held_compliance
 from vctune.identification.response.response import Complex, Lines, Response
-from vctune.model.device import Actuator, Device
+from vctune.model.device import Device
+from vctune.model.parts import Actuator
 
 Ints = NDArray[np.int64]
 FLOOR = (1e-5, 10.0)
 """Range of the model-error floor, a share of the response."""
 EVALUATIONS = 100
-"""Of a search; what has not ended by then is no good start."""
+"""Evaluations of a search; a start that needs more is no good."""
 DECADES = 5.0
 """How far a number that cannot be 0 may go in one search, as a logarithm."""
 OUTLYING = 1.0
@@ -32,8 +33,8 @@ class FitTask:
 
     Attributes
     ----------
-    measured, candidate, actuator : what is fitted by what
-    left_out : lines that are not looked at; None for none
+    measured, candidate, actuator : the measured response, its candidate, and the actuator before it
+    left_out : skipped lines; None for none
     aliased : the sampled response of the command over the continuous one
     """
 
@@ -62,7 +63,8 @@ class FitTask:
         return device, motor * pushed, handle * pushed
 
     def sampled(self, at: Floats) -> FitTask:
-        """Return the task with the aliasing of the samples, which hardly depends on the numbers, taken from a point."""
+        """Return the task with the aliasing of the samples, which hardly depends on the numbers, computed at a
+        point."""
         if self.measured.input == "force":
             return self
         device, omega = self.outputs(at)[0], self.measured.position.omega
@@ -89,7 +91,7 @@ class FitTask:
         Parameters
         ----------
         at : numbers of the candidate as `point` has them, shape (n,)
-        model_errors : of each output, relative, shape (outputs,)
+        model_errors : model errors of each output, relative, shape (outputs,)
         """
         errors, spread, owners = self.errors(at)
         weighed = errors * sqrt(2) / np.hypot(spread, np.maximum(model_errors, FLOOR[0])[owners])
@@ -102,7 +104,7 @@ def point(numbers: Mapping[str, float], candidate: Candidate) -> Floats:
     Parameters
     ----------
     numbers : by name, SI units
-    candidate : says which, and in what order
+    candidate : the numbers and their order
     """
     return np.array([log(numbers[name]) if name in SCALED else numbers[name] for name in candidate.names])
 
@@ -112,9 +114,9 @@ def solved_from(task: FitTask, start: Floats, model_errors: Floats) -> Floats:
 
     Parameters
     ----------
-    task : what is fitted to what
-    start : as `point` has it, shape (n,)
-    model_errors : of each output, relative, shape (outputs,)
+    task : the response and its candidate
+    start : in the form of `point`, shape (n,)
+    model_errors : model errors of each output, relative, shape (outputs,)
     """
     from scipy.optimize import least_squares
 
@@ -136,8 +138,8 @@ def scale_of(at: Floats, names: tuple[str, ...], measured: Response) -> Floats:
 
     Parameters
     ----------
-    at : as `point` has it, shape (n,)
-    names : of the numbers, n of them
+    at : in the form of `point`, shape (n,)
+    names : names of the numbers, n of them
     measured : the response, whose frequencies and friction set the units
     """
     numbers = dict(zip(names, at, strict=True))

@@ -17,7 +17,7 @@ from vctune.identification.response.response_fit import ResponseFit
 from vctune.model.device import Device
 
 TOLD = 3.0
-"""How many deviations a lag must be from none: no interval of a box is wider."""
+"""Significance of a lag in deviations: no interval of a box is wider."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ class PeriodicStudy:
     ----------
     measured : the averaged response
     fit, candidates : the structure that was chosen, and all of them
-    drive : from command to force; None where only one of them was recorded
+    drive : lag and delay from command to force; None if only one of them was recorded
     """
 
     measured: Response
@@ -38,7 +38,7 @@ class PeriodicStudy:
 
     @property
     def left(self) -> Floats:
-        """By how much the fit differs from each line of the position, relatively."""
+        """Relative difference of the fit from each line of the position."""
         return np.abs(self.fit.position / self.measured.position.ratio - 1)
 
     @property
@@ -62,7 +62,7 @@ def periodic_estimates(study: PeriodicStudy, source: str, T: float) -> list[Esti
 
     Parameters
     ----------
-    study : of the recording
+    study : study of the recording
     source : its name, for the reader
     T : sample time, s
     """
@@ -109,7 +109,7 @@ def behind_force(
 
     Parameters
     ----------
-    study : of the recording
+    study : study of the recording
     T : sample time, s
     device, bounds : from the command on
     """

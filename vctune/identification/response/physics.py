@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from vctune.analysis.sampled_loop import pulse_transfer
 from vctune.document.recording import Floats
-from vctune.model.device import Actuator, Device, Structure
+from vctune.model.device import Device
 from vctune.model.hands import LeastOperator
 from vctune.model.loop.device_response import device_response, mechanism
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.parts import Actuator, Structure
 
 Complex = NDArray[np.complex128]
 RIGID = ("mass", "damping", "coulomb", "delay")
@@ -31,7 +32,7 @@ class Candidate:
     ----------
     masses : 1 or 2
     lag : whether a first-order actuator is between command and motor
-    load : whether the handle has a damping of its own, which a problem file cannot say
+    load : whether the handle has a damping of its own, which a problem file cannot state
     """
 
     masses: int
@@ -102,17 +103,17 @@ def held_compliance(device: Device, omega: Floats) -> Complex:
 
     Parameters
     ----------
-    device : with its delay and actuator; a delay below 0 is a sample earlier and the rest of it later
+    device : device with its delay and actuator; a delay below 0 is a sample earlier and the rest of it later
     omega : rad/s, 0 < omega <= pi/T
     """
     T = device.sample_time
     early = max(0, ceil(-float(device.delay) / T))
-    there = replace(device, delay=float(device.delay) + early * T, velocity=None, force_sensor=None)
+    there = replace(device, delay=float(device.delay) + early * T, velocity=None)
     return np.asarray(pulse_transfer(there, omega, position=True)[1] * np.exp(1j * omega * T * early))
 
 
 def antiresonance_hz(device: Device) -> float | None:
-    """Return where the motor hardly moves: the handle on its spring alone, Hz; None of a rigid device."""
+    """Return the antiresonance of the motor, the handle on its spring alone, Hz; None for a rigid device."""
     if device.structure is None:
         return None
     return sqrt(mechanism(device, device.structure, FLOATS).stiffness / device.structure.handle_mass) / (2 * pi)

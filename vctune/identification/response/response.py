@@ -11,7 +11,7 @@ from vctune.document.recording import Channel, Floats, Recording
 
 Complex = NDArray[np.complex128]
 LEAST_PERIODS = 4
-"""Fewer say nothing of a line's variance once the first is dropped."""
+"""Least number of periods; fewer do not show a line's variance once the first is dropped."""
 LEAST_LINES = 8
 REPEATS = 0.9
 """Least correlation of a column with itself a period later. Noise of a tenth of the power takes away less."""
@@ -20,11 +20,11 @@ EXCITED = 0.05
 ABOVE_NOISE = 5.0
 """Least amplitude of an excited line in standard deviations of its mean."""
 FINER = 32
-"""Points per sample at which the direction of motion is looked at. Half and twice change the lines by a thousandth."""
+"""Points per sample for the direction of motion. Half and twice change the lines by a thousandth."""
 MOST_POINTS = 1 << 21
-"""Of half a period: fewer for each sample of a very long one."""
+"""Most points of half a period; a very long one has fewer for each sample."""
 HIGHEST_LINE = 0.45
-"""Of the sampling rate: beyond, filters against aliasing say more than the device."""
+"""Highest line as a share of the sampling rate: beyond it, anti-aliasing filters matter more than the device."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Lines:
     Attributes
     ----------
     omega : shape (n,), rad/s
-    ratio : of output to input, mean over periods, shape (n,)
+    ratio : ratio of output to input, mean over periods, shape (n,)
     spread : relative standard deviation of that mean, both parts together, shape (n,)
     coherence : between periods, shape (n,)
     """
@@ -52,10 +52,10 @@ class Response:
     Attributes
     ----------
     period : samples
-    periods : how many were averaged
-    input : "force" or "command", what position and handle are divided by
-    position, handle : m/N; no handle where it was not recorded
-    drive : from command to force, where both were recorded
+    periods : number of averaged periods
+    input : "force" or "command", the divisor of position and handle
+    position, handle : m/N; None if the handle was not recorded
+    drive : lag and delay from command to force, where both were recorded
     friction : lines of Coulomb friction over those of the input, 1/N, for 1 N
     speed : root mean square of the motor's, m/s
     sample_time : s
@@ -116,7 +116,7 @@ def response(recording: Recording, sample_time: float) -> Response | None:
 
 
 def find_period(values: Floats) -> int | None:
-    """Return after how many samples a column repeats itself, at least `LEAST_PERIODS` times; None if it does not."""
+    """Return the period of a column in samples, if it repeats at least `LEAST_PERIODS` times; None if it does not."""
     centred = values - values.mean()
     n = centred.size
     size = 1 << (2 * n - 1).bit_length()
@@ -145,7 +145,7 @@ def _spectra(values: Floats, period: int, first: int) -> Complex:
 
 
 def _without_drift(values: Floats, period: int, first: int) -> Complex:
-    """Return the same of a position that drifts, by its second difference, which hardly does."""
+    """Return the same for a position that drifts, by its second difference, which hardly drifts."""
     second = np.zeros(values.size)
     second[1:-1] = values[2:] - 2 * values[1:-1] + values[:-2]
     second[-1] = second[-1 - period] if values.size > period else 0.0
@@ -164,7 +164,7 @@ def _excited(spectra: Complex, sample_time: float, period: int) -> NDArray[np.in
 
 
 def _direction(position: Complex) -> Complex:
-    """Return the lines of the sign of the velocity, its turns between samples where they are.
+    """Return the lines of the sign of the velocity, with its turns between samples.
 
     Parameters
     ----------

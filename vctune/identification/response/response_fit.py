@@ -13,20 +13,23 @@ from vctune.identification.motion.covariance import robust_covariance
 from vctune.identification.response.fit_task import FLOOR, FitTask, point, scale_of, solved_from
 from vctune.identification.response.physics import SCALED, Candidate
 from vctune.identification.response.response import Complex, Response
-from vctune.model.device import Actuator, Device
+from vctune.model.device import Device
+from vctune.model.parts import Actuator
 
 START_FLOOR = 0.1
 """Model error with which the search starts: half and twice it lead to the same fits."""
 ROUNDS = 20
 CLEARER = 2.0
-"""How many times smaller a second mass has to make chi2: model errors of neighbouring lines are alike, and friction
-bends a response a little everywhere, while a resonance is worth a hundred."""
+"""Factor by which a second mass has to reduce chi2: model errors of neighbouring lines are alike, and friction bends a
+response a little everywhere, while a resonance reduces it by a hundred."""
 DAMPED = 0.5
-"""Damping ratio from which on a peak is none."""
+"""Damping ratio from which on a peak does not count."""
 UNKNOWN = 1e-12
-"""What is added to the information, whose diagonal is 1: what no line tells apart has a deviation, a huge one."""
+"""Amount added to the information, whose diagonal is 1, so that a number that no line determines has a huge deviation.
+"""
 BLOCKS = 8
-"""Of neighbouring lines, left out in turn: model error goes over many lines, and these intervals are made for it."""
+"""Blocks of neighbouring lines, left out in turn: model error extends over many lines, and these intervals allow for
+it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,15 +40,16 @@ class ResponseFit:
     ----------
     candidate : its structure
     numbers : by name, SI units
-    names : of the free numbers in the order of `covariance`
-    covariance : shape (p, p), diagonal: the larger of what correlated and independent residuals give
-    model_errors : of position and of handle, shares of the response with which chi2/dof is 1; 0 where noise
+    names : names of the free numbers in the order of `covariance`
+    covariance : shape (p, p), diagonal: the larger of those from correlated and independent residuals
+    model_errors : model errors of position and of handle, shares of the response with which chi2/dof is 1; 0 where
+        noise
         alone explains the residual
-    chi2 : with the noise alone, over degrees of freedom
-    lines : how many, of all outputs
+    chi2 : chi2 with the noise alone, over degrees of freedom
+    lines : number of lines of all outputs
     speed : root mean square of the motor's, m/s
-    device : what the numbers make
-    position, handle : of the model at the lines, m/N
+    device : device with the fitted numbers
+    position, handle : those of the model at the lines, m/N
     """
 
     candidate: Candidate
@@ -69,12 +73,13 @@ class ResponseFit:
 def fit_response(
     measured: Response, actuator: Actuator | None = None
 ) -> tuple[ResponseFit, tuple[ResponseFit, ...]] | None:
-    """Return the simplest candidate that explains a response as well as the best, and all; None with too few lines.
+    """Return the simplest candidate that explains a response as well as the best does, and all candidates; None with
+    too few lines.
 
     Parameters
     ----------
     measured : averaged response of a periodic recording
-    actuator : between command and motor, where it is known
+    actuator : actuator between command and motor, if it is known
     """
     lags = (False, True) if measured.input == "command" and actuator is None else (False,)
     shapes = ((1, False), (2, False), (2, True))
@@ -152,7 +157,7 @@ def _floors(task: FitTask, at: Floats) -> Floats:
 
 
 def _starts(measured: Response, candidate: Candidate) -> list[dict[str, float]]:
-    """Return where the search starts: the mass of the lowest lines, the spring at each peak of |omega^2 G|."""
+    """Return the start of the search: the mass from the lowest lines, the spring at each peak of |omega^2 G|."""
     lines = measured.position
     inertia = 1 / np.abs(lines.omega**2 * lines.ratio)
     few = max(3, inertia.size // 10)
@@ -205,7 +210,7 @@ def _result(task: FitTask, at: Floats, model_errors: Floats, chi2: float) -> Res
 
 
 def _deleted(task: FitTask, at: Floats, model_errors: Floats) -> Floats:
-    """Return the deviation of the point that leaving out one block of neighbouring lines after the other says."""
+    """Return the deviation of the point, from leaving out one block of neighbouring lines after the other."""
     blocks = np.array_split(np.arange(task.measured.position.omega.size), BLOCKS)
     left = np.array([solved_from(replace(task, left_out=block), at, model_errors) for block in blocks if block.size])
     return np.sqrt((len(left) - 1) * np.var(left, axis=0))

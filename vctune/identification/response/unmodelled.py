@@ -22,18 +22,18 @@ KNOTS = 24
 SEED = 1
 LEAST = 1e-6
 MARGIN = 1 + 1e-6
-"""For the rounding of the numbers in the file."""
+"""Allowance for the rounding of the numbers in the file."""
 
 
 def distances(device: Device, bounds: Sequence[Bounded], measured: Response, coulomb: float) -> Floats:
-    """Return by how much each line of the position differs, relatively, from the nearest device of the box.
+    """Return the relative difference of each line of the position from the nearest device of the box.
 
-    Coulomb friction is taken out of the line first: it is nothing linear.
+    Coulomb friction is first subtracted from the line, because it is not linear.
 
     Parameters
     ----------
-    device : in the middle of the box, without what is before the recorded force
-    bounds : the box; numbers that the device has not got are not looked at
+    device : device in the middle of the box, without the parts before the recorded force
+    bounds : the box; numbers that the device has not got are skipped
     measured : averaged response of a periodic recording
     coulomb : friction, N
     """
@@ -52,8 +52,8 @@ def devices(device: Device, bounds: Sequence[Bounded]) -> list[Device]:
 
     Parameters
     ----------
-    device : in the middle
-    bounds : the box; numbers that the device has not got are not looked at
+    device : device in the middle
+    bounds : the box; numbers that the device has not got are skipped
     """
     has = device.numbers()
     varied = [bounded for bounded in bounds if bounded.key in has]
@@ -122,7 +122,7 @@ def within(hertz: Floats, needed: Floats, stated: Sequence[tuple[float, float]])
 
     Parameters
     ----------
-    hertz : of the lines, Hz, shape (n,)
+    hertz : frequencies of the lines, Hz, shape (n,)
     needed : radius of each, relative, shape (n,)
     stated : (Hz, radius) of a device file, straight between them on logarithmic axes
     """

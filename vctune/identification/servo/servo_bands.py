@@ -18,7 +18,7 @@ LOWEST = 3.0
 CLEAR = 0.02
 """Greatest relative deviation of a band that is used."""
 HANN = 1.5
-"""Bins of which a window makes one."""
+"""Number of bins in a window."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,9 +29,9 @@ class Bands:
     ----------
     hertz : middles, shape (n,)
     ratio : measured over fitted response
-    spread : relative standard deviation of it
+    spread : its relative standard deviation
     fitted : response of the fit, from commanded velocity to that between samples
-    share : of the motion's power, root mean square
+    share : share of the motion's power, root mean square
     """
 
     hertz: Floats
@@ -46,7 +46,7 @@ def bands(seen: ServoLog, fit: ServoFit) -> Bands:
 
     Parameters
     ----------
-    seen : the log as it was fitted
+    seen : the fitted log
     fit : the servo that explains the log best
     """
     T = seen.sample_time

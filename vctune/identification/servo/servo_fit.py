@@ -14,23 +14,23 @@ from vctune.identification.servo.servo_motion import modes, positions
 from vctune.identification.servo.servo_noise import Noise, exposure, jitter, likeliest, whitened
 
 BANDWIDTHS = (2e-4, 8.0)
-"""Of a low-pass, of the sampling rate: beyond these it is a lag of 800 samples, or of a fiftieth of one."""
+"""Range of a low-pass as shares of the sampling rate: from a lag of 800 samples to a fiftieth of one."""
 TRIED = 24
 """Bandwidths from which the search starts, evenly on a logarithmic axis."""
 SETTLED = 6.0
 """Lags after which it is forgotten how the servo moved before the log."""
 VALLEYS = 14
-"""Bandwidths at which a better fit is looked for."""
+"""Bandwidths at which a better fit is sought."""
 ROUNDS = 2
-"""How often noise and numbers are fitted to each other."""
+"""Number of alternations between fitting noise and numbers."""
 LEAST_SPAN = 8
-"""Rows over which a way is compared: in one of them the encoder is all that one sees."""
+"""Rows over which a motion is compared: one row shows only the encoder's noise."""
 FINE = 1e-4
 """Relative step of a derivative."""
 WILD = 1.5
-"""How many times the half-width by chi2 a deviation may say."""
+"""Greatest ratio of a deviation to the half-width by chi2."""
 STATED = 2
-"""Numbers that are told together: delay and bandwidth."""
+"""Numbers that are stated together: delay and bandwidth."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class ServoLog:
 
     Attributes
     ----------
-    time : of the rows, s
+    time : time of the rows, s
     velocity : commanded, held from each row to the next, m/s
     position : measured, m
     sample_time : s
@@ -57,7 +57,7 @@ class ServoLog:
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """A number and where it ends."""
+    """A number and the ends of its interval."""
 
     value: float
     sigma: float
@@ -67,23 +67,23 @@ class Interval:
 
 @dataclass(frozen=True, slots=True)
 class ServoFit:
-    """A servo of one order, fitted.
+    """The fit of a servo of one order.
 
     Attributes
     ----------
-    order : of the low-pass
+    order : order of the low-pass
     delay, bandwidth : s and Hz; the ends hold both at once
-    gain, gain_sigma : how many times its command it moves, and its standard deviation
-    lag : of its low-pass at rest, s
+    gain, gain_sigma : motion relative to the command, and its standard deviation
+    lag : lag of its low-pass at rest, s
     jitter : standard deviation of its delay from command to command, s
     noise : Noise, as the likelihood has it
-    exposed : by which variance jitter goes into each row, over that of the delay
+    exposed : variance of the jitter in each row, over that of the delay
     first : row from which on it was fitted
     unlikely : -2 log likelihood
-    inflation : how many times the residuals' correlation makes a variance what white ones would have
+    inflation : factor by which the residuals' correlation increases a variance
     left : steps of the position that the fit leaves, m
-    left_share : of the way in as many rows as the servo is late by, root mean square
-    told : whether the bandwidth ends below the highest that is looked at
+    left_share : residual motion in as many rows as the servo is late by, root mean square
+    told : whether the bandwidth ends below the highest tried one
     """
 
     order: int
@@ -125,7 +125,7 @@ class _Task:
         return np.diff(np.stack([self.seen.position, moved], axis=1)[self.first :], axis=0)
 
     def gain(self, at: Floats) -> float:
-        """Return how many times its command the servo moves."""
+        """Return the servo's motion relative to its command."""
         measured, made = self._whitened(self.steps(at)).T
         return float(measured @ made / (made @ made))
 
@@ -287,9 +287,9 @@ def _share(left: Floats, position: Floats, span: int) -> float:
 
 
 def _profile(task: _Task, at: Floats, sigma: Floats, inflation: float) -> tuple[Interval, Interval]:
-    """Return intervals of delay and bandwidth from where the least chi2 at a given bandwidth is too great.
+    """Return intervals of delay and bandwidth, which end where the least chi2 at a given bandwidth is too great.
 
-    Where a lag is short chi2 is no parabola of it: a deviation would not tell where the bandwidth ends.
+    For a short lag chi2 is not a parabola: a deviation would not give the end of the bandwidth.
     """
     T, factor = task.seen.sample_time, joint_factor(STATED)
     least = float(np.sum(task.white(at) ** 2))

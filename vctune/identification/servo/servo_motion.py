@@ -25,7 +25,7 @@ def modes(bandwidth_hz: float, order: int) -> tuple[float, complex, complex]:
 
     Parameters
     ----------
-    bandwidth_hz : of the low-pass, Hz
+    bandwidth_hz : bandwidth of the low-pass, Hz
     order : 1, or 2 with a damping ratio of 1/sqrt(2)
     """
     w = 2 * pi * bandwidth_hz
@@ -40,7 +40,7 @@ def interpolating_velocity(time: Floats, command: Floats) -> Floats:
 
     Parameters
     ----------
-    time : of the rows, s
+    time : time of the rows, s
     command : position, m
     """
     steps = np.diff(time)
@@ -51,14 +51,14 @@ def interpolating_velocity(time: Floats, command: Floats) -> Floats:
 
 
 def positions(time: Floats, velocity: Floats, delay: float, bandwidth_hz: float, order: int) -> Floats:
-    """Return where a servo is at the instants of a log, but for where it began.
+    """Return the positions of a servo at the instants of a log, except for its start.
 
     Parameters
     ----------
-    time : of the rows, s, increasing
+    time : time of the rows, s, increasing
     velocity : commanded, from each row to the next, m/s; before the first row it was the same as there
-    delay : from a row to when its command acts, s
-    bandwidth_hz, order : of the low-pass
+    delay : delay from a row to when its command acts, s
+    bandwidth_hz, order : those of the low-pass
     """
     lag, pole, residue = modes(bandwidth_hz, order)
     steps = np.diff(time)
@@ -89,7 +89,7 @@ def sampled_response(omega: Floats, T: float, delay: float, bandwidth_hz: float,
     ----------
     omega : rad/s
     T : sample time, s
-    delay, bandwidth_hz, order : of the servo
+    delay, bandwidth_hz, order : those of the servo
     """
     lag, pole, residue = modes(bandwidth_hz, order)
     whole = np.ceil(delay / T)

@@ -15,9 +15,9 @@ import numpy as np
 from vctune.document.recording import Floats
 
 LEAST_LINK = 1e-3
-"""Jitter from which it is looked for, sample times."""
+"""Jitter from which it is sought, sample times."""
 LEAST_WINDOWS = 10
-"""Fewer do not tell a jitter."""
+"""Least number of rows to detect jitter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,8 +26,8 @@ class Noise:
 
     Attributes
     ----------
-    encoder : of a position sample, m
-    link : of the delay from command to command, s
+    encoder : noise of a position sample, m
+    link : jitter of the delay from command to command, s
     """
 
     encoder: float
@@ -35,14 +35,14 @@ class Noise:
 
 
 def exposure(velocity: Floats, *, is_position: bool, late: int, lag: float) -> Floats:
-    """Return by which variance a link's jitter goes into each row, over that of the delay.
+    """Return the variance of a link's jitter in each row, over that of the delay.
 
     Parameters
     ----------
     velocity : commanded, per row, m/s
     is_position : whether the command was a position
-    late : rows by which the servo is late
-    lag : of its low-pass, rows
+    late : delay of the servo in rows
+    lag : lag of its low-pass, rows
     """
     from scipy.signal import lfilter
 
@@ -80,11 +80,11 @@ def likeliest(
 
     Parameters
     ----------
-    steps : what a fit leaves, m
-    near : where it is looked for
+    steps : residuals of a fit, m
+    near : value near which it is sought
     least : deviation of a position sample, m
     T : sample time, s
-    exposed, is_position : as for `whitened`
+    exposed, is_position : see `whitened`
     """
     from scipy.optimize import minimize
 
@@ -104,16 +104,16 @@ def likeliest(
 
 
 def jitter(left: Floats, encoder: float, lag: float, exposed: Floats, *, is_position: bool) -> float:
-    """Return the deviation of a link's delay, s; 0 where it is not three deviations from none.
+    """Return the deviation of a link's delay, s; 0 if it is not significant by three deviations.
 
-    What a command that comes late leaves is spread over the lag of the servo: it is counted over some lags at once.
+    The effect of a late command is spread over the lag of the servo, so that it is summed over some lags at once.
 
     Parameters
     ----------
     left : steps that a fit leaves, m
     encoder : deviation of a position sample, m
-    lag : of the servo, in rows of the log
-    exposed, is_position : as for `whitened`
+    lag : lag of the servo, in rows of the log
+    exposed, is_position : see `whitened`
     """
     window = max(ceil(2 * lag) + 2, 4)
     count = left.size // window

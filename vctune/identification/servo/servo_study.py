@@ -22,11 +22,11 @@ from vctune.identification.servo.servo_noise import Noise, whitened
 from vctune.model.numbers.units import Units
 
 EVIDENCE = 10.0
-"""Gain in -2 log likelihood, of independent residuals, that tells one order from the other."""
+"""Gain in -2 log likelihood, for independent residuals, that separates one order from the other."""
 UNEXPLAINED = 0.5
 """Residual, of the motion, from which on a log is refused."""
 GAINS = (0.8, 1.25)
-"""Of its command that a servo may move: beyond it is a unit, or another axis."""
+"""Range of a servo's motion relative to its command: beyond it the unit, or the axis, is wrong."""
 CLEAR = 4.0
 """Deviations from which on a gain is not 1, and a servo yields."""
 YIELDS = 0.005
@@ -41,7 +41,7 @@ class Yielding:
     Attributes
     ----------
     compliance, mobility : m/N and m/(N s), with their standard deviations
-    share : of the motion, root mean square, that the clearer of the two makes
+    share : share of the motion, root mean square, that the clearer of the two makes
     clear : whether each of the two is there
     """
 
@@ -57,11 +57,11 @@ class ServoStudy:
 
     Attributes
     ----------
-    seen : the log as it was fitted
-    fit : of the order that explains it best
-    other : of the other order
-    told : whether chi2 tells the orders apart
-    yielding : what goes with the force; None where none was recorded
+    seen : the fitted log
+    fit : fit of the order that explains it best
+    other : fit of the other order
+    told : whether chi2 separates the orders
+    yielding : part of the motion that follows the force; None if no force was recorded
     bands : measured response
     """
 
@@ -91,7 +91,7 @@ class ServoStudy:
 
         Parameters
         ----------
-        fit : of either order
+        fit : fit of either order
         noise : Noise
         """
         white, _ = whitened(fit.left, noise, fit.exposed, is_position=self.seen.is_position)
@@ -112,7 +112,7 @@ def likelier_order(studies: Sequence[ServoStudy]) -> int:
 
     Parameters
     ----------
-    studies : of one servo
+    studies : studies of one servo
     """
     gain = 0.0
     for study in studies:
@@ -134,13 +134,13 @@ def servo_study(recording: Recording, sample_time: float) -> ServoStudy:
 
     Parameters
     ----------
-    recording : of position and command, checked by its caller; of a force too, if the servo may yield
-    sample_time : of the servo's commands, s
+    recording : recording of position and command, checked by its caller; of a force too, if the servo may yield
+    sample_time : sample time of the servo's commands, s
 
     Returns
     -------
     ServoStudy
-        The fit that explains the log better, the other one, and whether the log tells them apart.
+        The fit that explains the log better, the other one, and whether the log separates them.
 
     Returns
     -------
@@ -236,7 +236,7 @@ def _yielding(recording: Recording, seen: ServoLog, fit: ServoFit) -> Yielding |
 
 
 def _slopes(seen: ServoLog, fit: ServoFit) -> list[Floats]:
-    """Return the steps that the fit makes, and by how much they change with delay and bandwidth."""
+    """Return the steps of the fit, and their derivatives with respect to delay and bandwidth."""
     delay, bandwidth = fit.delay.value, fit.bandwidth.value
 
     def made(delay: float, bandwidth: float) -> Floats:
@@ -253,22 +253,22 @@ def servo_notes(name: str, study: ServoStudy, units: Units) -> list[Note]:
 
     Parameters
     ----------
-    name : of the recording
-    study : of the recording
-    units : of its numbers
+    name : name of the recording
+    study : study of the recording
+    units : units of its numbers
     """
     fit, T, said = study.fit, study.seen.sample_time, []
     if not study.told:
-        text = f"{name}: orders 1 and 2 explain it as well as each other: the box holds both, and unmodelled the rest"
+        text = f"{name}: orders 1 and 2 explain it equally well: the box contains both, and unmodelled covers the rest"
         said.append(Note("remark-order", text))
     if fit.jitter > 0.01 * T:
-        text = f"{name}: the delay jitters by {fit.jitter:.2g} s from command to command, which its interval holds; "
-        said.append(Note("remark-jitter", f"{text}what is proved is proved of delays that stay as they are"))
+        text = f"{name}: the delay jitters by {fit.jitter:.2g} s from command to command, which its interval includes; "
+        said.append(Note("remark-jitter", f"{text}proofs assume a constant delay"))
     if not all(each.told for each in study.fits):
         text = f"{name}: shows a latency of {fit.delay.value + fit.lag:.3g} s, and not how much of it is a low-pass: "
         said.append(Note("remark-latency-only", f"{text}record a sweep up to a tenth of the sampling rate or higher"))
     if abs(fit.gain - 1) > max(CLEAR * fit.gain_sigma, 2e-3):
-        text = f"{name}: moves {fit.gain:.4g} times as far as it is told, which a servo does not: unmodelled holds it"
+        text = f"{name}: moves {fit.gain:.4g} times as far as it is told, which a servo does not: unmodelled covers it"
         said.append(Note("warn-gain", text))
     if study.yielding is not None and any(study.yielding.clear):
         each = study.yielding
@@ -276,7 +276,7 @@ def servo_notes(name: str, study: ServoStudy, units: Units) -> list[Note]:
         shown = " and ".join(compress(numbers, each.clear))
         text = (
             f"{name}: the servo yields: {each.share:.1%} of its motion goes with the force, {shown}. Such a device is "
-            "outside the model, in which the motion follows the command alone: nothing that is proved of the file "
+            "outside the model, in which the motion follows the command alone: no claim about the file "
             "holds for it"
         )
         said.append(Note("warn-yields", text))

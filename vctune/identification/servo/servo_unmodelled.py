@@ -26,7 +26,7 @@ def response_of(device: Device, omega: Floats) -> Complex:
 
     Parameters
     ----------
-    device : with a servo
+    device : device with a servo
     omega : rad/s
     """
     servo = device.servo
@@ -35,24 +35,24 @@ def response_of(device: Device, omega: Floats) -> Complex:
 
 
 def servo_distances(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> Floats:
-    """Return by how much each band differs, relatively, from the nearest servo of the box.
+    """Return the relative distance of each band from the nearest servo of the box.
 
     Parameters
     ----------
     device, bounds : the box
-    study : of a log
+    study : study of a log
     """
     found = study.bands
     return _nearest(tried(device, bounds, study), 2 * pi * found.hertz, found.ratio * found.fitted)
 
 
 def off_other_order(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> tuple[Floats, Floats]:
-    """Return frequencies up to Nyquist's, Hz, and by how much a servo of the order that is not stated is off the box.
+    """Return frequencies up to Nyquist's, Hz, and the distance of a servo of the other order from the box.
 
     Parameters
     ----------
     device, bounds : the box
-    study : of a log
+    study : study of a log
     """
     assert device.servo is not None
     T, other = device.sample_time, study.of_order(3 - device.servo.order)
@@ -67,7 +67,7 @@ def tried(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> list[
     Parameters
     ----------
     device, bounds : the box
-    study : of a log
+    study : study of a log
     """
     assert device.servo is not None
     ends = {each.key: (each.value * (1 - each.share), each.value * (1 + each.share)) for each in bounds}

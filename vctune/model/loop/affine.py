@@ -18,7 +18,7 @@ class Affine:
 
     Attributes
     ----------
-    constant, velocity, position : None for 0
+    constant, velocity, position : parts; None for 0
     """
 
     constant: Pair | None
@@ -45,8 +45,8 @@ class LoopConstants:
     ----------
     controller, C : C_0 and F_s C_0
     D, miss, numerator, motor : D, D - C_0, N and W
-    factor : e = 1 + y Z_2, what C_f has in D: without a loop the motor's admittance is e/D, the handle's to the motor's
-        force 1/D
+    factor : e = 1 + y Z_2, the factor of C_f in D: without a loop the motor's admittance is e/D, the handle's to the
+        motor's force 1/D
     """
 
     controller: Affine
@@ -59,7 +59,7 @@ class LoopConstants:
 
 
 def loop_constants(at: DeviceResponse) -> LoopConstants:
-    """Return the constants of a device's loop at omega > 0, that only the device knows.
+    """Return the constants of a device's loop at omega > 0, which depend on the device alone.
 
     K_p's share of C_0 is that of K_v turned by a right angle, and so is that of W and D unless the velocity is
     estimated.

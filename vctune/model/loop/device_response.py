@@ -1,7 +1,7 @@
 """The device's constants in its loop at a frequency, independent of the gains (README, sections 1 and 12).
 
-An ideal device is a mass and a damping, and a hold with its delay. What else there is, an actuator, a velocity
-estimate, a force sensor, a spring between motor and handle, comes beside them, and costs nothing where it is not.
+An ideal device is a mass and a damping, and a hold with its delay. Other parts (an actuator, a velocity estimate, a
+force sensor, a spring between motor and handle) are optional, and cost nothing if absent.
 """
 
 from __future__ import annotations
@@ -9,17 +9,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from vctune.model.device import Device, Servo, Structure
+from vctune.model.device import Device
+from vctune.model.loop.drive import drive_response
 from vctune.model.loop.filters import (
     FilterResponse,
-    actuator_response,
-    force_sensor_response,
     interpolation,
     low_pass,
+    sensor_response,
     velocity_estimate,
 )
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair
+from vctune.model.parts import Servo, Structure
 
 
 class DriveResponse(NamedTuple):
@@ -41,9 +42,9 @@ class Spring:
 
     Attributes
     ----------
-    mass, damping : of the handle with what it is loaded with, kg and N s/m; None without a load
+    mass, damping : those of the handle with its load, kg and N s/m; None without a load
     y_c, y_k : c/(k^2 + (omega c)^2) and k/(k^2 + (omega c)^2), s m/N and m/N
-    total, own_mass : of the device and of its handle, without a load, kg
+    total, own_mass : masses of the device and of its handle, without a load, kg
     bent, bent_im : g = omega^2 mu/(k + j omega c), in which no mass is: real and imaginary part; y = j g/(omega mu)
     """
 
@@ -63,13 +64,13 @@ class DeviceResponse(NamedTuple):
     Attributes
     ----------
     omega : rad/s
-    mass, damping : of the motor's part, all of the device if it is rigid, kg and N s/m
+    mass, damping : those of the motor's part, all of the device if it is rigid, kg and N s/m
     drive : A H
     estimate : F, from the motor's velocity to the firmware's; None for 1
-    sensor : F_s, from the hand's force to what is sensed; None for 1
-    spring : between motor and handle; None if rigid
+    sensor : F_s, from the hand's force to the sensed force; None for 1
+    spring : spring between motor and handle; None if rigid
     operator : b_h, the damping of the least operator, N s/m; None without one
-    factor : x = 1 + delta, by which the mechanism's response is multiplied; None for 1
+    factor : x = 1 + delta, factor of the mechanism's response; None for 1
     follows : whether the motion follows the command alone, as a servo's
     """
 
@@ -92,8 +93,8 @@ class Mechanism:
     Attributes
     ----------
     motor, handle : kg
-    damping : of the handle, N s/m, None for none; the motor's is the device's
-    stiffness, viscosity : of the spring between them, N/m and N s/m
+    damping : damping of the handle, N s/m, None for none; the motor's is the device's
+    stiffness, viscosity : those of the spring between them, N/m and N s/m
     """
 
     motor: Number
@@ -169,7 +170,7 @@ def device_response(device: Device, omega: Number, ops: Arithmetic) -> DeviceRes
 
     Parameters
     ----------
-    device : in SI units; parts that it lacks are None in the result
+    device : device in SI units; parts that it lacks are None in the result
     omega : angular frequency, rad/s, may be 0; a number or an array of any shape
     ops : arithmetic of omega and of the device's numbers
 
@@ -185,13 +186,13 @@ def device_response(device: Device, omega: Number, ops: Arithmetic) -> DeviceRes
     if device.ideal:
         return DeviceResponse(omega, device.mass, device.damping, drive, operator=operator)
     omega2 = omega * omega
-    if device.actuator is not None:
-        drive = _behind(drive, actuator_response(device.actuator, omega, ops), omega2)
-    estimate, sensor, mass, spring = None, None, device.mass, None
+    late = drive_response(device, omega, ops)
+    if late is not None:
+        drive = _behind(drive, late, omega2)
+    estimate, mass, spring = None, device.mass, None
     if device.velocity is not None:
         estimate = velocity_estimate(device.velocity, device.sample_time, omega, ops)
-    if device.force_sensor is not None:
-        sensor = force_sensor_response(device.force_sensor, omega, ops)
+    sensor = sensor_response(device.sensing, omega, ops)
     if device.structure is not None:
         parts = mechanism(device, device.structure, ops)
         loss = omega * parts.viscosity
@@ -226,7 +227,7 @@ def _servo_response(
     drive = _behind(drive, low_pass(servo.bandwidth_hz, servo.order, omega, ops), omega2)
     if servo.command == "position":
         drive = _behind(drive, interpolation(device.sample_time, omega, ops), omega2)
-    sensor = None if device.force_sensor is None else force_sensor_response(device.force_sensor, omega, ops)
+    sensor = sensor_response(device.sensing, omega, ops)
     return DeviceResponse(omega, device.mass, device.damping, drive, sensor=sensor, follows=True)
 
 

@@ -1,14 +1,14 @@
 """Non-ideal parts of a device at a frequency: velocity estimate, actuator, force sensor (README, section 12).
 
-All have gain 1 at rest, so that what they take away, not what they leave, is worked out: nothing cancels.
+All have gain 1 at rest, so that the code computes their loss, not their remainder: nothing cancels.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vctune.model.device import Actuator, ForceSensor, VelocityEstimate
 from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.parts import ForceSensor, VelocityEstimate
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +17,7 @@ class FilterResponse:
 
     Attributes
     ----------
-    re : Re, which vanishes far above a low-pass, while what it takes away does so far below it
+    re : Re, which vanishes far above a low-pass, while its loss vanishes far below it
     curvature : (1 - Re)/omega^2, s^2
     lag : -Im/omega, s
     """
@@ -149,7 +149,7 @@ def velocity_estimate(
     Returns
     -------
     FilterResponse or None
-        Of the shape of omega; None if the firmware knows the true velocity.
+        An array of the shape of omega; None if the firmware measures the true velocity.
     """
     theta, T, found = omega * sample_time, sample_time, None
     half = ops.sinc(theta / 2)
@@ -177,7 +177,7 @@ def firmware_low_pass(
     Returns
     -------
     FilterResponse or None
-        Of the shape of omega; None if the firmware has no low-pass.
+        An array of the shape of omega; None if the firmware has no low-pass.
     """
     if estimate.filter_hz is None:
         return None
@@ -193,24 +193,7 @@ def firmware_low_pass(
     )
 
 
-def actuator_response(actuator: Actuator, omega: Number, ops: Arithmetic) -> FilterResponse:
-    """Return A, from the commanded force to the force on the motor, at s = j omega.
-
-    Parameters
-    ----------
-    actuator : bandwidth, Hz, and order of its low-pass
-    omega : angular frequency, rad/s, >= 0
-    ops : arithmetic of bandwidth and omega
-
-    Returns
-    -------
-    FilterResponse
-        Of the shape of omega.
-    """
-    return low_pass(actuator.bandwidth_hz, actuator.order, omega, ops)
-
-
-def force_sensor_response(sensor: ForceSensor, omega: Number, ops: Arithmetic) -> FilterResponse | None:
+def sensor_response(sensor: ForceSensor, omega: Number, ops: Arithmetic) -> FilterResponse | None:
     """Return F_s, from the hand's force to the sensed force, at s = j omega.
 
     Parameters
@@ -222,7 +205,7 @@ def force_sensor_response(sensor: ForceSensor, omega: Number, ops: Arithmetic) -
     Returns
     -------
     FilterResponse or None
-        Of the shape of omega; None if the sensor senses the force at once.
+        An array of the shape of omega; None if the sensor senses the force without delay.
     """
     found = None
     if sensor.bandwidth_hz is not None:
@@ -231,3 +214,57 @@ def force_sensor_response(sensor: ForceSensor, omega: Number, ops: Arithmetic) -
         delay = pure_delay(sensor.delay, omega, ops)
         found = delay if found is None else found.times(delay, omega * omega)
     return found
+
+
+def filter_rows(
+    rows: dict[str, dict[str, Number]], states: tuple[str, str], samples: Number, order: int, ops: Arithmetic
+) -> Number:
+    """Write a low-pass of order 1, or of order 2 with damping ratio 1/sqrt(2), into the rates of a system.
+
+    The states of order 2 are y and y + y'/a with 2 a^2 = w^2, not y and y'. For a fast low-pass f(A/E) is about half of
+    |A/E|, and `inverse` divides by its diagonal, which would be close to 0 with the states y and y'.
+
+    Parameters
+    ----------
+    rows : rates of each state by the names of the states, with T = 1; those of the low-pass are filled in here
+    states : names of the output y and of the second state, which order 1 does not have
+    samples : bandwidth times T, the -3 dB frequency in sampling frequencies
+    order : 1 or 2
+    ops : arithmetic of the rates
+
+    Returns
+    -------
+    Number
+        Rate at which the low-pass's input drives its last state.
+    """
+    corner, (out, rate) = 2 * ops.pi * samples, states
+    if order == 1:
+        rows[out][out] = -corner
+        return corner
+    a = ops.sqrt(corner * corner / 2)
+    rows[out][out], rows[out][rate] = -a, a
+    rows[rate][out], rows[rate][rate] = -a, -a
+    return 2 * a
+
+
+def plain_rows(
+    rows: dict[str, dict[str, Number]], states: tuple[str, str], samples: Number, order: int, ops: Arithmetic
+) -> Number:
+    """Write a low-pass as `filter_rows` does, with the states y and y'/w.
+
+    Parameters
+    ----------
+    rows, states, samples, order, ops : as of `filter_rows`
+
+    Returns
+    -------
+    Number
+        Rate at which the low-pass's input drives its last state.
+    """
+    corner, (out, rate) = 2 * ops.pi * samples, states
+    if order == 1:
+        rows[out][out] = -corner
+        return corner
+    rows[out][rate] = corner
+    rows[rate][out], rows[rate][rate] = -corner, -ops.sqrt(2 * (corner * corner))
+    return corner

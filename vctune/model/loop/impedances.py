@@ -21,14 +21,14 @@ class LoopResponse(NamedTuple):
     C_scaled : F_s C_0 = q D times the scale, N s/m with the scale 1, N/m with omega
     D_scaled : D times the scale
     miss_scaled : D - C_0 = (1 - G_he) D times the scale; Z_d of an ideal device
-    numerator : N = G_hh D, 1; None where it is 1
+    numerator : N = G_hh D, 1; None if it is 1
     scale2 : the scale squared
     im_C_conj_D_scaled : scale * Im(F_s C_0 conj D), which is scale * |D|^2 Im q (model/README.md, section 5)
-    im_slope : that over omega, regular at omega = 0; None where it does not vanish there
+    im_slope : the same over omega, regular at omega = 0; None if it does not vanish there
     resistance : Re(N conj D) + b_h |N|^2, not scaled, N s/m: |D|^2 Re G_hh, and of a rigid device in the hand of its
         least operator Re(D + Z_h)
-    operator_relief : 2 b_h Re(F_s C_0 conj N), by which an operator eases the conditions, (N s/m)^2, not scaled; None
-        without one
+    operator_relief : 2 b_h Re(F_s C_0 conj N), the term by which an operator eases the conditions, (N s/m)^2, not
+        scaled; None without one
     """
 
     C_scaled: Pair

@@ -18,7 +18,7 @@ class EndLimit:
     Attributes
     ----------
     coupling : the limit of Re Z_c
-    required : the limit of R; inf where no coupling will do
+    required : the limit of R; inf if no coupling suffices
     """
 
     coupling: Number
@@ -32,7 +32,7 @@ class Lags:
     Attributes
     ----------
     drive : tau, of hold, delay and actuator
-    estimate, sensor : of the velocity estimate and of the force sensor
+    estimate, sensor : lags of the velocity estimate and of the force sensor
     loss : c/k^2 of the spring, m s/N
     compliance : 1/k, m/N
     """
@@ -51,7 +51,7 @@ def lags(device: Device, ops: Arithmetic) -> Lags:
 
     Parameters
     ----------
-    device : in SI units
+    device : device in SI units
     ops : arithmetic of its numbers
 
     Returns
@@ -85,7 +85,7 @@ def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling, ops: A
 
     Parameters
     ----------
-    device : in SI units
+    device : device in SI units
     gains : K_v and K_p, N s/m and N/m
     coupling : b_c, m_c and b_0 of an admittance display
     ops : arithmetic of these numbers, which must compare with 0
@@ -126,7 +126,7 @@ def high_frequency_limit(device: Device, gains: Gains, coupling: Coupling) -> En
     Parameters
     ----------
     device : ideal, in SI units; b_h is its least operator's damping
-    gains : only K_v counts, N s/m
+    gains : only K_v matters, N s/m
     coupling : b_c, m_c and b_0 of an admittance display
 
     Returns

@@ -5,8 +5,8 @@ With G_hh = N/D and q = C/D (`vctune.model.loop.loop`), in the hand of an operat
 
     Re Z_c >= R = (|C||D| - Re(C conj D) - 2 Re Z_h Re(C conj N))/(2 (Re(N conj D) + Re Z_h |N|^2)),
 
-which is condition 3 of model/README.md, section 4 for Z_h = 0. The operator's mass is not in it: any reactance may
-be in the hand anyway. See model/README.md, section 9.
+which is condition 3 of model/README.md, section 4 for Z_h = 0. The operator's mass is not in it, because any reactance
+is allowed in the hand. See model/README.md, section 9.
 """
 
 from __future__ import annotations
@@ -75,10 +75,10 @@ def llewellyn_demand(loop: LoopResponse, ops: Arithmetic) -> Number:
 
 
 def required_resistance(loop: LoopResponse, ops: Arithmetic) -> Number:
-    """Return R, the least admissible Re Z_c (model/README.md, section 4).
+    """Return R, the least feasible Re Z_c (model/README.md, section 4).
 
-    Without an operator R = (|q| - Re q)/(2 Re G_hh). No coupling is admissible where the loop's resistance is negative.
-    Where the resistance is positive and R <= 0, every passive coupling is.
+    Without an operator R = (|q| - Re q)/(2 Re G_hh). No coupling is feasible where the loop's resistance is negative.
+    Where the resistance is positive and R <= 0, every passive coupling is feasible.
 
     Parameters
     ----------

@@ -68,7 +68,7 @@ def loop_response(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopResp
 
 
 def _following(at: DeviceResponse) -> LoopResponse:
-    """Return the response of a servo: G_hh = 0, since no hand pushes it, and G_he = A H whatever the gains are."""
+    """Return the response of a servo: G_hh = 0, since no hand pushes it, and G_he = A H for all gains."""
     drive = Pair(at.drive.re, -(at.omega * at.drive.lag))
     C = drive if at.sensor is None else Pair(at.sensor.re, -(at.omega * at.sensor.lag)) * drive
     return LoopResponse(

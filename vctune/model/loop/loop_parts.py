@@ -130,7 +130,7 @@ def perturbed_loop(at: DeviceResponse, x: Pair, gains: Gains) -> LoopResponse:
     """Return the loop of a device whose mechanism's response is multiplied by x, at omega > 0.
 
     See model/README.md, section 13. Let D_0 and N_0 be D and N with both gains 0. The perturbed loop has D_0/x + e C_f
-    in the place of D and N_0 + x y C_f in that of N.
+    instead of D and N_0 + x y C_f in that of N.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def _estimated(
 def _turned(at: DeviceResponse, gains: Gains, C_0: Impedance, scale: _Scale, ops: Arithmetic) -> _Turned:
     """Return Im(C_0 conj W) scaled: C_0 against b, against m omega, and against the loss of F in C_f.
 
-    C_0 against itself contributes nothing, and is therefore not in it.
+    C_0 against itself contributes nothing, and is therefore left out.
     """
     integral = scale.own is not None
     slope = -(at.mass * C_0.re)
@@ -209,12 +209,12 @@ def _on_spring(
 ) -> _Handle:
     """Put the handle on its spring beside the motor's part W.
 
-    Of Im(C_0 conj(Z_2 (1 + y W))) what has y in it is Im(C_0 conj W) Re(y Z_2) - Re(C_0 conj W) Im(y Z_2).
+    In Im(C_0 conj(Z_2 (1 + y W))), the part with y is Im(C_0 conj W) Re(y Z_2) - Re(C_0 conj W) Im(y Z_2).
 
     Parameters
     ----------
-    spring, omega, scale : of the device there
-    C_0, W : of the motor
+    spring, omega, scale : those of the device there
+    C_0, W : those of the motor
     miss, turned : Z_1 + C_f - C_0 and Im(C_0 conj W), scaled
     """
     flexed = Pair(omega * spring.y_c, spring.y_k)  # y/omega

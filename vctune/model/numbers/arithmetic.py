@@ -23,14 +23,14 @@ class Arithmetic(Protocol):
     def pi(self) -> Number: ...
     @property
     def precision(self) -> float:
-        """How much of a number rounding takes, relative."""
+        """Relative rounding of a number."""
 
     @property
     def arrays(self) -> ArrayArithmetic | None:
-        """The arithmetic itself where its numbers are arrays, None where they are single."""
+        """The arithmetic itself where its numbers are arrays, None if they are single."""
 
     def is_zero(self, x: Number) -> bool:
-        """Return whether a number is 0 for certain, so that a product with it can be left out."""
+        """Return whether a number is certainly 0, so that a product with it can be left out."""
 
     def sqrt(self, x: Number) -> Number: ...
     def modulus(self, re: Number, im: Number) -> Number:
@@ -76,7 +76,8 @@ class Arithmetic(Protocol):
         Parameters
         ----------
         x : real number that decides
-        yes, no : take nothing and return a number of x's shape; yes() need not be valid where no() is taken
+        yes, no : functions without arguments that return a number of x's shape; yes() need not be valid where no() is
+            used
 
         Returns
         -------
@@ -127,15 +128,15 @@ class ArrayArithmetic(Arithmetic, Protocol):
 
 
 SERIES_BELOW = 0.05
-"""Where phi_2 changes from its series to its formula, whose subtraction loses a factor 2/x of the precision. Half:
-a factor 2 more is lost, and `vctune.proof.enclosures.jets.PHI_ERROR` would no longer hold. Twice: what the series of
-eight terms leaves out, 1e-17 here, would be 3e-15, no longer less than rounding."""
+"""Argument at which phi_2 changes from its series to its formula, whose subtraction loses a factor 2/x of the
+precision. Half loses another factor 2, and `vctune.proof.enclosures.jets.PHI_ERROR` would no longer hold. With twice,
+the remainder of the series of eight terms, 1e-17 here, would be 3e-15, no longer less than rounding."""
 
 
 CURVATURE_BELOW = 0.5
-"""Where sinc_curvature changes from its series to its formula, whose two subtractions lose a factor 20/x^2 of the
-precision. Half: a factor 4 more is lost. Twice: what the series of seven terms leaves out, 2e-19 here, would be 3e-15,
-no longer less than rounding."""
+"""Argument at which sinc_curvature changes from its series to its formula, whose two subtractions lose a factor 20/x^2
+of the precision. Half loses another factor 4. With twice, the remainder of the series of seven terms, 2e-19 here, would
+be 3e-15, no longer less than rounding."""
 
 
 def sinc_curvature_series(x2: Number) -> Number:

@@ -6,7 +6,7 @@ from math import inf, pi
 
 
 def hertz(omega: float) -> float:
-    """Return an angular frequency in hertz, free of the rounding of 2 pi where it was a decimal.
+    """Return an angular frequency in hertz, without the rounding of 2 pi if it was a decimal.
 
     Parameters
     ----------
@@ -21,7 +21,7 @@ def hertz(omega: float) -> float:
 
 
 def finite_hertz(omega: float | None) -> float | None:
-    """Return a frequency in hertz, None where it is infinite.
+    """Return a frequency in hertz, None if it is infinite.
 
     Parameters
     ----------

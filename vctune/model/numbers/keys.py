@@ -7,16 +7,16 @@ from vctune.model.numbers.units import Units
 KEYS = ("gains.velocity", "gains.position", "coupling.damping", "coupling.mass", "coupling.drag")
 """K_v, K_p, b_c, m_c, b_0 of an admittance display."""
 SPRING_KEYS = ("gains.velocity", "gains.position", "coupling.damping", "coupling.stiffness")
-"""K_v, K_p, which is 0, b_c, k_c of an impedance display."""
+"""Design variables of an impedance display: K_v, K_p (which is 0), b_c, k_c."""
 SYMBOLS = dict(zip(KEYS, ("K_v", "K_p", "b_c", "m_c", "b_0"), strict=True)) | {SPRING_KEYS[3]: "k_c"}
 QUANTITIES = dict(zip(KEYS, ("damping", "stiffness", "damping", "mass", "damping"), strict=True)) | {
     SPRING_KEYS[3]: "stiffness"
 }
-"""What stands for each variable in equations, and which quantity it is (`vctune.model.numbers.units`)."""
+"""The symbol of each variable in equations, and its quantity (`vctune.model.numbers.units`)."""
 WORLD = ("environment.mass", "environment.damping", "environment.stiffness")
 """The numbers of a rendered environment."""
 IN_WORDS = dict(zip(WORLD, ("mass of the tool", "least damping", "stiffness of the wall"), strict=True))
-"""What they are called on an axis."""
+"""Their names on an axis."""
 
 
 def labelled(key: str, units: Units) -> str:
@@ -25,7 +25,7 @@ def labelled(key: str, units: Units) -> str:
     Parameters
     ----------
     key : a design variable's key in the problem file, one of `KEYS` or `SPRING_KEYS`, or one of `WORLD`
-    units : of the problem, linear or rotary
+    units : units of the problem, linear or rotary
 
     Returns
     -------
@@ -38,5 +38,5 @@ def labelled(key: str, units: Units) -> str:
 
 
 def keys_of(count: int) -> tuple[str, ...]:
-    """Return the keys of a design that has so many numbers."""
+    """Return the keys of a design with this number of numbers."""
     return KEYS if count == len(KEYS) else SPRING_KEYS

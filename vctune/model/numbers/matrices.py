@@ -29,8 +29,8 @@ class Block:
 
     Attributes
     ----------
-    entries : of shape (n, m, ...)
-    nonzero : which of them are not 0 by structure
+    entries : array of shape (n, m, ...)
+    nonzero : the entries that are not 0 by structure
     ops : arithmetic of the entries
     """
 
@@ -43,7 +43,7 @@ class Block:
 
         Parameters
         ----------
-        entries : of the result, shape (n, m, ...)
+        entries : entries of the result, shape (n, m, ...)
         other : the second operand of the same shape; an entry is 0 by structure if it is so in both
 
         Returns
@@ -93,8 +93,8 @@ def rows_of(matrix: Matrix | Block) -> Matrix:
 
 
 LEFT_OUT = 2.0**-10
-"""What Taylor's polynomial of e^A, A of norm at most 1/2, leaves out, as a share of rounding; it is enclosed. Half and
-twice it are the same order mostly: 15 for doubles, 29 for 128 bits."""
+"""Remainder of the Taylor polynomial of e^A, for A of norm at most 1/2, as a share of rounding; the code encloses it.
+Half and twice it mostly give the same order: 15 for doubles, 29 for 128 bits."""
 
 
 def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:
@@ -120,7 +120,7 @@ def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:
     # an entry that is 0 in A may first differ from it in the power that is as high as A has rows
     last = next(n for n in count(len(matrix)) if not x ** (n + 1) / factorial(n + 1) > LEFT_OUT * ops.precision * x)
     for order in range(2, last + 1):
-        term = shared(product(term, small), order)
+        term = divided(product(term, small), order)
         total = added(total, term)
     # all further terms add up to less than 1.1 times the first of them: x <= 1/2
     rest = ops.within(1.1 * x ** (last + 1) / factorial(last + 1))
@@ -131,7 +131,7 @@ def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:
 
 
 COTH_WITHIN = 2.0
-"""Norm up to which (A/2) coth(A/2) is found by its series, whose radius is 2 pi. Half of it takes an inverse more,
+"""Norm up to which (A/2) coth(A/2) is found by its series, whose radius is 2 pi. Half of it takes one inverse more,
 twice of it three times as many terms."""
 
 
@@ -142,7 +142,7 @@ def half_coth(matrix: Matrix, ops: Arithmetic) -> Matrix:
 
     Parameters
     ----------
-    matrix : A, n x n, dimensionless, no eigenvalue of which is 2 pi j times an integer other than 0
+    matrix : A, n x n, dimensionless, without an eigenvalue 2 pi j times an integer other than 0
     ops : arithmetic of its entries
 
     Returns
@@ -156,14 +156,14 @@ def half_coth(matrix: Matrix, ops: Arithmetic) -> Matrix:
     square = product(half, half)
     ratio = (norm / 2.0**halvings / (2 * pi)) ** 2  # |B_2k|/(2k)! = 2 zeta(2k)/(2 pi)^2k
     last = next(n for n in count(len(matrix)) if not 3.7 * ratio ** (n + 1) > LEFT_OUT * ops.precision * ratio)
-    term = shared(square, 2)
-    found = shared(term, 6)
+    term = divided(square, 2)
+    found = divided(term, 6)
     for k in range(2, last + 1):
-        term = shared(product(term, square), (2 * k - 1) * (2 * k))
+        term = divided(product(term, square), (2 * k - 1) * (2 * k))
         number = bernoulli(2 * k)
         # from B_36 on a numerator is no double: rounding it and its product is the unit that enclosures add for one
         numerator = number.numerator if ops.arrays is None else float(number.numerator)
-        found = added(found, shared(scaled(term, numerator), number.denominator))
+        found = added(found, divided(scaled(term, numerator), number.denominator))
     # all further terms add up to less than 2 zeta(2)/(1 - ratio) < 3.7 times a power of ratio <= 1/pi^2
     one, quarter = identity(len(matrix)), rows_of(scaled(square, 0.25))
     total = added(one, rows_of(_each(found, ops.within(3.7 * ratio ** (last + 1)))))
@@ -210,7 +210,7 @@ def minors(rows: Sequence[Sequence[Number]]) -> dict[int, Number]:
 
     Parameters
     ----------
-    rows : of numbers that can be added and multiplied; None for 0
+    rows : rows of numbers that can be added and multiplied; None for 0
     """
     width = len(rows) + 1
     found: dict[int, Number] = {0: None}
@@ -240,7 +240,7 @@ def characteristic(psi: Matrix) -> tuple[Vector, list[Matrix]]:
 
     Returns
     -------
-    coefficients : of x^0 to x^(n-1); that of x^n is 1
+    coefficients : coefficients of x^0 to x^(n-1); that of x^n is 1
     adjugate : matrices that are its coefficients, of x^0 to x^(n-1)
     """
     n = len(psi)
@@ -273,7 +273,7 @@ def norm_of(matrix: Matrix, ops: Arithmetic) -> float:
     Parameters
     ----------
     matrix : A, in any numbers of the arithmetic
-    ops : arithmetic of the entries; bounds their magnitude, over all elements where they are arrays
+    ops : arithmetic of the entries; it bounds their magnitude, for arrays over all elements
 
     Returns
     -------
@@ -323,7 +323,7 @@ def dot(a: Iterable[Number], b: Iterable[Number]) -> Number:
 
     Parameters
     ----------
-    a, b : of the same length
+    a, b : arrays of the same length
 
     Returns
     -------
@@ -394,7 +394,7 @@ def scaled(matrix: AnyMatrix, factor: Number) -> AnyMatrix:
     Parameters
     ----------
     matrix : A
-    factor : of the arithmetic of the entries, or a plain number
+    factor : factor of the arithmetic of the entries, or a plain number
 
     Returns
     -------
@@ -406,13 +406,13 @@ def scaled(matrix: AnyMatrix, factor: Number) -> AnyMatrix:
     return tuple(tuple(times(entry, factor) for entry in row) for row in matrix)
 
 
-def shared(matrix: AnyMatrix, count: Number) -> AnyMatrix:
+def divided(matrix: AnyMatrix, count: Number) -> AnyMatrix:
     """Return A divided by a number.
 
     Parameters
     ----------
     matrix : A
-    count : the divisor, not 0: of the arithmetic of the entries, or a plain number
+    count : the divisor, not 0: in the arithmetic of the entries, or a plain number
 
     Returns
     -------
@@ -430,7 +430,7 @@ def column(matrix: Matrix, index: int) -> Vector:
     Parameters
     ----------
     matrix : n x m
-    index : of the column; a negative one counts from the last
+    index : index of the column; a negative one counts from the last
 
     Returns
     -------

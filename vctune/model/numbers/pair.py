@@ -37,7 +37,7 @@ class Pair:
 class EvenOdd:
     """The complex number even + j s odd, whose parts stay regular for s -> 0, of s^2 = square.
 
-    What is real for real z is of this kind on the unit circle, with s = sin(theta/2).
+    A response that is real for real z has this form on the unit circle, with s = sin(theta/2).
     """
 
     even: Number

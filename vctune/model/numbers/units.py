@@ -1,7 +1,7 @@
 """Names and units of a device's numbers, by the motion of its handle: the only place that states them.
 
-The formulas hold word for word for both: of a rotary device a mass is a moment of inertia, a force a torque, a position
-an angle.
+The formulas hold word for word for both: for a rotary device a mass is a moment of inertia, a force a torque, a
+position an angle.
 """
 
 from __future__ import annotations
@@ -22,10 +22,11 @@ class Units:
 
     Attributes
     ----------
-    mass_name, force_name : what mass and force are called
-    mass, damping, stiffness, integral_gain, mobility, compliance : of what moves, of impedances and of one over them
-    force, position, position_integral, speed : of signals
-    time, frequency : of anything
+    mass_name, force_name : names of mass and force
+    mass, damping, stiffness, integral_gain, mobility, compliance : units of masses, of impedances and of one
+        over them
+    force, position, position_integral, speed : those of signals
+    time, frequency : units of time and frequency
     """
 
     mass_name: str
@@ -49,11 +50,11 @@ class Units:
         return unit
 
     def translated(self, text: str) -> str:
-        """Return a text about a linear device as it is of this one: its words, and units that stand alone.
+        """Return a text about a linear device in the words and units of this one.
 
         Parameters
         ----------
-        text : of ours, not of a user
+        text : our own text, not a user's
         """
         if self == LINEAR:
             return text
@@ -101,7 +102,7 @@ QUANTITIES = tuple(
 """Those whose units depend on the motion."""
 UNITS: Mapping[UnitSystem, Units] = MappingProxyType({"linear": LINEAR, "rotary": ROTARY})
 WORD = re.compile(r"(?<![.\w])([Aa] )?(mass|force)(es|s)?\b(?! /)", re.IGNORECASE)
-"""What is called otherwise, with its article; keys of a file keep their names, and names in equations theirs."""
+"""Words with another name, with their articles; keys of a file keep their names, and names in equations theirs."""
 SAME = {LINEAR.of(quantity): ROTARY.of(quantity) for quantity in QUANTITIES}
 UNIT = re.compile(rf"(?:(?<=, )|^)({'|'.join(map(re.escape, sorted(SAME, key=len, reverse=True)))})(?=[.;,]|$)")
-"""A unit as descriptions have it: alone, or between a comma and the end of what it belongs to."""
+"""A unit in a description: alone, or between a comma and the end of its number."""

@@ -1,1 +1,1 @@
-"""The loop exactly as it is sampled, let go and in a hand."""
+"""The exact sampled loop, let go and in a hand."""

@@ -18,14 +18,14 @@ from typing import NamedTuple
 from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.loop.device_response import mechanism
-from vctune.model.loop.filters import actuator_response
+from vctune.model.loop.drive import drive_response, drive_states
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.impedance_display import Required, firmware_filter
 
 ALIASES = 24
-"""Pairs of aliases that are added up one by one behind an actuator or a spring; those beyond are bounded. With half of
-them R is known to a thousandth at the Nyquist frequency, with twice as many to a tenth of that."""
+"""Pairs of aliases that are summed one by one behind an actuator or a spring; the rest is bounded. Half of them give R
+to a thousandth at the Nyquist frequency, twice as many to a tenth of that."""
 
 
 class InAnyHand(NamedTuple):
@@ -45,7 +45,7 @@ class AnyHand(NamedTuple):
     short : (r - Re c)/s^2
     beyond : (|c|^2 - r^2)/s^2
     centre : c
-    low_pass : F there; None for 1
+    low_pass : F at theta; None for 1
     sine2 : s^2
     """
 
@@ -65,7 +65,7 @@ class AnyHand(NamedTuple):
         return InAnyHand(self.short, -(self.beyond * low_pass.re), 2 * along, low_pass.abs2() * inside)
 
     def required(self, gains: Gains) -> Required:
-        """Return R/s^2 as a quotient; of the gains only K_v counts."""
+        """Return R/s^2 as a quotient; only K_v of the gains matters."""
         K_v, of = gains.velocity, self.of_velocity
         return Required(of.lost + K_v * of.lost_slope, 1 + K_v * of.size_slope + K_v * K_v * of.size_square)
 
@@ -99,7 +99,7 @@ class _Disc(NamedTuple):
 
 
 def _disc(device: Device, whole: Number, theta: Number, ops: Arithmetic, *, fractional: bool) -> _Disc:
-    if device.actuator is not None or device.structure is not None:
+    if drive_states(device) or device.structure is not None:
         return _sum_of_aliases(device, theta, ops)
     b, steps, half = device.least_damping, whole + 1, ops.sinc(theta / 2)
 
@@ -156,7 +156,7 @@ def _sum_of_aliases(device: Device, theta: Number, ops: Arithmetic) -> _Disc:
 def _alias(device: Device, theta: Number, at: Number, ops: Arithmetic) -> _Alias:
     """Return the motor's response at omega = at/T; in hands of all kinds Z_s beside Z_x is a disc around 1/(2 g)."""
     drive = drive_at(device, theta, at, ops)
-    size = 1 if device.actuator is None else ops.sqrt(drive.abs2())
+    size = ops.sqrt(drive.abs2()) if drive_states(device) else 1
     rho, reactance, g = motor_disc(device, at / device.sample_time, ops)
     if g is None:
         return _Alias(drive.scaled(rho), size * rho)
@@ -181,11 +181,9 @@ def drive_at(device: Device, theta: Number, at: Number, ops: Arithmetic) -> Pair
     """
     turn = theta + at * (device.delay / device.sample_time)
     delayed = Pair(ops.cos(turn), -ops.sin(turn))
-    if device.actuator is None:
-        return delayed
     omega = at / device.sample_time
-    A = actuator_response(device.actuator, omega, ops)
-    return delayed * Pair(A.re, -(omega * A.lag))
+    A = drive_response(device, omega, ops)
+    return delayed if A is None else delayed * Pair(A.re, -(omega * A.lag))
 
 
 def motor_disc(device: Device, omega: Number, ops: Arithmetic) -> tuple[Number, Number, Number | None]:
@@ -196,14 +194,14 @@ def motor_disc(device: Device, omega: Number, ops: Arithmetic) -> tuple[Number, 
 
     Parameters
     ----------
-    device : with b > 0, in SI units
+    device : device with b > 0, in SI units
     omega : angular frequency, rad/s
     ops : arithmetic of both
 
     Returns
     -------
     rho : m/(N s)
-    reactance : omega m_1, N s/m, of the motor's part; of a rigid device omega m
+    reactance : omega m_1, N s/m, of the motor's part; for a rigid device omega m
     g : m/(N s); None for a rigid device
     """
     b, reactance = device.damping, omega * device.motor_mass
@@ -234,12 +232,11 @@ def _first_alias(device: Device, theta: Number, ops: Arithmetic) -> tuple[_First
     T, b = device.sample_time, device.damping
     omega, d = theta / T, device.delay / T
     alias, (rho, reactance, g) = _alias(device, theta, theta, ops), motor_disc(device, omega, ops)
-    turn = theta * (1 + d)
-    if device.actuator is None:
+    turn, A = theta * (1 + d), drive_response(device, omega, ops)
+    if A is None:
         passed, chord = Pair(ops.cos(turn), -ops.sin(turn)), (1 + d) * ops.sinc(turn / 2)
         short, size2 = 2 * (chord * chord), 1
     else:
-        A = actuator_response(device.actuator, omega, ops)
         passed = Pair(ops.cos(turn), -ops.sin(turn)) * Pair(A.re, -(omega * A.lag))
         size2 = passed.abs2()
         size = ops.sqrt(size2)
@@ -264,8 +261,8 @@ def _beyond_the_last(device: Device, ops: Arithmetic) -> tuple[Number, Number]:
     """
     omega = (2 * ALIASES + 1) * ops.pi / device.sample_time
     weight = 2 / (ops.pi * ops.pi * ALIASES)
-    if device.actuator is not None:
-        A = actuator_response(device.actuator, omega, ops)
+    A = drive_response(device, omega, ops)
+    if A is not None:
         weight = weight * ops.sqrt(A.re * A.re + (omega * A.lag) * (omega * A.lag))
     rho, reactance, g = motor_disc(device, omega, ops)
     if g is None:

@@ -26,7 +26,7 @@ class Circle(NamedTuple):
         Parameters
         ----------
         whole : N; the integer 0 needs no further sine or cosine
-        number : makes the complex number even + j s odd of its arguments even and odd
+        number : function that makes the complex number even + j s odd of its arguments even and odd
 
         Returns
         -------

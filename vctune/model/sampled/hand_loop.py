@@ -1,13 +1,13 @@
 """The sampled loop with a hand at the handle, and the impedance that the environment sees (model/README.md, section
 14).
 
-The position x_1, the velocity estimate and the sensed force f of device and hand (`plant_in_hand`) make the return
-difference and the impedance that the environment meets,
+The position x_1, the velocity estimate and the sensed force f of device and hand (`plant_in_hand`) give the return
+difference and the impedance that the environment sees,
 
     Delta = 1 + K_v G_v + K_p G_x,   Z_seen = -G_f (K_v + (T/2) K_p (1 + z^-1)/d)/Delta,
 
-f being sampled just before the next command acts. Cleared of denominators they are F and P/(2 j s), numbers
-even + j s odd that stay regular at theta = 0, and affine in the gains with constants that only device and hand know:
+f being sampled just before the next command acts. Cleared of denominators they are F and P/(2 j s), numbers even + j s
+odd that stay regular at theta = 0, and affine in the gains with constants that depend on device and hand alone:
 
     R = -Re Z_seen = -o/(2 |F|^2),   P conj F = e + j s o.
 """
@@ -22,7 +22,7 @@ from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import Vector, nothing
-from vctune.model.numbers.pair import EvenOdd, Pair, im_conj_product, re_conj_product
+from vctune.model.numbers.pair import EvenOdd
 from vctune.model.sampled.circle import Circle, OfParts, circle
 from vctune.model.sampled.impedance_display import ForceInHand, Offered, Required, firmware_filter, offered_by_spring
 from vctune.model.sampled.loop_in_worlds import Seen
@@ -61,7 +61,7 @@ class CommandInHand(NamedTuple):
     ----------
     size : > 0
     seen : regular at theta = 0
-    blur : by what -odd/2 may be more in a disc of responses, `Servo.radii`; 0 without one
+    blur : amount by which -odd/2 may be greater in a disc of responses, `Servo.radii`; 0 without one
     """
 
     size: Number
@@ -78,7 +78,7 @@ class CommandInHand(NamedTuple):
 
 
 AnyLoopInHand = LoopInHand | ForceInHand | CommandInHand
-"""The loop of an admittance display in a hand, of an impedance display, or the way of a servo's command."""
+"""The loop of an admittance display in a hand, for an impedance display, or the way of a servo's command."""
 
 
 def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLoopInHand:
@@ -123,21 +123,32 @@ def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLo
     )
 
 
-def seen_in_limp_hand(plant: PlantInHand, velocity: Number, theta: Number, share: Number, ops: Arithmetic) -> Seen:
-    """Return `seen_in_hand` over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
+class NextToRest(NamedTuple):
+    """The terms of rho, which vanishes at theta = 0 in a hand without stiffness and with K_p = 0.
 
-    Its swing is over s besides.
+    Attributes
+    ----------
+    rho : 2 s + (K + K_p) T^2/m
+    turned, spring, integrator : shares of 2 s, of K and of K_p in rho; their sum is 1
+    """
 
-    Next to theta = 0 and K = 0, F and the sensed force both vanish with rho, defined by 2 s = (1 - share) rho and
-    K T^2/m = share rho. The function puts rho x_1 in the place of the position x_1. This divides the position's column
-    of the equations by rho, in which 2 s and K are factors.
+    rho: Number
+    turned: Number
+    spring: Number
+    integrator: Number
+
+
+def required_in_limp_hand(
+    plant: PlantInHand, velocity: Number, theta: Number, rest: NextToRest, ops: Arithmetic
+) -> Required:
+    """Return what `required_in_hand` does over rho^2, next to theta = 0, a hand without stiffness and K_p = 0.
 
     Parameters
     ----------
     plant : the device in one or several hands
     velocity : K_v, N s/m
     theta : omega T, rad, in [0, pi]
-    share : from 0, a hand without stiffness, to 1, frequency 0; need not be the share of theta and the hand
+    rest : need not be those of theta, the hand and K_p
     ops : arithmetic of the other arguments
 
     Returns
@@ -145,23 +156,59 @@ def seen_in_limp_hand(plant: PlantInHand, velocity: Number, theta: Number, share
     Required
         Of the shape of theta.
     """
-    at, turned = circle(theta, ops), 1 - share
+    F, felt = _next_to_rest(plant, velocity, theta, rest, ops)
+    # with K_p = integrator rho m/T^2 and 2 s = turned rho both parts of the law have the denominator j turned
+    push = rest.integrator * (plant.mass / plant.sample_time) * ops.cos(theta / 2)
+    P = felt * EvenOdd(push, velocity, F.square)
+    return Required(P.even * F.odd - P.odd * F.even, F.abs2())
 
-    def number(even: Number, odd: Number) -> Pair:
-        return Pair(even, at.sin * odd)
 
-    def states(older: Vector | None) -> dict[int, Pair]:
+def seen_in_limp_hand(plant: PlantInHand, velocity: Number, theta: Number, rest: NextToRest, ops: Arithmetic) -> Seen:
+    """Return what `seen_in_hand` does over rho^2, its swing over s besides, of K_p = 0.
+
+    Parameters
+    ----------
+    plant, velocity, theta, ops : as of `required_in_limp_hand`
+    rest : without a share of the integrator
+
+    Returns
+    -------
+    Seen
+        Of the shape of theta.
+    """
+    F, felt = _next_to_rest(plant, velocity, theta, rest, ops)
+    lost = velocity * (felt.even * F.even + F.square * (felt.odd * F.odd))
+    swing = velocity * rest.turned * (felt.even * F.odd - felt.odd * F.even)
+    return Seen(-lost, swing, F.abs2())
+
+
+def _next_to_rest(
+    plant: PlantInHand, velocity: Number, theta: Number, rest: NextToRest, ops: Arithmetic
+) -> tuple[EvenOdd, EvenOdd]:
+    """Return F and the sensed force over rho, as numbers even + j turned odd.
+
+    Next to theta = 0, K = 0 and K_p = 0 both vanish with rho. The function puts rho x_1 in the place of the position
+    x_1. This divides the position's column of the equations by rho, in which 2 s and K are factors.
+    """
+    at, turned, half = circle(theta, ops), rest.turned, rest.rho / 2
+    square = turned * turned
+
+    def number(even: Number, odd: Number) -> EvenOdd:
+        return EvenOdd(even, half * odd, square)
+
+    def states(older: Vector | None) -> dict[int, EvenOdd]:
         exact = equations(plant.rates, plant.step, plant.push, older, at.cos, at.square)
         rows = [[None if entry is None else number(entry.even, entry.odd) for entry in row] for row in exact]
         for row, rates, step in zip(rows, plant.rates, plant.step, strict=True):
             # the hand's spring acts as -K x_1 wherever it does
-            row[0] = Pair(0 if nothing(rates[0]) else at.cos * share, turned * step[0])
+            row[0] = EvenOdd(0 if nothing(rates[0]) else at.cos * rest.spring, step[0], square)
         return numerators(rows)
 
-    moved = Pair(turned * at.sin, turned * at.cos)  # d/rho
-    open_loop, speed, _, felt = _answers(plant, at, number, states, moved, 0 if nothing(plant.felt[0]) else share)
-    F = open_loop + speed.scaled(velocity * plant.sample_time / plant.mass)
-    return Seen(-(velocity * re_conj_product(felt, F)), -(velocity * im_conj_product(felt, F)), F.abs2())
+    moved = EvenOdd(square * half, at.cos, square)  # d/rho
+    grip = 0 if nothing(plant.felt[0]) else rest.spring
+    open_loop, speed, position, felt = _answers(plant, at, number, states, moved, grip)
+    driven = speed.scaled(velocity * (plant.sample_time / plant.mass)) + position.scaled(rest.integrator)
+    return open_loop + driven, felt
 
 
 def _answers(
@@ -176,10 +223,10 @@ def _answers(
 
     Parameters
     ----------
-    number : makes complex numbers even + j s odd
-    states : what the states are times the determinant, and it, of b_1
+    number : function that makes complex numbers even + j s odd
+    states : the states times the determinant, and those of b_1
     moved : d times the position's unit
-    grip : what is felt of a position of that unit
+    grip : sensed force of a unit of position
     """
 
     def of_states(shares: Vector, first: Any) -> Any:
@@ -236,13 +283,13 @@ def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
 
     Parameters
     ----------
-    loop : of a device in a hand, at one or several angles
+    loop : loop of a device in a hand, at one or several angles
     gains : K_v and K_p, N s/m and N/m; a servo has none, and its loop does not look at them
 
     Returns
     -------
     Required
-        R = lost/size, N s/m; of an impedance display R/s^2, m/(N s).
+        R = lost/size, N s/m; for an impedance display R/s^2, m/(N s).
     """
     if isinstance(loop, CommandInHand):
         return Required(loop.blur - 0.5 * loop.seen.odd, loop.size)
@@ -255,8 +302,8 @@ def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> Seen:
 
     Parameters
     ----------
-    loop : of an admittance display or a servo, at one or several angles
-    gains : in its numbers
+    loop : loop of an admittance display or a servo, at one or several angles
+    gains : gains in its numbers
     """
     required = required_in_hand(loop, gains)
     if isinstance(loop, CommandInHand):
@@ -266,12 +313,12 @@ def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> Seen:
 
 
 def offered(coupling: AnyCoupling, device: Device, theta: Number, ops: Arithmetic) -> Number:
-    """Return Re Z_c of the coupling as the firmware runs it; of an impedance display Re(1/Z_c)/sin^2(theta/2).
+    """Return Re Z_c of the coupling as the firmware runs it; for an impedance display Re(1/Z_c)/sin^2(theta/2).
 
     Parameters
     ----------
     coupling : its type decides the display
-    device : runs the coupling; its sample time and, of an impedance display, its velocity filter are used
+    device : runs the coupling; its sample time and, for an impedance display, its velocity filter are used
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
 
@@ -298,7 +345,7 @@ def room(
     coupling : its type decides the display
     device : runs the coupling
     required : R at theta, as a quotient
-    factor : the least admissible offered/R, > 0
+    factor : the least feasible offered/R, > 0
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
 

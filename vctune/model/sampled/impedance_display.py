@@ -5,9 +5,9 @@ position, F its low-pass and f_c the coupling's force. The environment and the c
 
     Z_c = b_c F + k_c T/(1 - z^-1) = b_c F + k_c T/2 - j k_c (T/2) cot(theta/2),
 
-are met through y, with which all is an admittance: the loop is stable with every environment that is passive in (f, y)
-if Re 1/Z_c > R = -Re(G_y/(1 + K_v F G_y)), with G_y from the commanded force to y. Both sides vanish with
-s^2 = sin^2(theta/2) at omega = 0, and are divided by it: what is offered is Re(1/Z_c)/s^2, and what is required R/s^2.
+act through y, so that all responses are admittances: the loop is stable with every environment that is passive in (f,
+y) if Re 1/Z_c > R = -Re(G_y/(1 + K_v F G_y)), with G_y from the commanded force to y. Both sides vanish with s^2 =
+sin^2(theta/2) at omega = 0, and are divided by it: the offer is Re(1/Z_c)/s^2, and the requirement R/s^2.
 
 In one hand G_y = 2 j s e^{-j theta/2} G_x/T comes from the sampled mechanism (`hand_loop`). For any passive hand see
 `any_hand`.
@@ -30,7 +30,7 @@ class ForceInHand(NamedTuple):
     Attributes
     ----------
     open, velocity : parts of F
-    met : by the environment, of the units of the gains' inverse
+    met : seen by the environment, in the units of the gains' inverse
     position : what a spring between the device and the ground adds to F, for each N/m
     """
 
@@ -138,7 +138,7 @@ def spring_forms(
     Returns
     -------
     resistance : a_1 and a_0, of the shape of theta
-    size : q_2, q_1 and q_0, likewise
+    size : q_2, q_1 and q_0, in the same way
     """
     T, low_pass, zero = device.sample_time, firmware_filter(device, theta, ops), 0 * theta
     damper, spring, both = (
@@ -175,11 +175,11 @@ def spring_damper_admittance(
 
 
 class Required(NamedTuple):
-    """R = lost/size, the least admissible Re Z_c, or of an impedance display R/s^2, the least Re(1/Z_c)/s^2.
+    """R = lost/size, the least feasible Re Z_c, or of an impedance display R/s^2, the least Re(1/Z_c)/s^2.
 
     Attributes
     ----------
-    lost : N s/m, of an impedance display m/(N s)
+    lost : N s/m, for an impedance display m/(N s)
     size : |F|^2 in one hand; in any, positive where none makes the loop of K_v alone unstable at this frequency
     """
 

@@ -1,10 +1,10 @@
 """The sampled loop of a device let go, for boxes of devices (model/README.md, section 14).
 
-The polynomials of a sampled device are sums that cancel: where its numbers are not known exactly, enclosures of them
-are wide. Those of x' = A x + b u, held and sampled exactly as (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u
-with Q = (A/2) coth(A/2), are hardly wider than what they enclose. The states are the motor's position, the velocity of
-the centre of mass, how far the spring is bent and how fast: so the resonance has no mass in it. None but the position's
-own row depends on the position, so that its integrator 2 j s can be left out.
+The polynomials of a sampled device are sums that cancel: if its numbers are not known exactly, enclosures of them are
+wide. The numbers of x' = A x + b u, held and sampled exactly as (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1)
+u with Q = (A/2) coth(A/2), have enclosures hardly wider than their ranges. The states are the motor's position, the
+velocity of the centre of mass, and the bend of the spring and its rate: so the resonance has no mass in it. Only the
+position's own row depends on the position, so that its integrator 2 j s can be left out.
 """
 
 from __future__ import annotations
@@ -12,13 +12,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from vctune.model.device import Device
+from vctune.model.loop.drive import COMMAND, Rows, drive_rows, drive_states, pushed
 from vctune.model.loop.filters import smoothing
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import Matrix, Vector, added, applied, half_coth, scaled
 from vctune.model.numbers.pair import EvenOdd, Pair
 from vctune.model.sampled import velocity_loop as sampled
 from vctune.model.sampled.plant_in_hand import equations, numerators
-from vctune.model.sampled.state_space import filter_rows, left_by_older
+from vctune.model.sampled.state_space import left_by_older
 from vctune.model.sampled.velocity_loop import ReturnDifference, SampledPlant
 
 
@@ -30,7 +31,7 @@ class PlantLetGo:
     ----------
     rates, step : A and Q
     push, older : b and b_1, None for 0
-    lead : what the motor's velocity has of the rate of bending beside the velocity of the centre of mass; None if rigid
+    lead : coefficient of the rate of bending in the motor's velocity, beside the centre of mass; None if rigid
     whole_samples : N, of the delay
     sample_time, mass : T and m, of the units
     difference : whether the velocity is that of the position
@@ -63,17 +64,17 @@ def has_sharp_form(device: Device) -> bool:
 
     Parameters
     ----------
-    device : in plain numbers
+    device : device in plain numbers
     """
     if device.structure is not None:
         return bool(device.structure.frequency_hz * device.sample_time < HIGHEST)
-    return device.actuator is not None
+    return bool(drive_states(device))
 
 
 def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, fractional: bool) -> PlantLetGo:
-    """Sample a device exactly that nobody holds, in the form of this module (model/README.md, section 14).
+    """Sample a device without a hand exactly, in the form of this module (model/README.md, section 14).
 
-    A load of the structure counts. The force sensor does not, since no loop contains it without a hand.
+    A load of the structure is included. The force sensor does not, since no loop contains it without a hand.
 
     Parameters
     ----------
@@ -109,13 +110,13 @@ def _mechanism(device: Device, ops: Arithmetic) -> tuple[Matrix, Vector, Number 
 
         m V' = u - b v,   B'' = (u - b v)/((1 - r) m) - w^2 B - 2 zeta w B',   v = V + r B'.
     """
-    T, actuator, structure = device.sample_time, device.actuator, device.structure
+    T, structure = device.sample_time, device.structure
     one = 0 * T + 1  # in the arithmetic, so that what it is divided by is enclosed
     names = ["position", "velocity"]
     names += ["bend", "bending"] if structure is not None else []
-    names += ["force", "rate"][: actuator.order] if actuator is not None else []
-    rows: dict[str, dict[str, Number]] = {name: {} for name in names}
-    rows["position"]["velocity"], pushed = one, {"velocity": one}
+    names += drive_states(device)
+    rows: Rows = {name: {} for name in names}
+    rows["position"]["velocity"], shares = one, {"velocity": one}
     load = structure.load if structure is not None else None
     mass, lead = device.mass if load is None else device.mass + load.mass, None
     own = device.damping * T / mass
@@ -131,21 +132,17 @@ def _mechanism(device: Device, ops: Arithmetic) -> tuple[Matrix, Vector, Number 
         rows["position"]["bending"], rows["velocity"]["bending"] = lead, -(own * lead)
         rows["bend"]["bending"] = one
         rows["bending"] = {"velocity": -(own / rest), "bend": -stiff, "bending": -(loss + own * lead / rest)}
-        pushed["bending"] = 1 / rest
+        shares["bending"] = 1 / rest
         if load is not None:
             held = load.damping * T / mass
             rows["velocity"]["velocity"], rows["velocity"]["bending"] = -(own + held), held * rest - own * lead
             rows["bending"]["velocity"] = held / lead - own / rest
             rows["bending"]["bending"] = -(loss + own * lead / rest + held * rest / lead)
-    push: dict[str, Number] = dict.fromkeys(names, 0)
-    if actuator is None:
-        push |= pushed
-    else:
-        for name, share in pushed.items():
-            rows[name]["force"] = share
-        corner = filter_rows(rows, ("force", "rate"), actuator.bandwidth_hz * T, actuator.order, ops)
-        push[("force", "rate")[actuator.order - 1]] = corner
-    return tuple(tuple(row.get(name, 0) for name in names) for row in rows.values()), tuple(push.values()), lead, mass
+    force = drive_rows(rows, device, ops)
+    for name, share in shares.items():
+        rows[name] |= pushed(force, share)
+    rates = tuple(tuple(row.get(name, 0) for name in names) for row in rows.values())
+    return rates, tuple(row.get(COMMAND, 0) for row in rows.values()), lead, mass
 
 
 def return_difference(plant: Plant, theta: Number, ops: Arithmetic, *, position: bool) -> ReturnDifference:
@@ -155,7 +152,7 @@ def return_difference(plant: Plant, theta: Number, ops: Arithmetic, *, position:
 
     Parameters
     ----------
-    plant : a device that nobody holds, in either form
+    plant : a device without a hand, in either form
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of plant and theta
     position : whether the law has K_p > 0; if not, the position's part is 0 and F is that of the velocity loop

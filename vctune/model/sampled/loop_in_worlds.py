@@ -1,13 +1,13 @@
 """The sampled loop in a hand with every environment of a box (model/README.md, section 18).
 
-An environment Z_e = b + m s_d + k/s_d of the box holds a pole of the loop at the angle theta if -Y = Z_e there, with
-Y = y Z_c + Z_seen, s_d = j u and u = (2/T) tan(theta/2). As b has no upper limit, none does if
+An environment Z_e = b + m s_d + k/s_d of the box holds a pole of the loop at the angle theta if -Y = Z_e there, with Y
+= y Z_c + Z_seen, s_d = j u and u = (2/T) tan(theta/2). As b has no upper limit, there is no such environment if
 
     Re Y + b_1 > 0,   or   -Im Y > m_2 u - k_1/u,   or   -Im Y < m_1 u - k_2/u.
 
-The safety factor g asks for this with every y from 1/g to 1. The values of y at which all three fail form an interval:
-the first fails below a y, the second above one, the third below one. So none of it is met if the first or the third
-holds at y = 1/g, the second at y = 1, or the first from where on the second fails. The last is
+The safety factor g requires this with every y from 1/g to 1. The values of y at which all three fail form an interval:
+the first fails below a y, the second above one, the third below one. So the interval is outside if the first or the
+third holds at y = 1/g, the second at y = 1, or the first from where the second fails. The last is
 
     Re Z_c (-Im Z_seen - m_2 u + k_1/u) > Im Z_c (R - b_1).
 
@@ -33,7 +33,8 @@ from vctune.model.sampled.impedance_display import Offered as OfferedBySpring
 from vctune.model.worlds import Worlds
 
 NOTHING = 1e-30
-"""What is added to sizes that may all be 0. Any number far below them and above the square root of the least."""
+"""Amount added to sizes that may all be 0. Any number works that is far below them and above the square root of the
+least."""
 
 
 class Seen(NamedTuple):
@@ -66,9 +67,9 @@ class Offered(NamedTuple):
 
 
 class Disjuncts(NamedTuple):
-    """Margins as the terms that they are sums of: where one of them is positive, no environment holds a pole there.
+    """Margins as the terms of their sums: where one of the margins is positive, no environment puts a pole there.
 
-    None for one that no coupling can meet, or that the others contain.
+    None for an environment that no coupling can have, or that the others contain.
 
     Attributes
     ----------
@@ -103,7 +104,7 @@ def offered_at(coupling: Coupling, sample_time: Number, theta: Number, ops: Arit
 
     Parameters
     ----------
-    coupling : in numbers of the arithmetic
+    coupling : coupling in numbers of the arithmetic
     sample_time : T, s
     theta : rad, in [0, pi]
     ops : arithmetic of all of these
@@ -131,14 +132,14 @@ def posed(worlds: Worlds, factor: float, *, inverse: bool = False) -> tuple[str,
 def disjuncts(
     offered: Offered, worlds: Worlds, sample_time: Number, seen: Seen, factor: Number, theta: Number, ops: Arithmetic
 ) -> Disjuncts:
-    """Return the margins of which one must be positive.
+    """Return the margins, of which one must be positive.
 
     Parameters
     ----------
     offered : by the coupling
     worlds : the box, in numbers of the arithmetic; a limit that is infinite is a plain float
     sample_time : T, s
-    seen : of the loop in a hand
+    seen : impedance of the loop in a hand
     factor : g, >= 1
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of all of these
@@ -201,8 +202,8 @@ def limp_disjuncts(
 
     Parameters
     ----------
-    offered, worlds, sample_time, factor, theta, ops : as of `disjuncts`
-    seen : over rho^2, and its swing over s besides
+    offered, worlds, sample_time, factor, theta, ops : see `disjuncts`
+    seen : the loop over rho^2, and its swing also over s
     """
     sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)
     low, high, size = worlds.low, worlds.high, seen.size
@@ -218,11 +219,11 @@ def limp_disjuncts(
 def room_of(terms: tuple[Number, ...], absolute: Callable[[Number], Number]) -> Number:
     """Return how far a margin is from 0: twice the sum of its terms, relative to the sum of their sizes.
 
-    Near 0 that is the logarithm of the ratio of what is gained to what is lost.
+    Near 0 that is the logarithm of the ratio of gain to loss.
 
     Parameters
     ----------
-    terms : of the margin
+    terms : terms of the margin
     absolute : returns the size of a number
     """
     return 2 * sum_of(terms) / (sum_of(tuple(map(absolute, terms))) + NOTHING)

@@ -6,7 +6,7 @@ Held and sampled, with theta = omega T, s = sin(theta/2) and c = cos(theta/2),
     (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = f(A/E) E,   f(X) = (X/2) coth(X/2),
 
 where d = 1 - z^-1, b_1 is the share of the older force of a sample and f(X) = 1 + X^2/12 - ...: nearly the mechanism
-itself with 2 j tan(theta/2) in the place of s, so that its low frequencies hardly depend on the mass.
+itself with 2 j tan(theta/2) instead of s, so that its low frequencies hardly depend on the mass.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from typing import NamedTuple, TypeVar
 from vctune.model.device import Device
 from vctune.model.hands import Hand
 from vctune.model.loop.device_response import mechanism
-from vctune.model.loop.filters import smoothing
+from vctune.model.loop.drive import COMMAND, Rows, drive_rows, drive_states, pushed
+from vctune.model.loop.filters import filter_rows, smoothing
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import (
     Matrix,
@@ -33,7 +34,7 @@ from vctune.model.numbers.matrices import (
 )
 from vctune.model.numbers.pair import EvenOdd, Pair
 from vctune.model.sampled.servo_plant import SensedDelay, ServoPlant, servo_plant
-from vctune.model.sampled.state_space import filter_rows, left_by_older
+from vctune.model.sampled.state_space import left_by_older
 from vctune.model.sampled.velocity_loop import split_delay
 
 Complex = TypeVar("Complex", EvenOdd, Pair)
@@ -48,7 +49,7 @@ class Delays:
     loop : N, of the device's delay
     loop_fractional : whether there is an older force in a sample
     felt : the same of the sum with the force sensor's delay
-    felt_fractional : whether there is an older force in what is felt
+    felt_fractional : whether the sensed force contains an older command
     """
 
     loop: Number
@@ -60,8 +61,7 @@ class Delays:
 def delays_of(device: Device) -> Delays:
     """Return the delays of a device whose numbers are plain."""
     loop, left = split_delay(device.latency, device.sample_time)
-    late = device.force_sensor.delay if device.force_sensor is not None else 0.0
-    felt, felt_left = split_delay(device.latency + late, device.sample_time)
+    felt, felt_left = split_delay(device.sensed_latency, device.sample_time)
     return Delays(loop, left > 0, felt, felt_left > 0)
 
 
@@ -70,13 +70,13 @@ class Mechanism(NamedTuple):
 
     Attributes
     ----------
-    names : of the states
-    inertia : diagonal of E, by state; 1 where it is not named
-    sensed : what else is in E, of the handle's acceleration, by the row of the sensor's filter
+    names : names of the states
+    inertia : diagonal of E, by state; 1 for other states
+    sensed : additional entries of E, of the handle's acceleration, by the row of the sensor's filter
     rates : rows of A
     push : b
-    felt : what is sensed of x, by state
-    felt_inertia : what is sensed of the handle's acceleration; None with a filter
+    felt : sensed part of x, by state
+    felt_inertia : sensed part of the handle's acceleration; None with a filter
     handle : state that is the handle's velocity
     """
 
@@ -97,14 +97,14 @@ class PlantInHand:
     Attributes
     ----------
     rates, step : A and Q
-    push, older, felt_older : b, b_1 of the loop, and b_1 of what is felt, whose delay is longer; None where it is 0
-    felt : what is sensed of the states, -G_f is with the handle's inertia
-    felt_inertia : row of what is sensed of d x, and what of d b_1 u; None with a filter
+    push, older, felt_older : b, b_1 of the loop, and b_1 of the sensed force, whose delay is longer; None if it is 0
+    felt : sensed part of the states; -G_f includes the handle's inertia
+    felt_inertia : row of the sensed part of d x, and that of d b_1 u; None with a filter
     delays : whole samples
     sample_time, mass : T and m, of the units
     difference : whether the velocity is that of the position
     low_pass, order : a and r of the firmware's low-passes of the velocity; None without
-    meets_position : whether the environment meets the position, as an impedance display's does
+    meets_position : whether the environment acts on the position, as an impedance display's does
     """
 
     rates: Matrix
@@ -124,7 +124,7 @@ class PlantInHand:
 
     @property
     def poles(self) -> int:
-        """How many poles the loop's F has more than there are delays, by which it turns if none is unstable."""
+        """Return the number of the loop F's poles beyond its delays, which gives its turns if none is unstable."""
         return len(self.push) + (0 if self.meets_position else self.order)
 
 
@@ -137,7 +137,7 @@ class ServoInHand:
 
     @property
     def poles(self) -> int:
-        """How many poles a loop has, which is not there."""
+        """Return the number of poles of a loop, which is not part of it."""
         return 0
 
 
@@ -150,7 +150,7 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
 
     Parameters
     ----------
-    device : in SI units; its least operator does not count, the hand takes its place
+    device : device in SI units; its least operator is ignored, the hand takes its place
     hand : M, B and K at the handle
     delays : whole samples of the device's delay alone, and with the force sensor's
     ops : arithmetic of device and hand
@@ -163,7 +163,7 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
     if device.servo is not None:
         own = SensedDelay(delays.loop, delays.loop_fractional)
         return ServoInHand(servo_plant(device, SensedDelay(delays.felt, delays.felt_fractional, own), ops), hand)
-    T, sensor, estimate = device.sample_time, device.force_sensor, device.velocity
+    T, estimate = device.sample_time, device.velocity
     parts = _mechanism(device, hand, ops)
     at = {name: index for index, name in enumerate(parts.names)}
     over = _over_inertia(parts, at)
@@ -179,8 +179,8 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
         return applied(added(rounded, scaled(over, -0.5)), left[:-1])
 
     before = felt_before = older(device.delay, delays.loop, fractional=delays.loop_fractional)
-    if sensor is not None and not ops.is_zero(sensor.delay):
-        felt_before = older(device.delay + sensor.delay, delays.felt, fractional=delays.felt_fractional)
+    if not ops.is_zero(device.sensing.delay):
+        felt_before = older(device.sensed_latency, delays.felt, fractional=delays.felt_fractional)
     felt_inertia = None
     if parts.felt_inertia is not None:
         row = at[parts.handle]
@@ -212,16 +212,16 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
 
 def _mechanism(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
     """Return the states of device and hand; the hand's force on the handle is -(M a + B v + K x)."""
-    T, m, sensor, actuator = device.sample_time, device.mass, device.force_sensor, device.actuator
+    T, m, sensor = device.sample_time, device.mass, device.sensing
     one = 0 * T + 1  # in the arithmetic, so that what it is divided by is enclosed
     carried, held, grip = hand.mass / m, hand.damping * T / m, hand.stiffness * (T * T) / m
     own = device.damping * T / m
     names = ["position", "velocity"]
     names += ["bend", "handle"] if device.structure is not None else []
-    names += ["force", "rate"][: actuator.order] if actuator is not None else []
-    filtered = sensor is not None and sensor.bandwidth_hz is not None
-    names += ["felt", "felt rate"][: sensor.order] if sensor is not None and filtered else []
-    rows: dict[str, dict[str, Number]] = {name: {} for name in names}
+    names += drive_states(device)
+    filtered = sensor.bandwidth_hz is not None
+    names += ["felt", "felt rate"][: sensor.order] if filtered else []
+    rows: Rows = {name: {} for name in names}
     rows["position"]["velocity"] = one
     motor = rows["velocity"]
     if device.structure is None:
@@ -236,15 +236,9 @@ def _mechanism(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
         motor["velocity"], motor["bend"], motor["handle"] = -(own + loss), -spring, loss
         rows["bend"]["velocity"], rows["bend"]["handle"] = one, -one
         rows["handle"] = {"position": -grip, "velocity": loss, "bend": spring + grip, "handle": -(loss + held)}
-    push = dict.fromkeys(names, 0)
-    if actuator is None:
-        push["velocity"] = one
-    else:
-        motor["force"] = one
-        corner = filter_rows(rows, ("force", "rate"), actuator.bandwidth_hz * T, actuator.order, ops)
-        push[("force", "rate")[actuator.order - 1]] = corner
+    motor |= pushed(drive_rows(rows, device, ops), one)
     sensed: dict[str, Number] = {}
-    if sensor is not None and filtered:
+    if filtered:
         corner = filter_rows(rows, ("felt", "felt rate"), sensor.bandwidth_hz * T, sensor.order, ops)
         driven = ("felt", "felt rate")[sensor.order - 1]
         rows[driven] |= {name: -share for name, share in felt.items()}
@@ -254,7 +248,7 @@ def _mechanism(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
         inertia=inertia,
         sensed=sensed,
         rates=tuple(tuple(row.get(name, 0) for name in names) for row in rows.values()),
-        push=tuple(push.values()),
+        push=tuple(row.get(COMMAND, 0) for row in rows.values()),
         felt=felt,
         felt_inertia=None if filtered else carried / inertia[handle],
         handle=handle,

@@ -9,19 +9,19 @@ times cos(theta/2) for a position command, with e and o polynomials of y = s^2 t
 
     R = (e sin(mu theta)/s - o c cos(mu theta))/(2 D).
 
-What the firmware's own spring is seen as, its stiffness times the G_x of a servo without force sensor, adds to Z_seen.
+The firmware's own spring adds its stiffness times the G_x of a servo without force sensor to Z_seen.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass
-from itertools import product
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.device import Device
+from vctune.model.hand_arrays import stacked
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.numbers.matrices import Vector, add, dot
@@ -30,8 +30,8 @@ from vctune.model.sampled.servo_plant import Numerator, Pull, ServoPlant, sensed
 
 Floats = NDArray[np.float64]
 Radii = tuple[tuple[float, float], ...]
-"""(Hz, r) of a disc in which Z_seen is: r is straight between these on logarithmic axes, constant above the last, and
-below the first as the frequency: at rest a servo is where it was told to be."""
+"""(Hz, r) of a disc that contains Z_seen: r is linear between these on logarithmic axes, constant above the last, and
+below the first proportional to the frequency: at rest a servo is at its command."""
 BEYOND = 1e9
 """Times the last frequency of a disc, up to which r is constant. Half and twice it are above Nyquist as well."""
 
@@ -51,7 +51,7 @@ class Seen:
 
 
 def seen_of_servo(plant: ServoPlant, hand: Hand, theta: Number, ops: Arithmetic) -> Seen:
-    """Return Z_seen, the impedance that the environment meets of a servo in a hand (model/README.md, section 17).
+    """Return Z_seen, the impedance of a servo in a hand that the environment sees (model/README.md, section 17).
 
     The firmware's own spring, if the servo has one, adds to it.
 
@@ -136,7 +136,7 @@ def _polynomial(coefficients: Sequence[Number], powers: Sequence[Number]) -> Num
 
 
 def _blur(radii: Radii, sample_time: Number, theta: Number, ops: Arithmetic) -> Number:
-    """Return r/(2 s), of which r/f is as straight between the points as r."""
+    """Return r/(2 s); r/f is as linear between the points as r."""
     beyond = BEYOND * radii[-1][0]
     table = (*((hertz, radius / hertz) for hertz, radius in radii), (beyond, radii[-1][1] / beyond))
     turn = 2 * ops.pi * sample_time
@@ -150,7 +150,7 @@ class Demand:
     Attributes
     ----------
     plant : the servo, in plain numbers
-    vertices : hands of which one asks most at every angle, numbers of shape (v, 1)
+    vertices : hands, one of which requires most at every angle, numbers of shape (v, 1)
     """
 
     plant: ServoPlant
@@ -179,19 +179,4 @@ def demand_of(device: Device, hands: Hands) -> Demand:
     Demand
         Evaluates R at angles.
     """
-    numbers = zip(*map(astuple, vertices(hands)), strict=True)
-    columns = Hand(*(np.array(each, float)[:, None] for each in numbers))
-    return Demand(servo_plant(device, sensed_delay(device), FLOATS), columns)
-
-
-def vertices(hands: Hands) -> list[Hand]:
-    """Return the hands at the vertices of a box.
-
-    R is convex in the hand, so that at each frequency one of them requires the greatest R of the box.
-
-    Parameters
-    ----------
-    hands : the box
-    """
-    ends = zip(astuple(hands.low), astuple(hands.high), strict=True)
-    return [Hand(*corner) for corner in product(*(sorted(set(pair)) for pair in ends))]
+    return Demand(servo_plant(device, sensed_delay(device), FLOATS), stacked(hands.corners, (-1, 1)))

@@ -6,13 +6,13 @@ transfer functions from the held velocity are
 
     G_v = w^N V/O,   G_a = w^N A/O,   G_x = w^N X/(d O),
 
-with polynomials that are homogeneous in d and w, of degree n + 1, n + 1, n + 2 and n. On the unit circle
-d = 2 j s e^(-j theta/2) and w = (c - j s) e^(-j theta/2), s = sin(theta/2), c = cos(theta/2). Divided by powers of
-e^(-j theta/2) each polynomial is one of 2 j s and c with real coefficients, and what is met of 1/O is multiplied out:
+with polynomials that are homogeneous in d and w, of degree n + 1, n + 1, n + 2 and n. On the unit circle d = 2 j s
+e^(-j theta/2) and w = (c - j s) e^(-j theta/2), s = sin(theta/2), c = cos(theta/2). Divided by powers of e^(-j
+theta/2), each polynomial is one of 2 j s and c with real coefficients, and the factors of 1/O are multiplied out:
 
     G_x = e^(-j mu theta) (e(y) + j s c o(y))/(2 j s D(y)),   D = |O|^2,   mu = N + 1/2,
 
-and likewise G_v and G_a with 2 j s V and 2 j s A in the place of X. A filter y += a (x - y) of the sensed samples is
+and likewise G_v and G_a with 2 j s V and 2 j s A instead of X. A filter y += a (x - y) of the sensed samples is
 
     a/(1 - b w) = a (a + 2 b y - 2 j b s c)/(a^2 + 4 b y),   b = 1 - a.
 """
@@ -24,10 +24,12 @@ from dataclasses import dataclass, replace
 from itertools import zip_longest
 from math import comb
 
-from vctune.model.device import Device, Servo
+from vctune.model.device import Device
+from vctune.model.loop.filters import filter_rows
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import Matrix, Vector, add, dot, times
-from vctune.model.sampled.state_space import filter_rows, sampled_chain
+from vctune.model.parts import Servo
+from vctune.model.sampled.state_space import sampled_chain
 from vctune.model.sampled.velocity_loop import split_delay
 
 
@@ -60,7 +62,7 @@ class ServoPlant:
     interpolated : whether the command is a position: all is times cos(theta/2)
     sample_time : T, s
     pull : the firmware's own spring; None without it
-    radii : of a disc of responses, `Servo.radii`
+    radii : radii of a disc of responses, `Servo.radii`
     """
 
     size: Vector
@@ -118,22 +120,16 @@ class SensedDelay:
 
 def sensed_delay(device: Device) -> SensedDelay:
     """Return the delays of a device whose numbers are plain, in samples."""
-    whole, left = split_delay(_sensed_delay(device), device.sample_time)
+    whole, left = split_delay(device.sensed_latency, device.sample_time)
     moved, rest = split_delay(device.latency, device.sample_time)
     return SensedDelay(whole, left > 0, SensedDelay(moved, rest > 0))
-
-
-def _sensed_delay(device: Device) -> Number:
-    """Return the delay from a command to the sensed motion, s; only the sum of both delays matters."""
-    sensor = device.force_sensor
-    return device.latency if sensor is None else device.latency + sensor.delay
 
 
 def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPlant:
     """Sample a servo and its force sensor exactly (model/README.md, section 17).
 
-    The sensor reads the force just before the next command acts. With a delay of whole samples, that force is still due
-    to the command before.
+    The sensor reads the force just before the next command acts. With a delay of whole samples, the previous command
+    still causes that force.
 
     Parameters
     ----------
@@ -147,7 +143,7 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
         Its numbers have the shape of the device's.
     """
     T, rates = device.sample_time, _rates(device, ops)
-    older = (_sensed_delay(device) - delay.whole * T) / T if delay.fractional else None
+    older = (device.sensed_latency - delay.whole * T) / T if delay.fractional else None
     chain, inner = sampled_chain(rates, older, ops), rates[1][1:-1]
     direct, n = rates[1][-1], len(inner)  # row 1: the sensed velocity; column -1: the command
     below_all = (*chain.open, 1)
@@ -160,9 +156,8 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
     position = _with_older(*chain.position)
     below = _half_angles(below_all, n)
     D, _ = _by_square(_times_conjugate(below, below))
-    servo, sensor = device.servo, device.force_sensor
+    servo, share = device.servo, device.sensing.filter_coefficient
     assert servo is not None
-    share = None if sensor is None else sensor.filter_coefficient
 
     def numerator(polynomial: Sequence[Number], degree: int, unit: Number) -> Numerator:
         halves = _half_angles(polynomial, degree)
@@ -187,10 +182,9 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
 def _pull(device: Device, servo: Servo, delay: SensedDelay, ops: Arithmetic) -> Pull | None:
     if servo.stiffness is None:
         return None
-    sensor = device.force_sensor
-    known = delay.moved is not None or sensor is None or ops.is_zero(sensor.delay)
+    known = delay.moved is not None or ops.is_zero(device.sensing.delay)
     assert known, "the delay of the servo alone is not told"
-    alone = replace(device, servo=replace(servo, stiffness=None), force_sensor=None)
+    alone = replace(device.sensing_at_once, servo=replace(servo, stiffness=None))
     return Pull(servo_plant(alone, delay.moved or delay, ops), servo.stiffness)
 
 
@@ -216,18 +210,18 @@ def _sum(a: Sequence[Number], b: Sequence[Number]) -> Vector:
 
 def _rates(device: Device, ops: Arithmetic) -> Matrix:
     """Return d/dt of (way that is sensed, velocity that is sensed, ..., command), T = 1."""
-    T, servo, sensor = device.sample_time, device.servo, device.force_sensor
+    T, servo, sensor = device.sample_time, device.servo, device.sensing
     assert servo is not None
     one = 0 * T + 1  # in the arithmetic, so that what it is divided by is enclosed
     moved: tuple[str, ...] = ("moved", "moving")[: servo.order]
     felt: tuple[str, ...] = ()
-    if sensor is not None and sensor.bandwidth_hz is not None:
+    if sensor.bandwidth_hz is not None:
         felt = ("felt", "felt rate")[: sensor.order]
     names = ["position", *felt, *moved, "command"]
     rows: dict[str, dict[str, Number]] = {name: {} for name in names}
     rows["position"][names[1]] = one
     rows[moved[-1]]["command"] = filter_rows(rows, ("moved", "moving"), servo.bandwidth_hz * T, servo.order, ops)
-    if sensor is not None and felt:
+    if felt:
         corner = filter_rows(rows, ("felt", "felt rate"), sensor.bandwidth_hz * T, sensor.order, ops)
         rows[felt[-1]]["moved"] = corner
     return tuple(tuple(row.get(name, 0) for name in names) for row in rows.values())

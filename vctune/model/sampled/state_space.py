@@ -1,6 +1,6 @@
 """A device with an actuator or a structure over one sample, exactly: its states and their step.
 
-Time is counted in T, impedances in m/T, so that all numbers are dimensionless and of the size of what they mean for the
+Time is in units of T, impedances in m/T, so that all numbers are dimensionless and of the size of their effect on the
 sampled loop (README, section 12).
 """
 
@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 from vctune.model.device import Device
 from vctune.model.loop.device_response import mechanism
+from vctune.model.loop.drive import COMMAND, Rows, drive_rows, drive_states, pushed
+from vctune.model.loop.filters import plain_rows
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import (
     Matrix,
@@ -47,7 +49,7 @@ def sampled_states(device: Device, older: Number | None, ops: Arithmetic) -> Ste
 
     Parameters
     ----------
-    device : in SI units
+    device : device in SI units
     older : part of a sample for which the older force acts, s; None if the delay is a whole number of samples
     ops : arithmetic of both
 
@@ -70,7 +72,7 @@ class SampledChain:
     ----------
     open : coefficients of det(x - psi), without the last, which is 1
     states : numerators of all states, a vector for each power of x, from the newer and from the older input of a sample
-    position : numerators of the integral, over another x, likewise
+    position : numerators of the integral, over another x, in the same way
     """
 
     open: Vector
@@ -157,68 +159,30 @@ def _moved_on(early: Matrix, late: Matrix) -> Vector:
 
 
 def _rates(device: Device, ops: Arithmetic) -> Matrix:
-    """Return d/dt of (position, motor's velocity, bend, handle's velocity, force, its rate, command), dimensionless."""
+    """Return d/dt of position, motor's velocity, bend, handle's velocity, drive and command, dimensionless."""
     T, m = device.sample_time, device.mass
     one = 0 * T + 1  # in the arithmetic, so that what it is divided by is enclosed
-    names = ["position", "velocity"]
-    names += ["bend", "handle"] if device.structure is not None else []
-    names += ["force", "rate"][: device.actuator.order] if device.actuator is not None else []
-    names += ["command"]
-    at = {name: index for index, name in enumerate(names)}
-    rows: list[list[Number]] = [[0] * len(names) for _ in names]
-    rows[at["position"]][at["velocity"]] = one
-    pushed = "command" if device.actuator is None else "force"
+    bent = ("bend", "handle") if device.structure is not None else ()
+    names = ("position", "velocity", *bent, *drive_states(device), COMMAND)
+    rows: Rows = {name: {} for name in names}
+    rows["position"]["velocity"] = one
+    force = drive_rows(rows, device, ops, plain_rows)
     if device.structure is None:
-        rows[at["velocity"]][at["velocity"]] = -(device.damping * T / m)
-        rows[at["velocity"]][at[pushed]] = one
+        rows["velocity"] = {"velocity": -(device.damping * T / m), **pushed(force, one)}
     else:
         parts = mechanism(device, device.structure, ops)
         spring, loss = parts.stiffness * (T * T), parts.viscosity * T
-        motor, handle = rows[at["velocity"]], rows[at["handle"]]
-        motor[at["velocity"]] = -((device.damping * T + loss) / parts.motor)
-        motor[at["bend"]], motor[at["handle"]] = -(spring / parts.motor), loss / parts.motor
-        motor[at[pushed]] = m / parts.motor
-        rows[at["bend"]][at["velocity"]], rows[at["bend"]][at["handle"]] = one, -one
-        handle[at["velocity"]], handle[at["bend"]] = loss / parts.handle, spring / parts.handle
+        rows["velocity"] = {
+            "velocity": -((device.damping * T + loss) / parts.motor),
+            "bend": -(spring / parts.motor),
+            "handle": loss / parts.motor,
+            **pushed(force, m / parts.motor),
+        }
+        rows["bend"] = {"velocity": one, "handle": -one}
         held = loss if parts.damping is None else loss + parts.damping * T
-        handle[at["handle"]] = -(held / parts.handle)
-    if device.actuator is not None:
-        corner = 2 * ops.pi * device.actuator.bandwidth_hz * T
-        if device.actuator.order == 1:
-            rows[at["force"]][at["force"]], rows[at["force"]][at["command"]] = -corner, corner
-        else:
-            rows[at["force"]][at["rate"]] = corner
-            rows[at["rate"]][at["force"]], rows[at["rate"]][at["command"]] = -corner, corner
-            rows[at["rate"]][at["rate"]] = -ops.sqrt(2 * (corner * corner))
-    return tuple(map(tuple, rows))
-
-
-def filter_rows(
-    rows: dict[str, dict[str, Number]], states: tuple[str, str], samples: Number, order: int, ops: Arithmetic
-) -> Number:
-    """Write a low-pass of order 1, or of order 2 with damping ratio 1/sqrt(2), into the rates of a system.
-
-    The states of order 2 are y and y + y'/a with 2 a^2 = w^2, not y and y'. For a fast low-pass f(A/E) is about half of
-    |A/E|, and `inverse` divides by its diagonal, which would be close to 0 with the states y and y'.
-
-    Parameters
-    ----------
-    rows : rates of each state by the names of the states, with T = 1; those of the low-pass are filled in here
-    states : names of the output y and of the second state, which order 1 does not have
-    samples : bandwidth times T, the -3 dB frequency in sampling frequencies
-    order : 1 or 2
-    ops : arithmetic of the rates
-
-    Returns
-    -------
-    Number
-        Rate at which the low-pass's input drives its last state.
-    """
-    corner, (out, rate) = 2 * ops.pi * samples, states
-    if order == 1:
-        rows[out][out] = -corner
-        return corner
-    a = ops.sqrt(corner * corner / 2)
-    rows[out][out], rows[out][rate] = -a, a
-    rows[rate][out], rows[rate][rate] = -a, -a
-    return 2 * a
+        rows["handle"] = {
+            "velocity": loss / parts.handle,
+            "bend": spring / parts.handle,
+            "handle": -(held / parts.handle),
+        }
+    return tuple(tuple(row.get(name, 0) for name in names) for row in rows.values())

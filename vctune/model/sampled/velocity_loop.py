@@ -5,15 +5,15 @@ w = z^-1 and d = 1 - w, its pulse transfer functions from the held command to th
 
     G_v = w^N (V_0 + w V_1)/O,   G_x = w^N (P_0 + w P_1)/(d O)
 
-with polynomials that are homogeneous in d and w, O = sum c_k d^k w^(n-k): their coefficients are those of the step
-z - 1, and nothing cancels next to z = 1. The firmware estimates the velocity as L G_v or L d G_x/T with its low-pass
-L = a^r/(d + a w)^r, so that the loop's return difference, cleared of its denominators, is
+with polynomials that are homogeneous in d and w, O = sum c_k d^k w^(n-k). Their coefficients are those of the step z -
+1, and nothing cancels next to z = 1. The firmware estimates the velocity as L G_v or L d G_x/T with its low-pass L =
+a^r/(d + a w)^r, so that the loop's return difference, cleared of its denominators, is
 
     F = d O (d + a w)^r + K_v V d + K_p P (d + a w)^r,
 
 or F = O (d + a w)^r + K_v V when K_p = 0: the position is then not in the loop. With F_0 the part without gains the
-loop's sensitivity is S = F_0/F = 1/(1 + K_v G_v + K_p G_x); F is affine in the gains with complex constants that only
-the device knows.
+loop's sensitivity is S = F_0/F = 1/(1 + K_v G_v + K_p G_x); F is affine in the gains with complex constants that depend
+on the device alone.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ import numpy as np
 
 from vctune.model.device import Device
 from vctune.model.gains import Gains
+from vctune.model.loop.drive import drive_states
 from vctune.model.loop.filters import smoothing
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair
@@ -45,9 +46,9 @@ class SampledPlant:
     velocity : V for the newer and the older force of a sample, m/(N s); each of degree n, without its last, which is 0
     position : P, the same of degree n + 1, m/N
     low_pass : a of the firmware's low-passes; None without one
-    order : r, how many of them there are
+    order : r, the number of low-passes
     whole_samples : N, of the delay
-    fractional : whether delta > 0, that is, whether there is an older force at all
+    fractional : whether delta > 0, that is, whether there is an older force
     """
 
     open: Polynomial
@@ -78,14 +79,14 @@ class SampledPlant:
 
 
 SNAP = 1e-12
-"""What of a sample counts as rounding: a quotient of decimals is off by 1e-16 relative, a delay that is meant is not as
-near. Half and twice it are no different."""
+"""Share of a sample that counts as rounding: a quotient of decimals is off by 1e-16 relative, and no intended delay is
+as close. Half and twice it make no difference."""
 
 
 def split_delay(delay: Number, sample_time: Number) -> tuple[Number, Number]:
     """Split a delay into whole samples and the fraction of one that remains.
 
-    A delay that differs from a whole number of samples by rounding (`SNAP`) counts as that number.
+    A delay that differs from a whole number of samples only by rounding (`SNAP`) is taken as that number.
 
     Parameters
     ----------
@@ -108,11 +109,11 @@ def split_delay(delay: Number, sample_time: Number) -> tuple[Number, Number]:
 
 
 def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fractional: bool) -> SampledPlant:
-    """Sample a device that nobody holds exactly (model/README.md, sections 7 and 12).
+    """Sample a device without a hand exactly (model/README.md, sections 7 and 12).
 
     Parameters
     ----------
-    device : in SI units; its force sensor and operator do not count
+    device : device in SI units; its force sensor and operator are ignored
     whole_samples : N, the whole samples of its delay
     ops : arithmetic of the device's numbers
     fractional : whether the delay is longer than N samples, delta > 0
@@ -124,7 +125,7 @@ def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fra
     """
     T = device.sample_time
     older = device.delay - whole_samples * T if fractional else None
-    if device.actuator is None and device.structure is None:
+    if not drive_states(device) and device.structure is None:
         response = _rigid(device, older, ops)
     else:
         response = _in_si(sampled_states(device, older, ops), device)
@@ -199,7 +200,7 @@ def return_difference(plant: SampledPlant, theta: Number, ops: Arithmetic, *, po
 
     Parameters
     ----------
-    plant : a device that nobody holds, over a sample
+    plant : a device without a hand, over a sample
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of plant and theta
     position : whether the law has K_p > 0; if not, the position's part is 0 and F is that of the velocity loop
@@ -264,7 +265,7 @@ def sensitivity_abs2(parts: ReturnDifference, gains: Gains) -> Number:
 
     Parameters
     ----------
-    parts : of F, at one or several points of the unit circle
+    parts : parts of F, at one or several points of the unit circle
     gains : K_v and K_p, N s/m and N/m
 
     Returns

@@ -14,7 +14,7 @@ from flint import ctx
 
 from vctune.model.device import Device
 from vctune.model.gains import Coupling
-from vctune.model.hands import HAND, Hand
+from vctune.model.hands import HAND, STIFFNESS, Hand
 from vctune.model.loop.device_response import DeviceResponse, device_response
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.loop.loop import loop_response
@@ -23,7 +23,7 @@ from vctune.model.numbers.keys import WORLD
 from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Demands
 from vctune.model.sampled.any_hand import any_hand
-from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand, room
+from vctune.model.sampled.hand_loop import NextToRest, loop_in_hand, required_in_hand, room
 from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.let_go import Plant, has_sharp_form, plant_let_go, return_difference
 from vctune.model.sampled.loop_in_worlds import posed, sum_of
@@ -63,12 +63,12 @@ from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, device_ball, enc
 from vctune.proof.enclosures.array_intervals import Enclosure, decimal
 from vctune.proof.enclosures.jets import ENCLOSURES as OPS
 from vctune.proof.engine.box_tests import Curve, Margin, Margins
-from vctune.proof.engine.boxes import WHOLE_SAMPLES, Values, coupling_of, gains_of
+from vctune.proof.engine.boxes import FREQUENCY, WHOLE_SAMPLES, Values, coupling_of, gains_of
 from vctune.proof.engine.sharing import shared
 
-SHARE = "share of the hand's stiffness"
-"""Share of the stiffness in rho, with which F vanishes for K_p = 0, theta = 0 and a hand without stiffness."""
-AT_REST = (0, 1 + HAND.index("operator.stiffness"))
+SHARES = "share of the integrator", "share of the hand's stiffness in the rest"
+"""Shares of rho, with which F vanishes for theta = 0, a hand without stiffness and K_p = 0: rows of boxes."""
+AT_REST = (FREQUENCY, STIFFNESS)
 """Rows of boxes of hands, the angle and the stiffness, that both begin at 0 there."""
 
 
@@ -90,17 +90,16 @@ class Claims:
     ----------
     conditions, sensitivity : margins that must be positive; the latter of theta = omega T
     conditions_near_zero : proves as much as `conditions`, next to omega = 0
-    unmodelled : must be positive too where the device's response is not known exactly, of theta
+    unmodelled : margin that must be positive too if the device's response is not known exactly, a function of theta
     conditions_near_infinity : `conditions` at omega = 1/v, of v; hold "lag" without delay
-    clamped : must be positive too, both of them, where the response is within a disc and `conditions` at its edge
-    resistance : the loop's, which must be positive too, whatever the coupling, N s/m
+    clamped : margins that must both be positive too if the response is within a disc and `conditions` at its edge
+    resistance : the loop's, which must be positive too for every coupling, N s/m
     in_hand : one of these must be positive in every hand, of theta
     above_bound : proves as much, of theta, `OFFSET` and `SLOPE`, for the gains that these are of
     any_hand : both must be positive for any passive hand on an impedance display, of theta
-    required_in_hands : the least admissible Re Z_c in a hand, of theta, N s/m; nothing is known of it where F may be 0
+    required_in_hands : the least feasible Re Z_c in a hand, of theta, N s/m; unbounded where F may be 0
     poles_in_hand : curve that must not turn around 0, of a hand and of theta
-    required : the least admissible Re Z_c where the resistance is positive throughout, N s/m; nothing is known of it
-        elsewhere
+    required : the least feasible Re Z_c where the resistance is positive throughout, N s/m; unbounded elsewhere
     sensitivity_any_position : proves as much as `sensitivity` for every K_p, next to theta = 0 too
     model_poles, sampled_poles : curves that must not turn around 0, of omega and of theta = omega T
     model_any_position, sampled_any_position : where positive, the curve is not 0 for any K_p > 0
@@ -205,11 +204,11 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
 
 
 def hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS) -> Margins:
-    """Return the margins of which one must be positive in every hand, of theta and of values with those of `HAND`.
+    """Return the margins, of which one must be positive in every hand, of theta and of values with those of `HAND`.
 
     Parameters
     ----------
-    demands : what is to be met
+    demands : the constraints
     uncertain : numbers of the device that the margins take from among their values
     delays : whole samples, the same for all of them
     ops : arithmetic of theta and the values
@@ -308,32 +307,35 @@ def _above_bound(demands: Demands) -> Margin:
 
 
 def limp_hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> tuple[Margin, ...]:
-    """Return the margins of `hands_margins` for K_p = 0 next to theta = 0 and a hand without stiffness.
+    """Return the margins of `hands_margins` next to theta = 0, a hand without stiffness and K_p = 0.
 
-    They are of theta and of values with those of `HAND` and with `SHARE`, each between 0 and 1. What decides nothing
-    there is left out.
+    They are of theta and of values with those of `HAND` and with `SHARES`, each between 0 and 1. Margins that decide
+    nothing there are left out. With environments of a box K_p is 0.
 
     Parameters
     ----------
-    demands : what is to be met
+    demands : the constraints
     uncertain : numbers of the device that the margins take from among their values
     delays : whole samples, the same for all of them
     """
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
 
-    def at(v: Values) -> tuple[PlantInHand, Design]:
+    def at(theta: Number, v: Values) -> tuple[PlantInHand, Design, Number, NextToRest]:
         plant, design = in_hand(v), Design(device(v), gains_of(v), coupling_of(v))
         assert isinstance(plant, PlantInHand)  # only a velocity loop has K_p
-        return plant, design
+        integrator, others = v[SHARES[0]], 1 - v[SHARES[0]]
+        stiffness = (v[HAND[2]] + design.gains.position) * (plant.sample_time * plant.sample_time / plant.mass)
+        turned, spring = others * (1 - v[SHARES[1]]), others * v[SHARES[1]]
+        return plant, design, theta, NextToRest(2 * OPS.sin(theta / 2) + stiffness, turned, spring, integrator)
 
     if demands.worlds is None:
-        return (lambda theta, v: limp_hand_margin(*at(v), theta, v[SHARE], factor, OPS),)
+        return (lambda theta, v: limp_hand_margin(*at(theta, v), factor, OPS),)
     worlds = demands.worlds.converted(decimal)
 
     def margin(name: str, theta: Number, v: Values) -> Number:
         met = WorldsMet(worlds_of(v, worlds), factor)
-        return sum_of(getattr(limp_margins_in_worlds(*at(v), theta, v[SHARE], met, OPS), name))
+        return sum_of(getattr(limp_margins_in_worlds(*at(theta, v), met, OPS), name))
 
     names = posed(demands.worlds, demands.factor)
     return tuple(partial(margin, name) for name in names if name in ("resistive", "above"))
@@ -378,11 +380,12 @@ def _plant_in_hand(
             known = plant_in_hand(device_ball(nominal), Hand(0, 0, 0), delays, BALLS)
         assert isinstance(known, ServoInHand)
         servo = known.plant.converted(enclosure_of)
-        return lambda v: ServoInHand(servo, Hand(*(v[name] for name in HAND)))
+        return lambda v: ServoInHand(servo, Hand.of(v))
 
-    def plant(mass: Number, damping: Number, stiffness: Number, *numbers: Number) -> AnyPlantInHand:
-        device = exact.with_numbers(dict(zip(uncertain, numbers, strict=True)))
-        return plant_in_hand(device, Hand(mass, damping, stiffness), delays, ops)
+    def plant(*numbers: Number) -> AnyPlantInHand:
+        values = dict(zip(rows, numbers, strict=True))
+        device = exact.with_numbers({key: values[f"device.{key}"] for key in uncertain})
+        return plant_in_hand(device, Hand.of(values), delays, ops)
 
     def of_values(v: Values) -> AnyPlantInHand:
         found: AnyPlantInHand = shared(plant, [v[name] for name in rows])
@@ -394,7 +397,7 @@ def _plant_in_hand(
 def _devices(
     nominal: Device, uncertain: tuple[str, ...]
 ) -> tuple[Callable[[Values], Device], Callable[[Values], Plant]]:
-    """Return the device and its sampled plant as functions of a claim's values; known once and for all if certain.
+    """Return the device and its sampled plant as functions of a claim's values; constant for a certain device.
 
     The plant is sampled once for boxes of the same devices at several frequencies.
     """

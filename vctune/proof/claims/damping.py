@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.problem import Demands
 from vctune.proof.claims.array_claims import claims_of
 from vctune.proof.claims.encirclements import by_integrator
@@ -18,17 +19,17 @@ from vctune.proof.engine.box_tests import Margin
 from vctune.proof.engine.boxes import Cells
 
 GUARD = 1e-14
-"""Covers the rounding of what a cell asks of b_c, relative: 90 units of u = 2^-53.
+"""Bound on the relative rounding of a cell's requirement on b_c: 90 units of u = 2^-53.
 
-factor R - b_0 may cancel. It is rounded 5 times: the product is off by u factor R, 1 + `GUARD` and its product with
-b_0 by 2 u b_0, the difference and its product with 1 - `GUARD`, itself exact to u, by 3 u of the difference. The
-raised b_0 and the lowered difference together give away `GUARD` (b_0 + (factor R - b_0)) = `GUARD` factor R, 22 times
-the 4 u factor R that these make at most. M - 2 r is exact where it cancels (Sterbenz 1974), the rest is a dozen
-operations on positive numbers, a tangent of 8 units in the last place among them; `ROUNDING_OF_BOUNDS` covers them 1e5
-times. Half and twice it decide alike.
+factor R - b_0 may cancel. It is rounded 5 times. The product is off by u factor R; 1 + `GUARD` and its product with b_0
+by 2 u b_0; the difference and its product with 1 - `GUARD`, itself exact to u, by 3 u of the difference. The raised b_0
+and the lowered difference together give away `GUARD` (b_0 + (factor R - b_0)) = `GUARD` factor R, 22 times the 4 u
+factor R that these make at most. M - 2 r is exact where it cancels (Sterbenz 1974). The rest is a dozen operations on
+positive numbers, including a tangent of 8 units in the last place; `ROUNDING_OF_BOUNDS` covers them 1e5 times. Half and
+twice it decide alike.
 """
 ROUNDING_OF_BOUNDS = 1e-9
-"""By how much more than rounding two demands on b_c have to exclude each other. Half and twice it decide alike, but
+"""Rounding allowance by which two constraints on b_c have to exclude each other. Half and twice it decide alike, except
 where the interval between them is as narrow."""
 
 
@@ -37,12 +38,12 @@ def admissible_damping(resistance: Floats, reactance: Floats) -> tuple[Floats, F
 
     Parameters
     ----------
-    resistance : r, N s/m; every b >= 0 is admissible where r <= 0
+    resistance : r, N s/m; every b >= 0 is feasible where r <= 0
     reactance : M = omega m_c, N s/m, of a shape that broadcasts against r
 
     Returns
     -------
-    least, greatest : N s/m; (inf, 0) where none is admissible
+    least, greatest : N s/m; (inf, 0) where none is feasible
     """
     r, M = np.maximum(resistance, 0.0), reactance
     root = np.sqrt(np.maximum((M - 2 * r) * (M + 2 * r), 0.0))
@@ -53,7 +54,7 @@ def admissible_damping(resistance: Floats, reactance: Floats) -> tuple[Floats, F
 
 
 def no_damping(demands: Demands, cells: Cells, places: Places) -> Flags:
-    """Return the cells in which no b_c between the cell's own edges meets the demands on Re Z_c.
+    """Return the cells in which no b_c between the cell's own edges meets the constraints on Re Z_c.
 
     Different frequencies may require intervals of b_c that have no point in common.
 
@@ -66,17 +67,18 @@ def no_damping(demands: Demands, cells: Cells, places: Places) -> Flags:
     Returns
     -------
     array of bool
-        Shape (n,); False where nothing is proved.
+        Shape (n,); False if nothing is proved.
     """
     # rows in the order of `KEYS`: 2 is b_c, 3 is m_c, 4 is b_0
     least, most = cells.low[2].copy(), cells.high[2].copy()
     heaviest = cells.high[3] * (1 + GUARD)
-    claims, asked = claims_of(demands), list[tuple[Margin, Floats, Floats]]()
+    claims, asked = claims_of(demands), list[tuple[Margin, Floats | PlacesInHands, Floats]]()
     if places.omega is not None:
         asked += [(claims.required, omega, omega) for omega in places.omega]
     if places.in_hands is not None:
         rate = 2 / demands.device.sample_time
-        asked += [(claims.required_in_hands, at, rate * np.tan(at[0] / 2)) for at in np.swapaxes(places.in_hands, 0, 1)]
+        each = (places.in_hands[k] for k in range(places.in_hands.at.shape[0]))
+        asked += [(claims.required_in_hands, place, rate * np.tan(place.at / 2)) for place in each]
     for among in by_integrator(cells):
         part = cells.subset(among)
         for required, at, omega in asked:

@@ -5,13 +5,12 @@ See proof/README.md, section 2.
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from math import pi
 
 import numpy as np
 
 from vctune.model.device import Device
-from vctune.model.hands import HAND
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic
 from vctune.model.problem import Demands
 from vctune.proof.claims.array_claims import Claims, claims_of
@@ -36,9 +35,9 @@ class Encirclements:
 
     Attributes
     ----------
-    number : of the model's curve, if it counts, and the sampled loop's, for each of the device's loops: 0 where
-        stable, nan where not settled or not the same throughout the cell; one row each, shape (rows, n)
-    boxes : pairs looked at, at the centres, for the model and for the sampled loop, shape (2, n)
+    number : turns of the model's curve, if the claim needs it, and of the sampled loop's, for each of its loops: 0
+        where stable, nan if undecided or not the same throughout the cell; one row each, shape (rows, n)
+    boxes : number of pairs, at the centres, for the model and for the sampled loop, shape (2, n)
     throughout : the same to see that no pole crosses over within a cell, of both, shape (n,)
     """
 
@@ -52,13 +51,13 @@ def encirclements(demands: Demands, cells: Cells) -> Encirclements:
 
     Parameters
     ----------
-    demands : the device, with each loop that must be stable by itself, and whether the frequency model counts
+    demands : the device, with each loop that must be stable by itself, and whether the frequency model must be
     cells : n cells, either all with K_p > 0 or all with K_p = 0
 
     Returns
     -------
     Encirclements
-        Numbers of shape (rows, n); 0 where a loop is stable, nan where nothing is decided.
+        Numbers of shape (rows, n); 0 where a loop is stable, nan if undecided.
     """
     parts = [_encirclements(replace(demands, device=loop), cells) for loop in demands.device.loops]
     if not parts:
@@ -69,7 +68,7 @@ def encirclements(demands: Demands, cells: Cells) -> Encirclements:
 
 
 def _encirclements(demands: Demands, cells: Cells) -> Encirclements:
-    """Return the numbers of one loop: as often as at a cell's centre, where no pole crosses over within it."""
+    """Return the numbers of one loop: those of a cell's centre, if no pole crosses over within the cell."""
     claims, device = claims_of(demands), demands.device
     same, throughout = np.ones((2, len(cells)), bool), np.zeros(len(cells), np.intp)
     if cells.extended:
@@ -90,14 +89,15 @@ def _encirclements(demands: Demands, cells: Cells) -> Encirclements:
 def _turns_at(
     curve: Curve, points: Cells, end: float, turn: float, goal: float = 0.0, fixed: Values | None = None
 ) -> tuple[Floats, Integers]:
-    """Return how often a curve goes around 0 at each point, nan where not settled, and the pairs looked at."""
+    """Return how often a curve goes around 0 at each point, nan if undecided, and the number of pairs."""
     test, angles = misses_zero(curve, fixed or {}), turned_angles(curve, fixed or {})
     found = cells_over_band(test, points, 0.0, end, angles)
     return np.where(found.proved, np.round((goal - found.total) / turn), np.nan), found.boxes
 
 
 def _no_pole_crosses(demands: Demands, claims: Claims, cells: Cells) -> tuple[Flags, Integers]:
-    """Return where no pole of the model, if it counts, and none of the sampled loop crosses over within a cell."""
+    """Return the cells within which no pole of the sampled loop, and none of the model if required, crosses the
+    boundary."""
     boxes = np.zeros(len(cells), np.intp)
 
     def uncrossed(curve: Curve, sufficient: Margin, high: float) -> Flags:
@@ -119,12 +119,12 @@ def encirclements_in_hand(demands: Demands, cells: Cells) -> tuple[Floats, Integ
 
     Parameters
     ----------
-    demands : with hands
+    demands : constraints with hands
     cells : n cells, either all with K_p > 0 or all with K_p = 0
 
     Returns
     -------
-    number : shape (n,); nan where nothing is decided
+    number : shape (n,); nan if undecided
     boxes : boxes that the proof took, shape (n,)
     """
     assert demands.hands is not None
@@ -141,13 +141,13 @@ def turns_in_hand(demands: Demands, points: Cells) -> Floats:
 
     Parameters
     ----------
-    demands : with hands
+    demands : constraints with hands
     points : n cells without extent, either all with K_p > 0 or all with K_p = 0
 
     Returns
     -------
     array of float
-        Shape (n,); 0 where the loop is stable, nan where nothing is decided.
+        Shape (n,); 0 where the loop is stable, nan if undecided.
     """
     claims = claims_of(demands)
     turns, _ = _turns_at(claims.poles_in_hand, points, HALF_TURN, pi, fixed=_middle(demands))
@@ -157,7 +157,7 @@ def turns_in_hand(demands: Demands, points: Cells) -> Floats:
 def _middle(demands: Demands) -> Values:
     """Return the hand in the middle of the box, by name."""
     assert demands.hands is not None
-    return dict(zip(HAND, map(decimal, astuple(demands.hands.middle)), strict=True))
+    return demands.hands.middle.mapped(decimal).by_key
 
 
 def model_curve_end(device: Device, cells: Cells, ops: Arithmetic = FLOATS) -> float:
@@ -165,8 +165,8 @@ def model_curve_end(device: Device, cells: Cells, ops: Arithmetic = FLOATS) -> f
 
     Parameters
     ----------
-    device : in numbers of the arithmetic; enclosures stand for all devices of a box
-    cells : only their greatest gains count
+    device : device in numbers of the arithmetic; enclosures stand for all devices of a box
+    cells : only their greatest gains matter
     ops : arithmetic of the device's numbers
 
     Returns

@@ -1,7 +1,7 @@
 """An upper bound of what hands require of a coupling: straight pieces over the angle, each of them proved.
 
-What is required in a hand is of the gains alone. Where many couplings meet the same gains it is looked at once, and
-each coupling is then compared with the bound over the angle, without a hand.
+The requirement in a hand depends on the gains alone. If many couplings have the same gains the prover bounds it once,
+and compares each coupling with the bound over the angle, without a hand.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from vctune.model.device import Device
 from vctune.model.gains import Gains
-from vctune.model.hands import HAND, Hand, Hands
+from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.keys import KEYS
 from vctune.model.sampled.any_hand import any_hand
@@ -24,30 +24,32 @@ from vctune.proof.claims.margins_of_claims import HALF_TURN
 from vctune.proof.enclosures.array_intervals import Floats, decimal
 from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.proof.enclosures.taylor_functions import TAYLOR
-from vctune.proof.engine.box_tests import FEW, positive, positive_by_polynomials
+from vctune.proof.engine.box_tests import positive
 from vctune.proof.engine.boxes import FREQUENCY, Boxes, Cells, Values, band_of, over_cells
 from vctune.proof.engine.branching import Proofs, prove
+from vctune.proof.engine.polynomial_tests import FEW, positive_by_polynomials
 
 STEP = 1.05
 """Ratio of the edges of a piece. Its square root takes a third more boxes and leaves as much of a plane open, its
 square a tenth fewer and half as much again."""
 SHARES = (0.0, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0)
-"""Shares of each range at which hands are looked at before a piece is proved. Half as many miss what is asked between
-them, so that pieces are up to a tenth higher, and of a plane twice as much stays open; twice as many take twice as
-long."""
+"""Shares of each range of the hands that are tried before a piece is proved. Half as many miss the requirement between
+them, so that pieces are up to a tenth higher and twice as much of a plane stays open; twice as many take twice as long.
+"""
 WITHIN = 5
 """Angles of a piece at which they are. Half and twice as many: the same, on average to 1e-4."""
 SLACK, RAISED = 5e-3, 4.0
-"""By how much a piece is raised above what was seen, relative, at first, and how many times as much in each attempt
-that follows. Half of either takes a third more boxes, twice a sixth fewer; of a plane half and twice the first leave
-half as much again open, of the second a tenth."""
+"""Relative amount by which a piece is first raised above the tried hands, and its growth in each further attempt. Half
+of either takes a third more boxes, twice a sixth fewer. For a plane, half and twice the first leave half as much again
+open, of the second a tenth."""
 SMALL = 1e-4
-"""Share of the greatest bound below which a piece is raised as one of so much is. Half and twice: the same."""
+"""Share of the greatest bound; a smaller piece is raised as if it had this size. Half and twice: the same."""
 ATTEMPTS = 10
-"""Attempts to prove a piece before nothing is said of it. Most take two or three; half and twice as many: the same."""
+"""Attempts to prove a piece before it stays open. Most take two or three; half and twice as many: the same."""
 MAX_HALVINGS, MAX_BOXES = 40, 250
-"""How often a box of angle and hand is halved, and how many of a piece are looked at in the first attempt, in each that
-follows twice as many. Half and twice the first: the same; of the second: as much of a plane is left open."""
+"""How often a box of angle and hand is halved, and how many boxes of a piece are tried in the first attempt; each
+further attempt doubles the number. Half and twice the first: the same; of the second: as much of a plane is left open.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +59,8 @@ class Envelope:
     Attributes
     ----------
     low, high : edges of the pieces, rad, shape (n,)
-    offset, slope : N s/m, and by rad, shape (n,); of an impedance display of R/s^2. inf where there is no bound
-    boxes : what it took
+    offset, slope : N s/m, and by rad, shape (n,); for an impedance display of R/s^2. inf if there is no bound
+    boxes : number of boxes
     """
 
     low: Floats
@@ -79,7 +81,7 @@ class Envelope:
 def envelope(device: Device, hands: Hands | None, gains: Gains) -> Envelope:
     """Bound R from above in all hands, by a straight line over each piece of the angle.
 
-    For each piece a sample of hands gives a first line, and a proof raises it until it is certainly above R.
+    For each piece a sample of hands gives a first line, and the prover raises it until it is certainly above R.
 
     Parameters
     ----------
@@ -112,18 +114,17 @@ def envelope(device: Device, hands: Hands | None, gains: Gains) -> Envelope:
         offset[done] = tried[done]
         fails = np.flatnonzero(np.isfinite(found.failing[0]))
         if len(fails):
-            # rows of `failing`: the angle, the hand's numbers, `OFFSET` and `SLOPE`; [1:-2] are those of the hand
-            higher, at, number = left[fails], found.failing[0, fails], found.failing[1:-2, fails]
-            there = _required(device, Hand(*number) if hands is not None else None, gains, at)
-            above[higher] = np.fmax(above[higher], np.ravel(there) - slope[higher] * at)
+            there = dict(zip(found.names, found.failing[:, fails], strict=True))
+            higher, at = left[fails], there[FREQUENCY]
+            asked_there = _required(device, Hand.of(there) if hands is not None else None, gains, at)
+            above[higher] = np.fmax(above[higher], np.ravel(asked_there) - slope[higher] * at)
         left = left[~found.proved]
     return Envelope(low, high, offset, slope, boxes)
 
 
 def _some_of(hands: Hands) -> Hand:
     """Return some hands of a box, numbers of shape (h, 1)."""
-    low, high = (np.array(astuple(hand), float) for hand in (hands.low, hands.high))
-    places = (np.unique(a + (b - a) * np.array(SHARES)) for a, b in zip(low, high, strict=True))
+    places = (np.unique(a + (b - a) * np.array(SHARES)) for a, b in hands.ranges.values())
     return Hand(*(number.reshape(-1, 1) for number in np.meshgrid(*places, indexing="ij")))
 
 
@@ -139,11 +140,11 @@ def _required(device: Device, hand: Hand | None, gains: Gains, theta: Floats) ->
 
 def _proved(device: Device, hands: Hands | None, gains: Gains, pieces: Floats, max_boxes: int) -> Proofs:
     """Prove the bound of some pieces, rows low, high, offset and slope."""
-    n, names = pieces.shape[1], HAND if hands is not None else ()
-    ends = [np.array(astuple(hand), float)[:, None] for hand in (hands.low, hands.high)] if hands is not None else []
-    low, high = ends or [np.empty((0, 1))] * 2
+    n, ends = pieces.shape[1], ({}, {}) if hands is None else (hands.low.by_key, hands.high.by_key)
+    low, high = (np.array([*end.values()], float)[:, None] for end in ends)
+    names = (FREQUENCY, *ends[0], OFFSET, SLOPE)
     boxes = Boxes(
-        names=(FREQUENCY, *names, OFFSET, SLOPE),
+        names=names,
         low=np.vstack((pieces[:1], np.tile(low, n), pieces[2:])),
         high=np.vstack((pieces[1:2], np.tile(high, n), pieces[2:])),
         owner=np.arange(n),
@@ -156,5 +157,5 @@ def _proved(device: Device, hands: Hands | None, gains: Gains, pieces: Floats, m
         slopes, polynomials = (bounded_in_hands(device, ops) for ops in (ENCLOSURES, TAYLOR))
         spans = np.vstack((high - low, np.zeros((2, 1))))  # `OFFSET` and `SLOPE` have no width
         test = positive_by_polynomials(polynomials, fixed, spans, positive(slopes, fixed))
-    halved = [True] * (1 + len(names)) + [False] * 2
+    halved = [name not in (OFFSET, SLOPE) for name in names]
     return prove(test, boxes, n, halved=halved, max_halvings=MAX_HALVINGS, max_boxes=max_boxes, at_ends=True, few=FEW)

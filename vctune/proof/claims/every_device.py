@@ -33,21 +33,21 @@ LITTLE_PHASE = 0.5
 """Angle omega tau up to which the margin that is regular at omega = 0 is worth a look, rad. Half and twice it take as
 many boxes for the uncertain friction wheel."""
 FEW_SAMPLES = 4
-"""Whole samples of a box's delays that are looked at one by one anyway, before it is asked above which angle their
-phase does not matter. Half and twice it: time, for long uncertain delays only."""
+"""Whole samples of a box's delays that are tried one by one; beyond, the prover first finds the angle above which their
+phase does not matter. Half and twice it only change the time, for long uncertain delays."""
 ANGLES, LEAST_ANGLE = 400, 1e-6
-"""Angles at which the size of a loop is estimated, and the least of them. What the estimate says is proved then, so
-that half and twice it only cost time."""
+"""Angles at which the size of a loop is estimated, and the least of them. The prover then proves the estimate, so that
+half and twice it only cost time."""
 MAX_BOXES, MAX_BOXES_OF_CURVES = 1_600_000, 40_000
-"""Boxes looked at for one claim before it is left open; a curve that is not nearly 0 anywhere takes some dozens, the
-uncertain friction wheel 27,000 for all claims, a device of two masses with seven uncertain numbers and a disc a million
-for one. Half and twice it: as long to give up."""
+"""Boxes for one claim before it is left open; a curve that is nowhere nearly 0 takes some dozens, the uncertain
+friction wheel 27,000 for all claims, a device of two masses with seven uncertain numbers and a disc a million for one.
+Half and twice it: as long to give up."""
 FEW = 64
-"""Boxes that are halved again before they are looked at: as many take about as long as one. None: three times as long
-for the band around a proved one; four times as many: a third longer."""
+"""Boxes that are halved again before evaluation: as many take about as long as one. None: three times as long for the
+band around a proved one; four times as many: a third longer."""
 MAX_HALVINGS = 80
-"""How often a box is halved at most: twenty times in each of four rows. Half and twice as often take as many boxes for
-the uncertain friction wheel."""
+"""Greatest number of halvings of a box: twenty in each of four rows. Half and twice as often take as many boxes for the
+uncertain friction wheel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,9 +56,9 @@ class RobustDesign:
 
     Attributes
     ----------
-    design : with the nominal device
-    box : of devices
-    demands : on each of them
+    design : design with the nominal device
+    box : box of devices
+    demands : constraints on each of them
     """
 
     design: Design
@@ -107,7 +107,7 @@ class RobustDesign:
 
 
 NominalProof = Callable[[Device, float], Outcome]
-"""Judges a claim for one device, of which it is in doubt at a frequency, rad/s or rad."""
+"""Function that judges a claim for one device at a doubtful frequency, rad/s or rad."""
 
 
 def prove_conditions_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
@@ -121,7 +121,7 @@ def prove_conditions_for_all(robust: RobustDesign, alone: NominalProof) -> Outco
     Returns
     -------
     Outcome
-        Refuted with a device that fails by itself.
+        Refuted with a device that fails on its own.
     """
     return outcome_for_all(robust, _conditions(robust, *outwards(robust.demands.band), MAX_BOXES), alone)
 
@@ -158,7 +158,7 @@ def _turning(robust: RobustDesign) -> float:
 
 
 def _whatever_phase(robust: RobustDesign, margin: Margin, low: float, high: float, max_boxes: int) -> Proofs:
-    """Prove a margin of the frequency model positive where every phase omega delay occurs, of a full turn of it."""
+    """Prove a margin of the frequency model positive at frequencies where the phase omega delay covers a full turn."""
     (least, greatest), row, name = robust.ends(), robust.box.uncertain.index("delay"), "device.delay"
 
     def of_phase(omega: Number, values: Values) -> Number:
@@ -199,7 +199,7 @@ def prove_sensitivity_for_all(robust: RobustDesign, alone: NominalProof) -> Outc
     Returns
     -------
     Outcome
-        Refuted with a device that fails by itself.
+        Refuted with a device that fails on its own.
     """
     claims = robust.claims()
     test = positive(claims.sensitivity, robust.values)
@@ -209,9 +209,9 @@ def prove_sensitivity_for_all(robust: RobustDesign, alone: NominalProof) -> Outc
 
 
 def _around_circle(robust: RobustDesign, test: Test, gain: Margin, max_boxes: int, *, at_ends: bool) -> list[Proofs]:
-    """Test all of theta = omega T, the whole samples that delays of the box have one by one.
+    """Test all of theta = omega T, for the whole samples of the box's delays one by one.
 
-    Where they are many, not so at high frequencies, where the loop is so small that its phase does not matter.
+    If there are many, high frequencies are treated together, where the loop is so small that its phase does not matter.
     """
     samples, small, parts = _whole_samples(robust), HALF_TURN, []
     if len(samples) > FEW_SAMPLES:
@@ -276,12 +276,12 @@ def prove_model_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Outc
     Parameters
     ----------
     robust : the design, proved for the nominal device, and the box
-    alone : judges the poles of one device
+    alone : function that judges the poles of one device
 
     Returns
     -------
     Outcome
-        Refuted with a device that fails by itself.
+        Refuted with a device that fails on its own.
     """
     gains = robust.design.gains
     law, parts = np.array([[gains.velocity], [gains.position]]), []
@@ -301,12 +301,12 @@ def prove_sampled_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Ou
     Parameters
     ----------
     robust : the design, proved for the nominal device, and the box
-    alone : judges the poles of one device
+    alone : function that judges the poles of one device
 
     Returns
     -------
     Outcome
-        Refuted with a device that fails by itself.
+        Refuted with a device that fails on its own.
     """
     parts = []
     for loop in robust.loops():
@@ -338,7 +338,7 @@ def part_over_band(
     Parameters
     ----------
     robust : the design and the box
-    test : of boxes of a frequency and of the uncertain numbers
+    test : test of boxes of a frequency and of the uncertain numbers
     low, high : edges of the band, in the test's unit of frequency
     max_boxes : boxes after which the proof stays open
     at_ends : whether to replace a box by the face at which its margin is least; not for curves

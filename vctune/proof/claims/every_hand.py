@@ -1,7 +1,7 @@
 """The loop in every hand of a box, with every passive environment, at every frequency (model/README.md, section 14).
 
-The margin is proved positive over angle, hand and uncertain device together. Where it is, no pole of the loop is on the
-unit circle; in one hand none is outside, and from there to any other none crosses over.
+The margin is proved positive over angle, hand and uncertain device together. Where it is positive, no pole of the loop
+is on the unit circle; in one hand none is outside, and from there to any other hand none crosses over.
 """
 
 from __future__ import annotations
@@ -16,18 +16,19 @@ from flint import arb
 
 from vctune.model.device import Device
 from vctune.model.gains import Gains, SpringDamper
-from vctune.model.hands import HAND, Hand, Hands
+from vctune.model.hand_arrays import stacked
+from vctune.model.hands import STIFFNESS, Hand, Hands
 from vctune.model.numbers.keys import keys_of
+from vctune.model.parts import DELAYS
 from vctune.model.problem import Demands
 from vctune.model.sampled.loop_in_worlds import posed, sum_of
 from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
-from vctune.model.sampled.servo_in_hand import vertices
 from vctune.model.sampled.velocity_loop import SNAP
 from vctune.model.worlds import WorldsMet
 from vctune.proof.claims.array_claims import (
     AT_REST,
     COUPLING_SHARE,
-    SHARE,
+    SHARES,
     any_hand_margins,
     hands_margins,
     limp_hands_margins,
@@ -41,33 +42,35 @@ from vctune.proof.claims.margins_of_claims import (
     hand_margin,
     margins_in_worlds,
 )
-from vctune.proof.claims.resonant_hands import AROUND, RATIO, ROWS, Resonance, resonance
+from vctune.proof.claims.resonant_hands import AROUND, RATIO, Resonance, resonance
 from vctune.proof.claims.sampled_poles import in_rad_per_s
 from vctune.proof.claims.whole_samples import NEXT_TO
-from vctune.proof.device_box import DELAYS, DeviceBox, in_longer_hands, moved_as_one
+from vctune.proof.device_box import DeviceBox, in_longer_hands, moved_as_one
 from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball, device_ball, gains_ball
 from vctune.proof.enclosures.array_intervals import Floats, decimal_or_inf
 from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.proof.enclosures.taylor_functions import TAYLOR
-from vctune.proof.engine.box_tests import FEW, alone, any_positive, next_to_zero, positive, positive_by_polynomials
+from vctune.proof.engine.box_tests import alone, next_to_zero, positive
 from vctune.proof.engine.boxes import Boxes, Values, band_of, over_band
 from vctune.proof.engine.branching import Decided, Test, prove
 from vctune.proof.engine.interval import Outcome, Verdict
+from vctune.proof.engine.polynomial_tests import FEW, any_positive, positive_by_polynomials
 from vctune.proof.engine.winding import turned_angle
 
 STEP = 1.4
 """Ratio of the edges of the first intervals. Its square root and its square take as many boxes within a tenth."""
 MAX_BOXES = 400_000
-"""Boxes looked at before the claim is left open; an optimal design takes some thousand. Half and twice it: as long
-to give up."""
+"""Boxes before the claim is left open; an optimal design takes some thousand. Half and twice it: as long to give up."""
 EASY_BOXES = 20_000
-"""Boxes after which hands next to a sharp resonance are looked at apart: where the demand leaves room there, some
-hundred do. Half or twice as many cost half or twice as much where they were in vain: some seconds."""
+"""Boxes after which hands near a sharp resonance get boxes of their own; if the constraint leaves room there, some
+hundred suffice. If they do not, half or twice as many cost half or twice as much: some seconds."""
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
 """How far from an end of the angles, as a share of pi, a witness is looked for. Fewer: growth that takes longer to see;
 more: none that is seen."""
+Ends = dict[str, tuple[Floats, Floats]]
+"""The least and the greatest number of each row by its name, of one box or of several."""
 MAX_HALVINGS = 120
-"""How often a box is halved at most: twenty times in each of six rows. Half and twice as often: the same proofs."""
+"""Greatest number of halvings of a box: twenty in each of six rows. Half and twice as often: the same proofs."""
 
 
 def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
@@ -76,8 +79,8 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     Parameters
     ----------
     design : taken as the decimals that it is written as
-    demands : with the hands and the factor
-    box : devices for all of which the claim is proved; None for the design's own alone
+    demands : constraints with the hands and the factor
+    box : devices for which the claim is proved; None for the design's own alone
 
     Returns
     -------
@@ -98,10 +101,10 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
         return stable
     asked = Asked(design, demands, box)
     near = resonance(design, demands.hands) if looped else None
-    found = _decided(asked, asked.rows, asked.ends(), asked.tests, EASY_BOXES if near else MAX_BOXES)
+    found = _decided(asked, asked.ends(), asked.tests, EASY_BOXES if near else MAX_BOXES)
     if near and found.verdict is Verdict.UNDECIDED:
         left_to_it = partial(asked.tests, near=near)
-        found, tried = _decided(asked, asked.rows, asked.ends(), left_to_it, MAX_BOXES), found.boxes
+        found, tried = _decided(asked, asked.ends(), left_to_it, MAX_BOXES), found.boxes
         if found.verdict is Verdict.PROVED:
             tried += found.boxes
             found = _proved_next_to(near, asked)
@@ -164,20 +167,14 @@ class Asked:
         by_itself = self.design.device.kind.inverse and self.demands.worlds is not None
         return by_itself and self.demands.factor > 1
 
-    @property
-    def rows(self) -> tuple[str, ...]:
-        """The rows of the hand and what comes with it."""
-        return (*HAND, *([SHARE] if self.limp else []), *([COUPLING_SHARE] if self.shared else []))
-
-    def ends(self) -> tuple[Floats, Floats]:
-        """Return the least and the greatest numbers of all rows but the angle."""
+    def ends(self) -> Ends:
+        """Return the least and the greatest number of each row but the angle."""
         assert self.demands.hands is not None
-        also = [(0.0, 1.0)] if self.limp else []
-        also += [(1 / self.demands.factor * (1 - SNAP), 1.0)] if self.shared else []
         # what a servo asks is convex in the hand; which environments it meets is not
         of_servo = self.design.device.servo is not None and self.demands.worlds is None
-        corners = vertices(self.demands.hands) if of_servo else None
-        return _ends(self.demands.hands, self.box, self.uncertain, corners, also)
+        corners = self.demands.hands.corners if of_servo else None
+        shares = (1 / self.demands.factor * (1 - SNAP), 1.0) if self.shared else None
+        return _ends(self.demands.hands, self.box, self.uncertain, corners, limp=self.limp, shares=shares)
 
     def tests(self, part: Part, fixed: Values, near: Resonance | None = None) -> list[Test]:
         """Return the tests that prove it on a part of the boxes.
@@ -197,13 +194,13 @@ class Asked:
     @property
     def names(self) -> tuple[str, ...]:
         """The names of all rows but the angle."""
-        return (*self.rows, *map(row_of, self.uncertain))
+        return tuple(self.ends())
 
 
 def _of_margins(
     demands: Demands, uncertain: tuple[str, ...], part: Part, fixed: Values, near: Resonance | None = None
 ) -> Test:
-    """Return the test of the margins of which one must be positive, in hands next to resonance or in all."""
+    """Return the test of the margins, of which one must be positive, in hands next to resonance or in all."""
     both = [hands_margins(demands, uncertain, part.delays, ops) for ops in (ENCLOSURES, TAYLOR)]
     slopes, polynomials = (near.margins(each) for each in both) if near else both
     spans, servo = part.spans, demands.device.servo
@@ -218,15 +215,15 @@ def _of_margins(
 
 def _proved_next_to(near: Resonance, asked: Asked) -> Outcome:
     """Prove the same for hands near resonance, with their stiffness relative to the resonant one."""
+    least, most = (np.array([share]) for share in AROUND)
     ends = _ends(asked.demands.hands, asked.box, asked.uncertain)
-    for end, value in zip(ends, AROUND, strict=True):
-        end[ROWS.index(RATIO)] = value
+    beside = {RATIO if name == STIFFNESS else name: pair for name, pair in ends.items()} | {RATIO: (least, most)}
 
     def tests(part: Part, fixed: Values) -> list[Test]:
         test = _of_margins(asked.demands, asked.uncertain, part, fixed, near)
-        return [near.in_range(test, (*ROWS, *map(row_of, asked.uncertain)))]
+        return [near.in_range(test, tuple(beside))]
 
-    return _decided(asked, ROWS, ends, tests, MAX_BOXES, near)
+    return _decided(asked, beside, tests, MAX_BOXES, near)
 
 
 def _moved_as_one(design: Design, demands: Demands, hands: Hands, box: DeviceBox, parts: tuple[str, ...]) -> Outcome:
@@ -260,8 +257,8 @@ def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = Non
     Parameters
     ----------
     design : taken as the decimals that it is written as
-    demands : with the factor
-    box : devices for all of which the claim is proved; None for the design's own alone
+    demands : constraints with the factor
+    box : devices for which the claim is proved; None for the design's own alone
 
     Returns
     -------
@@ -276,7 +273,7 @@ def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = Non
         margin, size = any_hand_margins(demands, uncertain, part.delays)
         return [positive(each, fixed) for each in ([margin, size] if design.gains.velocity > 0 else [margin])]
 
-    found = _decided(Asked(design, demands, box), (), _ends(None, box, uncertain), tests, MAX_BOXES)
+    found = _decided(Asked(design, demands, box), _ends(None, box, uncertain), tests, MAX_BOXES)
     return _and_without_reserve(found, prove_any_hand, design, demands, box)
 
 
@@ -287,7 +284,8 @@ def _and_without_reserve(
     demands: Demands,
     box: DeviceBox | None,
 ) -> Outcome:
-    """Return an outcome that holds with the factor 1 too, which of a coupling that may drive is no weaker demand."""
+    """Return an outcome that holds with the factor 1 too; for a coupling that may drive, the factor 1 is no weaker
+    constraint."""
     if found.verdict is not Verdict.PROVED or demands.factor == 1 or not design.device.coupling_may_drive:
         return found
     again = proof(design, replace(demands, factor=1.0), box)
@@ -296,26 +294,23 @@ def _and_without_reserve(
 
 def _decided(
     asked: Asked,
-    rows: tuple[str, ...],
-    ends: tuple[Floats, Floats],
+    ends: Ends,
     tests: Callable[[Part, Values], list[Test]],
     max_boxes: int,
     near: Resonance | None = None,
 ) -> Outcome:
-    """Prove margins of theta, the hand's numbers and the device's positive over all of them.
+    """Prove margins of theta, the hand's numbers and the device's numbers positive over all of them.
 
     Parameters
     ----------
-    asked : whose design and demands these are
-    rows : numbers of the hand that are rows of the boxes
-    ends : least and greatest of these and of the device's uncertain numbers
+    asked : the design and its constraints
+    ends : least and greatest number of each row
     tests : of a part of the boxes, and of the values that are no rows
     max_boxes : of each part, before it is left open
     near : where the hands are those next to resonance
     """
-    names = rows + tuple(map(row_of, asked.uncertain))
-    boxes = 0
-    for part, test in parts_of(asked.design, names, ends, tests):
+    names, boxes = tuple(ends), 0
+    for part, test in parts_of(asked.design, ends, tests):
         found = prove(
             test,
             boxes_over(part, names, near),
@@ -333,19 +328,18 @@ def _decided(
     return Outcome(Verdict.PROVED, boxes)
 
 
-def parts_of(
-    design: Design, names: tuple[str, ...], ends: tuple[Floats, Floats], tests: Callable[[Part, Values], list[Test]]
-) -> Iterator[tuple[Part, Test]]:
-    """Yield the parts of a design's boxes by the whole samples of their delays, each with what is to be proved there.
+def parts_of(design: Design, ends: Ends, tests: Callable[[Part, Values], list[Test]]) -> Iterator[tuple[Part, Test]]:
+    """Yield the parts of a design's boxes by the whole samples of their delays, with each test to be proved there.
 
     Parameters
     ----------
-    design : whose numbers are no rows
-    names : of the rows, but the angle
-    ends : their least and greatest numbers
-    tests : of a part of the boxes, and of the values that are no rows
+    design : its numbers are not rows
+    ends : least and greatest number of each row but the angle
+    tests : function of a part of the boxes, and of the values that are not rows
     """
-    for part in _parts(design.device, names, *ends):
+    names = tuple(ends)
+    edges = (np.array([pair[end] for pair in ends.values()]) if ends else np.empty((0, 1)) for end in (0, 1))
+    for part in _parts(design.device, names, *edges):
         for test in tests(part, fixed_of(design)):
             yield part, part.within(test, names)
 
@@ -379,19 +373,15 @@ def _in_doubt(
     boxes: int,
     near: Resonance | None,
 ) -> Outcome:
-    """Decide by balls about a point at which arrays have not proved the demand."""
+    """Decide by balls about a point at which arrays have not proved the constraint."""
     for row, name in enumerate(names):
         if name in DELAY_ROWS:  # at its ends the whole samples change
             inwards = np.minimum(NEXT_TO * design.device.sample_time, (part.high[row] - part.low[row]) / 2)
             part.low[row], part.high[row] = part.low[row] + inwards, part.high[row] - inwards
     within = np.clip(point[1:], part.low.min(axis=1), part.high.max(axis=1)).tolist()
-    count = len(names) - len(uncertain)
-    hand, device = Hand(*within[: len(HAND)]) if count else None, design.device
-    if uncertain:
-        device = device.with_numbers(dict(zip(uncertain, within[count:], strict=True)))
-    theta = min(float(point[0]), pi)
-    if near:
-        hand = near.hand(theta, dict(zip(names, within, strict=True)))
+    values, theta = dict(zip(names, within, strict=True)), min(float(point[0]), pi)
+    device = design.device.with_numbers({key: values[row_of(key)] for key in uncertain})
+    hand = near.hand(theta, values) if near else Hand.of(values) if STIFFNESS in values else None
 
     def fails(theta: float) -> bool:
         return _fails_at(replace(design, device=device), demands, hand, theta)
@@ -428,12 +418,12 @@ class Part:
         return np.asarray((self.high - self.low).max(axis=1, keepdims=True))
 
     def within(self, test: Test, names: tuple[str, ...]) -> Test:
-        """Return a test that leaves out where the sum of both delays has other whole samples.
+        """Return a test that ignores points where the sum of both delays has other whole samples.
 
         Parameters
         ----------
-        test : of boxes with these rows
-        names : of the rows, but the frequency
+        test : test of boxes with these rows
+        names : names of the rows, but the frequency
         """
         rows = [1 + index for index, name in enumerate(names) if name in DELAY_ROWS]
         if not rows:
@@ -465,9 +455,8 @@ DELAY_ROWS = tuple(map(row_of, DELAYS))
 def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) -> list[Part]:
     """Return the parts of a box of devices by the whole samples of their delays: one if those are known."""
     known, T = delays_of(device), device.sample_time
-    sensor = device.force_sensor.delay if device.force_sensor is not None else 0.0
     own = row_of(device.delay_key)
-    others = {own: device.latency, "device.force_sensor.delay": sensor}
+    others = {row_of(key): number for key in DELAYS if (number := device.number(key)) is not None}
     rows = {name: names.index(name) for name in DELAY_ROWS if name in names}
     if not rows:
         return [Part(low, high, known, T, 0.0)]
@@ -488,7 +477,7 @@ def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) ->
 def _whole(low: float, high: float, T: float, *, last: bool) -> range:
     """Return the whole samples of delays between two; of the `last` delays also the whole number that they end at.
 
-    What is sensed at a whole number is not the limit of what is sensed just below it.
+    The sensed force at a whole number is not the limit of that just below it.
     """
     first, end = floor(low / T * (1 + SNAP)), high / T
     return range(first, max(first + 1, floor(end * (1 + SNAP)) + 1 if last else ceil(end * (1 - SNAP))))
@@ -510,7 +499,7 @@ def prove_poles_in(device: Device, hand: Hand, gains: Gains, held: SpringDamper 
         Refuted if a pole is outside the unit circle; undecided with a witness in rad/s where the curve comes too close
         to 0.
     """
-    plant = plant_in_hand(device_ball(device), Hand(*map(ball, astuple(hand))), delays_of(device), BALLS)
+    plant = plant_in_hand(device_ball(device), hand.mapped(ball), delays_of(device), BALLS)
     law, wall = gains_ball(gains), None if held is None else SpringDamper(ball(held.damping), ball(held.stiffness))
     outcome, angle = turned_angle(lambda theta: hand_curve(plant, law, theta, BALLS, wall), 0.0, HALF_TURN)
     if outcome.verdict is not Verdict.PROVED:
@@ -524,7 +513,7 @@ def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float)
     if hand is None:
         delay = LoopDelay(delays.loop, delays.loop_fractional)
         return bool(any_hand_margin(exact, delay, at, factor, BALLS)[0] < 0)
-    plant = plant_in_hand(exact.device, Hand(*map(ball, astuple(hand))), delays, BALLS)
+    plant = plant_in_hand(exact.device, hand.mapped(ball), delays, BALLS)
     if demands.worlds is None:
         return bool(hand_margin(plant, exact, at, factor, BALLS) < 0)
     found = margins_in_worlds(plant, exact, at, WorldsMet(demands.worlds.converted(ball), factor), BALLS)
@@ -536,19 +525,24 @@ def _ends(
     box: DeviceBox | None,
     uncertain: tuple[str, ...],
     corners: Sequence[Hand] | None = None,
-    also: Sequence[tuple[float, float]] = (),
-) -> tuple[Floats, Floats]:
-    """Return the least and the greatest numbers of hand, if the claim is about hands, of its other rows, and device.
+    *,
+    limp: bool = False,
+    shares: tuple[float, float] | None = None,
+) -> Ends:
+    """Return the ends of the numbers of hand, if the claim is about hands, of the shares, and of the device.
 
-    Where the corners of the hands are enough there is a column for each.
+    If the vertices of the hands suffice, each has a column.
     """
-    devices = () if box is None else (box.low, box.high)
-    numbers = [[end.number(key) for key in uncertain] for end in devices] or [[], []]
-    held = [astuple(hands.low), astuple(hands.high)] if hands is not None else [(), ()]
-    held = [(*end, *(each[side] for each in also)) for side, end in enumerate(held)]
+    low, high = ([], []) if hands is None else ([hands.low], [hands.high])
     if corners is not None:
-        each = np.array([astuple(hand) for hand in corners], float).T
-        low, high = (np.vstack((each, *(np.full(each.shape[1], x) for x in end))) for end in numbers)
-        return low, high
-    low, high = (np.array([*hand, *device], float).reshape(-1, 1) for hand, device in zip(held, numbers, strict=True))
-    return low, high
+        low = high = list(corners)
+    least, most = (stacked(each).by_key if each else {} for each in (low, high))
+    ends = {key: (least[key], most[key]) for key in least}
+    if limp:
+        ends |= {SHARES[0]: (np.zeros(1), np.zeros(1)), SHARES[1]: (np.zeros(1), np.ones(1))}  # no integrator
+    if shares is not None:
+        ends |= {COUPLING_SHARE: (np.array(shares[:1]), np.array(shares[1:]))}
+    if box is not None:
+        of = ((key, box.low.number(key), box.high.number(key)) for key in uncertain)
+        ends |= {row_of(key): (np.full(max(len(low), 1), a), np.full(max(len(low), 1), b)) for key, a, b in of}
+    return ends

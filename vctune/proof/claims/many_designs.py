@@ -11,27 +11,25 @@ from math import inf
 import numpy as np
 
 from vctune.model.gains import Gains
-from vctune.model.hands import HAND, Hands
+from vctune.model.hand_arrays import PlacesInHands
+from vctune.model.hands import Hands
 from vctune.model.problem import Demands
 from vctune.proof.claims.array_claims import Claims, claims_of
+from vctune.proof.claims.cells_in_hands import hold_in_hands
 from vctune.proof.claims.encirclements import by_integrator, encirclements, encirclements_in_hand, turns_in_hand
 from vctune.proof.claims.envelope import envelope
 from vctune.proof.claims.margins_of_claims import HALF_TURN, outwards, resistance_apart
 from vctune.proof.claims.registry import ClaimId, claims_asked
 from vctune.proof.enclosures.array_intervals import Flags, Floats
-from vctune.proof.engine.bands import CELL_HALVINGS, MAX_BOXES, STEP, cells_over_band
+from vctune.proof.engine.bands import CELL_HALVINGS, MAX_BOXES, cells_over_band
 from vctune.proof.engine.box_tests import Margin, alone, lower_bound_over, positive
-from vctune.proof.engine.boxes import Cells, Integers, band_of, over_each, over_hands
+from vctune.proof.engine.boxes import Cells, Integers, over_each
 from vctune.proof.engine.branching import prove as prove_boxes
 
 ON_ARRAYS: tuple[ClaimId, ...] = "passive", "sensitivity", "stable_model", "stable"
 """The claims whose boxes are counted, in the order of `Certified.boxes`."""
 OF_CELLS: tuple[ClaimId, ...] = *ON_ARRAYS, "any_hand", "hands"
-"""The claims that are proved of cells. Where another is asked for no cell is."""
-HALVINGS_IN_HANDS, BOXES_IN_HANDS, TOGETHER_IN_HANDS = 4 * CELL_HALVINGS, 30_000, 128
-"""What `CELL_HALVINGS` and `MAX_BOXES` are for boxes of angle and hand, and how many cells are proved together: what is
-known of them fits into memory. Cells with room take up to 29,000 boxes, most some thousand: with half as many some
-of those next to K_p = 0 are left to smaller cells."""
+"""The claims that can be proved for cells. If a problem requires another claim, no cell is proved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +38,8 @@ class Certified:
 
     Attributes
     ----------
-    proved : the cells all of whose designs meet all demands
-    boxes : what it took to prove each claim of `ON_ARRAYS`, 0 for what is not demanded; shape (4, n)
+    proved : the cells in which every design meets all constraints
+    boxes : number for each claim of `ON_ARRAYS`, 0 for claims that are not made; shape (4, n)
     """
 
     proved: Flags
@@ -49,14 +47,14 @@ class Certified:
 
 
 def prove(demands: Demands, cells: Cells) -> Certified:
-    """Prove all demands throughout each cell (proof/README.md, section 2).
+    """Prove all constraints throughout each cell (proof/README.md, section 2).
 
     K_p = 0 takes the position out of the loop. A cell whose K_p starts at 0 does therefore not contain K_p = 0 itself.
     A cell whose K_p is 0 throughout does.
 
     Parameters
     ----------
-    demands : on every design of a cell
+    demands : constraints on every design of a cell
     cells : n cells of designs
 
     Returns
@@ -92,7 +90,7 @@ def _proofs(demands: Demands, cells: Cells) -> Certified:
 
     def sensitivity_holds(cells: Cells) -> tuple[Flags, Integers]:
         found = cells_over_band(
-            positive(claims.sensitivity, {}, claims.sensitivity_any_position), cells, 0.0, HALF_TURN
+            positive(claims.sensitivity, {}, claims.sensitivity_any_position), cells, 0.0, HALF_TURN, in_parts=True
         )
         return found.proved, found.boxes
 
@@ -119,7 +117,7 @@ def _proofs(demands: Demands, cells: Cells) -> Certified:
 
 
 def _holds_in_any_hand(demands: Demands, claims: Claims, cells: Cells) -> Flags:
-    """Prove the demand in any passive hand on an impedance display."""
+    """Prove the constraint in any passive hand on an impedance display."""
     if demands.device.least_damping == 0:
         return np.zeros(len(cells), bool)
     margin, size = (positive(each, {}) for each in claims.any_hand)
@@ -130,48 +128,35 @@ def _holds_in_any_hand(demands: Demands, claims: Claims, cells: Cells) -> Flags:
 
 
 def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
-    """Prove the demand in every hand.
+    """Prove the constraint in every hand.
 
-    Where the margin is positive no pole of any design of the cell is on the unit circle in any hand: those of one
-    design in one hand decide about all.
+    If the margin is positive no pole of any design of the cell is on the unit circle in any hand: the poles of one
+    design in one hand decide for all.
     """
     hands, proved = demands.hands, np.zeros(len(cells), bool)
     assert hands is not None
-    # next to K_p = 0 F and P of an admittance display both vanish at theta = 0 in a hand without stiffness
     kind = demands.device.kind
-    regular = not kind.senses_force or not kind.own_loop or hands.low.stiffness > 0
-    hopeful = np.flatnonzero((cells.low[1] > 0) | regular)  # row 1 is K_p
-    points = cells.subset(hopeful).centres()
-    left = hopeful[turns_in_hand(demands, points) == 0]
+    looped = kind.senses_force and kind.own_loop
+    if looped and hands.high.stiffness == 0 and not cells.high[1].any():
+        return proved  # no spring anywhere: the position is free
+    left = np.flatnonzero(turns_in_hand(demands, cells.centres()) == 0)
     if _have_the_same_gains(cells):
         proved[left] = _above_envelope(demands, hands, claims, cells.subset(left))
         return proved
-    for some in np.split(left, range(TOGETHER_IN_HANDS, len(left), TOGETHER_IN_HANDS)):
-        part = cells.subset(some)
-        found = prove_boxes(
-            positive(alone(claims.in_hand), {}),
-            over_hands(part, hands, band_of(0.0, HALF_TURN, STEP)),
-            len(part),
-            halved=[True] * (1 + len(HAND) + len(cells.keys)),
-            max_halvings=HALVINGS_IN_HANDS,
-            max_boxes=BOXES_IN_HANDS,
-            at_ends=True,
-            only_whole=True,
-        )
-        proved[some] = found.proved
+    proved[left] = hold_in_hands(demands, cells.subset(left))
     return proved
 
 
 def _have_the_same_gains(cells: Cells) -> bool:
-    """Return whether these are several couplings that meet the same gains."""
+    """Return whether these are several couplings with the same gains."""
     # rows 0 and 1 are the gains
     return cells.extended and not np.ptp((cells.low[:2], cells.high[:2]), axis=(0, 2)).any()
 
 
 def _above_envelope(demands: Demands, hands: Hands | None, claims: Claims, cells: Cells) -> Flags:
-    """Prove the demand in every hand of a box, or in any, for couplings that meet the same gains.
+    """Prove the constraint in every hand of a box, or in any, for couplings with the same gains.
 
-    Cells are divided too, as the angle alone is besides; their callers divide those that are left.
+    The prover also divides cells, because the angle alone is not always enough; the callers divide the remaining cells.
     """
     if not len(cells):
         return np.zeros(0, bool)
@@ -197,33 +182,33 @@ class Places:
     theta_S : rad, angle omega T of |S|, shape (n,)
     omega : rad/s, frequencies of the band of Llewellyn's conditions, the hardest first, shape (any number, n)
     theta : rad, angles of any passive hand on an impedance display likewise
-    in_hands : angles and hands likewise, shape (4, any number, n)
+    in_hands : angles in hands likewise
     """
 
     theta_S: Floats
     omega: Floats | None = None
     theta: Floats | None = None
-    in_hands: Floats | None = None
+    in_hands: PlacesInHands | None = None
 
     def subset(self, at: Integers) -> Places:
         """Return the places of some of the cells."""
-        some = (None if of is None else of[..., at] for of in (self.omega, self.theta, self.in_hands))
-        return Places(self.theta_S[at], *some)
+        omega, theta = (None if of is None else of[:, at] for of in (self.omega, self.theta))
+        return Places(self.theta_S[at], omega, theta, None if self.in_hands is None else self.in_hands[:, at])
 
 
 def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
-    """Return the cells none of whose designs meets all demands.
+    """Return the cells in which no design meets all constraints.
 
     Parameters
     ----------
-    demands : on a design
+    demands : constraints on a design
     cells : n cells of designs, as for `prove`
-    places : for each cell where a demand may fail; the function uses the first of several places
+    places : for each cell, places where a constraint may fail; the function uses the first of several places
 
     Returns
     -------
     array of bool
-        Shape (n,); False where nothing is proved.
+        Shape (n,); False if nothing is proved.
     """
     fails = np.zeros(len(cells), bool)
     for at in by_integrator(cells):
@@ -235,7 +220,7 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
         if places.theta is not None:
             lost |= negative_at(claims.any_hand[0], part, places.theta[0, at])
         if places.in_hands is not None:
-            lost |= negative_at(alone(claims.in_hand), part, places.in_hands[:, 0, at])
+            lost |= negative_at(alone(claims.in_hand), part, places.in_hands[0, at])
         left = np.flatnonzero(~lost)
         number = encirclements(demands, part.subset(left)).number
         lost[left] = (np.isfinite(number) & (number != 0)).any(axis=0)
@@ -247,15 +232,14 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
     return fails
 
 
-def negative_at(margin: Margin, cells: Cells, at: Floats) -> Flags:
+def negative_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> Flags:
     """Return the cells throughout which a margin is negative, each at a place of its own.
 
     Parameters
     ----------
     margin : function of a frequency and of values by name
     cells : n cells of designs
-    at : frequency of each cell, in the margin's unit, shape (n,); or frequency and hand, shape (4, n), as for
-        `over_each`
+    at : as of `over_each`
 
     Returns
     -------
@@ -265,19 +249,18 @@ def negative_at(margin: Margin, cells: Cells, at: Floats) -> Flags:
     return np.asarray(lower_bound_at(lambda omega, values: -margin(omega, values), cells, at) > 0)
 
 
-def lower_bound_at(margin: Margin, cells: Cells, at: Floats) -> Floats:
+def lower_bound_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> Floats:
     """Return a lower bound of a margin over each cell, at a place of the cell's own.
 
     Parameters
     ----------
     margin : function of a frequency and of values by name
     cells : n cells of designs
-    at : frequency of each cell, in the margin's unit, shape (n,); or frequency and hand, shape (4, n), as for
-        `over_each`
+    at : as of `over_each`
 
     Returns
     -------
     array of float
-        Shape (n,), in the margin's unit; nan where no bound is known.
+        Shape (n,), in the margin's unit; nan if no bound is known.
     """
     return lower_bound_over(margin, over_each(cells, at), {})

@@ -16,14 +16,16 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import (
+    NextToRest,
     loop_in_hand,
     offered_at_spring,
     required_in_hand,
+    required_in_limp_hand,
     room,
     seen_in_hand,
     seen_in_limp_hand,
 )
-from vctune.model.sampled.impedance_display import ForceInHand, Required
+from vctune.model.sampled.impedance_display import ForceInHand
 from vctune.model.sampled.let_go import Plant, return_difference
 from vctune.model.sampled.loop_in_worlds import (
     Disjuncts,
@@ -43,7 +45,7 @@ HALF_TURN = nextafter(pi, inf)
 
 @dataclass(frozen=True, slots=True)
 class LoopDelay:
-    """A delay's whole samples, and whether a part of one remains."""
+    """The whole samples of a delay, and whether a part of one remains."""
 
     whole_samples: Number
     fractional: bool
@@ -112,9 +114,9 @@ def clamped_margin(design: Design, omega: Number, radius: Number, ops: Arithmeti
 def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
     """Return a margin that is regular at omega = 0 and, where positive, proves as much as `conditions_margin`.
 
-    Both sides of 2 Re D Re Z_c >= factor N are divided by omega^2 where they vanish together. Of a coupling with drag,
-    or where an operator eases the demand, only Re Z_c >= b_0 is used. Without either R does not vanish if K_p > 0 and b
-    > 0: then no margin is positive.
+    Both sides of 2 Re D Re Z_c >= factor N are divided by omega^2 where they vanish together. For a coupling with drag,
+    or if an operator eases the constraint, only Re Z_c >= b_0 is used. Without either R does not vanish if K_p > 0 and
+    b > 0: then no margin is positive.
 
     Parameters
     ----------
@@ -185,7 +187,7 @@ def sensitivity_margin(plant: Plant, gains: Gains, theta: Number, limit: Number,
 
     Parameters
     ----------
-    plant : a device that nobody holds, over a sample
+    plant : a device without a hand, over a sample
     gains : K_v and K_p, N s/m and N/m
     theta : omega T, rad, in [0, pi]
     limit : greatest |S|
@@ -207,7 +209,7 @@ def unmodelled_margin(plant: Plant, gains: Gains, theta: Number, radius: Number,
 
     Parameters
     ----------
-    plant : a device that nobody holds, over a sample
+    plant : a device without a hand, over a sample
     gains : K_v and K_p, N s/m and N/m
     theta : omega T, rad, in [0, pi]
     radius : greatest |delta| at theta
@@ -224,13 +226,13 @@ def unmodelled_margin(plant: Plant, gains: Gains, theta: Number, radius: Number,
 
 
 def loop_gain_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
-    """Return limit^2 |F_0|^2 - |F - F_0|^2: where positive, |L| < limit and |S| < 1/(1 - limit), whatever the phase.
+    """Return limit^2 |F_0|^2 - |F - F_0|^2: where positive, |L| < limit and |S| < 1/(1 - limit), for any phase.
 
     Whole samples of delay turn F - F_0 and do not change its size.
 
     Parameters
     ----------
-    plant : a device that nobody holds, over a sample
+    plant : a device without a hand, over a sample
     gains : K_v and K_p, N s/m and N/m
     theta : omega T, rad, in [0, pi]
     limit : greatest |L|, at most 1
@@ -249,8 +251,8 @@ def loop_gain_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, o
 def hand_margin(plant: AnyPlantInHand, design: Design, theta: Number, factor: Number, ops: Arithmetic) -> Number:
     """Return |F|^2 (Re Z_c - factor R) in a hand (model/README.md, section 14).
 
-    Where it is positive F is not 0 either, so that no pole of the loop in the hand is there. An impedance display has
-    |F|^2 (Re 1/Z_c - factor R)/s^2 times a positive number (section 15).
+    Where it is positive F is not 0 either, so that no pole of the loop in the hand is at that frequency. An impedance
+    display has |F|^2 (Re 1/Z_c - factor R)/s^2 times a positive number (section 15).
 
     Parameters
     ----------
@@ -270,17 +272,16 @@ def hand_margin(plant: AnyPlantInHand, design: Design, theta: Number, factor: Nu
 
 
 def limp_hand_margin(
-    plant: PlantInHand, design: Design, theta: Number, share: Number, factor: Number, ops: Arithmetic
+    plant: PlantInHand, design: Design, theta: Number, rest: NextToRest, factor: Number, ops: Arithmetic
 ) -> Number:
-    """Return `hand_margin` over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
+    """Return `hand_margin` over rho^2, next to theta = 0, a hand without stiffness and K_p = 0.
 
     Parameters
     ----------
     plant : the device in the hand, over a sample
-    design : with K_p = 0, in numbers of the arithmetic
+    design : in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
-    share : of the hand's stiffness in rho, in [0, 1] (`seen_in_limp_hand`); `hand_margin` is positive if this
-        margin is positive for every share
+    rest : shares of rho (`NextToRest`); `hand_margin` is positive if this margin is positive for all of them
     factor : least Re Z_c / R
     ops : arithmetic of the other arguments
 
@@ -289,19 +290,19 @@ def limp_hand_margin(
     Number
         N s/m, of the shape of theta.
     """
-    seen = seen_in_limp_hand(plant, design.gains.velocity, theta, share, ops)
-    return room(design.coupling, design.device, Required(seen.lost, seen.size), factor, theta, ops)
+    required = required_in_limp_hand(plant, design.gains.velocity, theta, rest, ops)
+    return room(design.coupling, design.device, required, factor, theta, ops)
 
 
 def margins_in_worlds(
     plant: AnyPlantInHand, design: Design, theta: Number, met: WorldsMet, ops: Arithmetic, share: Number = 1.0
 ) -> Disjuncts | DisjunctsOfForce:
-    """Return margins in a hand of which one must be positive with every environment of a box, each as its terms.
+    """Return margins in a hand, of which one must be positive with every environment of a box, each as its terms.
 
     Parameters
     ----------
     plant : the device in the hand
-    design : in numbers of the arithmetic
+    design : design in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
     met : the environments and the factor, in numbers of the arithmetic
     ops : arithmetic of all of these
@@ -316,16 +317,16 @@ def margins_in_worlds(
 
 
 def limp_margins_in_worlds(
-    plant: PlantInHand, design: Design, theta: Number, share: Number, met: WorldsMet, ops: Arithmetic
+    plant: PlantInHand, design: Design, theta: Number, rest: NextToRest, met: WorldsMet, ops: Arithmetic
 ) -> Disjuncts:
     """Return `margins_in_worlds` over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
 
     Parameters
     ----------
-    plant, design, theta, share, ops : as of `limp_hand_margin`
+    plant, design, theta, rest, ops : see `limp_hand_margin`
     met : the environments and the factor, in numbers of the arithmetic
     """
-    seen, T = seen_in_limp_hand(plant, design.gains.velocity, theta, share, ops), design.device.sample_time
+    seen, T = seen_in_limp_hand(plant, design.gains.velocity, theta, rest, ops), design.device.sample_time
     return limp_disjuncts(offered_at(design.series, T, theta, ops), met.worlds, T, seen, met.factor, theta, ops)
 
 
@@ -339,7 +340,7 @@ def any_hand_margin(
 
     Parameters
     ----------
-    design : of an impedance display, in numbers of the arithmetic
+    design : design of an impedance display, in numbers of the arithmetic
     delay : whole samples of its device's delay
     theta : omega T, rad, in [0, pi]
     factor : least Re(1/Z_c)/R
@@ -347,7 +348,7 @@ def any_hand_margin(
 
     Returns
     -------
-    margin, size : of the shape of theta
+    margin, size : arrays of the shape of theta
     """
     hand = any_hand(design.device, delay.whole_samples, theta, ops, fractional=delay.fractional)
     required = hand.required(design.gains)
@@ -388,7 +389,7 @@ def resistance_margin(design: Design, omega: Number, ops: Arithmetic) -> Number:
 
     Parameters
     ----------
-    design : only its device and its gains count
+    design : only its device and its gains matter
     omega : angular frequency, rad/s, >= 0
     ops : arithmetic of both
 
@@ -432,7 +433,7 @@ def along_drive(at: DeviceResponse, gains: Gains) -> Number:
     Parameters
     ----------
     at : the device at omega >= 0
-    gains : only K_v counts, N s/m
+    gains : only K_v matters, N s/m
 
     Returns
     -------
@@ -453,15 +454,15 @@ def along_drive(at: DeviceResponse, gains: Gains) -> Number:
 
 
 def across_position(plant: Plant, gains: Gains, theta: Number, ops: Arithmetic) -> tuple[Number, Number]:
-    """Return Im(F conj P)/theta and |F_0|^2 |P|^2/theta^2, P = dF/dK_p, neither of which depends on K_p.
+    """Return Im(F conj P)/theta and |F_0|^2 |P|^2/theta^2, P = dF/dK_p; neither depends on K_p.
 
     Both are regular at theta = 0, where F and F_0 are those of the velocity loop alone times 1 - e^{-j theta}. Where
     the first is not 0, F is not 0 for any K_p.
 
     Parameters
     ----------
-    plant : a device that nobody holds, over a sample
-    gains : only K_v counts, N s/m
+    plant : a device without a hand, over a sample
+    gains : only K_v matters, N s/m
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
 
@@ -476,12 +477,12 @@ def across_position(plant: Plant, gains: Gains, theta: Number, ops: Arithmetic) 
 
 
 def sensitivity_sufficient_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
-    """Return (limit Im(F conj P) - |F_0||P|)/theta: positive only where |S| < limit whatever K_p is.
+    """Return (limit Im(F conj P) - |F_0||P|)/theta: positive only where |S| < limit for all K_p.
 
     Parameters
     ----------
-    plant : a device that nobody holds, over a sample
-    gains : only K_v counts, N s/m
+    plant : a device without a hand, over a sample
+    gains : only K_v matters, N s/m
     theta : omega T, rad, in [0, pi]
     limit : greatest |S|
     ops : arithmetic of the other arguments
@@ -504,7 +505,7 @@ def outwards(band: tuple[float, float]) -> tuple[float, float]:
 
 
 def inwards(band: tuple[float, float]) -> tuple[float, float]:
-    """Return a band in rad/s that lies within the one that was meant, whatever the rounding of 2 pi f."""
+    """Return a band in rad/s that lies within the intended one, for any rounding of 2 pi f."""
     low, high = band
     for _ in range(4):
         low, high = nextafter(low, inf), nextafter(high, 0.0)

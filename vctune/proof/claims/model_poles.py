@@ -17,12 +17,12 @@ from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.proof.engine.winding import turned_angle
 
 NEAR = 1e-6
-"""Allowance for rounding of 1e-12, in a frequency beyond which something holds, and in an angle. Half and twice it
-count alike."""
+"""Allowance for rounding of 1e-12, in a frequency beyond which something holds, and in an angle. Half and twice it give
+the same count."""
 ROOM = 2.0
-"""By how much the argument may differ at `curve_end` from where it goes, rad: by less than half pi + 2/7 of all loops
-without a zero to the right, by more than 3 pi/2 - 2/7 of the others. Half would refuse some of the former, twice admit
-some of the latter."""
+"""Greatest difference of the argument at `curve_end` from its limit, rad: less than half pi + 2/7 for all loops without
+a zero to the right, more than 3 pi/2 - 2/7 for the others. Half would refuse some of the former, twice admit some of
+the latter."""
 
 
 def prove_model_poles(device: Device, gains: Gains) -> Outcome:
@@ -34,7 +34,7 @@ def prove_model_poles(device: Device, gains: Gains) -> Outcome:
 
     Parameters
     ----------
-    device : one of `Device.loops`; a disc around its response does not count
+    device : one of `Device.loops`; a disc around its response is ignored
     gains : taken, like the device's numbers, as the decimals that they are written as
 
     Returns
@@ -84,7 +84,7 @@ def curve_end(device: Device, K_v: float, K_p: float, ops: Arithmetic = FLOATS) 
 
     Parameters
     ----------
-    device : in numbers of the arithmetic; enclosures stand for all devices of a box
+    device : device in numbers of the arithmetic; enclosures stand for all devices of a box
     K_v, K_p : the greatest gains, N s/m and N/m
     ops : arithmetic of the device's numbers
 

@@ -2,8 +2,8 @@
 
 2 Re(D + Z_h) Re Z_c + factor (2 b_h Re C + Re(C conj D)) >= factor |C||D| holds where A >= 0 and A^2 - factor^2 B >= 0,
 the left-hand side and |C|^2 |D|^2 being rational in omega once the hold's 1 + (omega T/2)^2 is cleared. Their signs
-change only at real roots, which are isolated with certainty: nothing is left undecided but a touching root, and 0 and
-infinity are like any other edge (model/README.md, section 6).
+change only at real roots, which are isolated with certainty: only a touching root stays undecided, and 0 and infinity
+are like any other edge (model/README.md, section 6).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Conditions:
     ----------
     linear : A
     squared : A^2 - factor^2 B
-    roots : where `squared` changes its sign or touches 0, rad/s, > 0, in order
+    roots : places where `squared` changes its sign or touches 0, rad/s, > 0, in order
     """
 
     linear: fmpq_poly

@@ -33,7 +33,7 @@ class Claim:
     witness : description of the place where it fails
     label : heading of its row in a report
     explain : its meaning for the reader
-    asked : whether the demands require it, on a box of devices or on one device alone
+    asked : whether the constraints require it, on a box of devices or on one device alone
     """
 
     id: ClaimId
@@ -169,11 +169,11 @@ CLAIMS: dict[ClaimId, Claim] = {
         ),
     )
 }
-"""In the order in which a certificate makes them."""
+"""The claims in the order of a certificate."""
 
 
 IN_HANDS: tuple[ClaimId, ...] = ("hands", "worlds")
-"""Claims about the hands of a box, of which a certificate makes one."""
+"""Claims about the hands of a box; a certificate makes one of them."""
 
 
 def claims_about(*quantities: Quantity) -> tuple[ClaimId, ...]:
@@ -186,7 +186,7 @@ def claims_asked(demands: Demands, box: DeviceBox | None = None) -> list[ClaimId
 
     Parameters
     ----------
-    demands : on a design; they decide which claims apply
+    demands : constraints on a design; they decide which claims apply
     box : uncertain devices that add claims of their own; None for one known device
 
     Returns

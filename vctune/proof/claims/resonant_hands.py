@@ -13,7 +13,7 @@ from math import sqrt
 
 import numpy as np
 
-from vctune.model.hands import HAND, Hand, Hands
+from vctune.model.hands import HAND, MASS, STIFFNESS, Hand, Hands
 from vctune.model.numbers.arithmetic import Number
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.array_intervals import Floats, decimal
@@ -22,28 +22,29 @@ from vctune.proof.engine.boxes import Boxes, Values
 from vctune.proof.engine.branching import Decided, Test
 
 RATIO = "stiffness of the hand over the resonant one"
-ROWS = (*HAND[:2], RATIO)
+ROWS = tuple(RATIO if key == STIFFNESS else key for key in HAND)
 """The numbers of a hand here."""
 SHARP = 0.03
-"""Damping ratio of hand and device below which resonance is looked at apart. Of loops at a ratio of 0.02 half of it
-takes up to two thirds fewer boxes; those at 1e-5 take 34,000 with it and more than half a million without."""
+"""Damping ratio of hand and device below which resonance gets boxes of its own. For loops at a ratio of 0.02, half of
+it takes up to two thirds fewer boxes; those at 1e-5 take 34,000 with it and more than half a million without."""
 DAMPED = 0.1
-"""Damping ratio from which on a softer hand resonates no more sharply. Half and twice: as many boxes within a third."""
+"""Damping ratio from which on a softer hand resonates no more sharply. Half and twice take as many boxes within a
+third."""
 AROUND = (0.5, 2.0)
-"""Which multiples of the resonant stiffness are looked at so. Half as far in the logarithm takes up to half as many
+"""Multiples of the resonant stiffness that such boxes cover. Half as far in the logarithm takes up to half as many
 boxes again, twice as far as many within a tenth."""
 WITHIN = 1e-9
-"""By what share a box lies inside at least that is left to the others, or outside that is left out: beyond rounding."""
+"""Least share by which a box lies inside if it is left to the others, or outside if it is left out: beyond rounding."""
 DEVICE_MASS = "device.mass"
 
 
 @dataclass(frozen=True, slots=True)
 class Resonance:
-    """Where a hand resonates with a device sharply.
+    """A sharp resonance of a hand with the device.
 
     Attributes
     ----------
-    mass, sample_time : m, kg, where that is no row, and T, s
+    mass, sample_time : m, kg, if it is not a row, and T, s
     least, greatest : stiffness of the hands, N/m
     first : the angle from which on, rad, > 0
     """
@@ -59,8 +60,8 @@ class Resonance:
 
         def of_ratio(theta: Number, v: Values) -> tuple[Number, ...]:
             per_sample = theta / decimal(self.sample_time)
-            mass = v[HAND[0]] + v.get(DEVICE_MASS, decimal(self.mass))
-            return margins(theta, {**v, HAND[2]: v[RATIO] * (mass * (per_sample * per_sample))})
+            mass = v[MASS] + v.get(DEVICE_MASS, decimal(self.mass))
+            return margins(theta, {**v, STIFFNESS: v[RATIO] * (mass * (per_sample * per_sample))})
 
         return of_ratio
 
@@ -72,15 +73,15 @@ class Resonance:
 
         Parameters
         ----------
-        test : of boxes with the rows of `HAND`
-        names : of the boxes' rows, without the frequency
+        test : test of boxes with the rows of `HAND`
+        names : names of the boxes' rows, without the frequency
 
         Returns
         -------
         Test
             Of the same boxes.
         """
-        mass, stiffness = (1 + names.index(name) for name in (HAND[0], HAND[2]))
+        mass, stiffness = (1 + names.index(name) for name in (MASS, STIFFNESS))
 
         def tested(boxes: Boxes) -> Decided:
             decided = test(boxes)
@@ -104,16 +105,16 @@ class Resonance:
 
         Parameters
         ----------
-        test : of boxes with the rows of `ROWS`
-        names : of the boxes' rows, without the frequency
+        test : test of boxes with the rows of `ROWS`
+        names : names of the boxes' rows, without the frequency
 
         Returns
         -------
         Test
-            Of the same boxes; a failure counts only at a stiffness that a hand has.
+            The test for the same boxes; a failure is valid only at a stiffness that a hand has.
         """
         ratio = 1 + names.index(RATIO)
-        tied = np.array([0, *(1 + k for k, name in enumerate(names) if name in (HAND[0], DEVICE_MASS, RATIO))])
+        tied = np.array([0, *(1 + k for k, name in enumerate(names) if name in (MASS, DEVICE_MASS, RATIO))])
 
         def stiffness(numbers: Floats) -> Floats:
             return np.asarray(numbers[ratio] * self._resonant(names, numbers))
@@ -136,7 +137,7 @@ class Resonance:
         Parameters
         ----------
         theta : omega T, rad, > 0
-        numbers : by the names of `ROWS` and, if the device's mass is uncertain, `DEVICE_MASS`
+        numbers : numbers by the names of `ROWS` and, if the device's mass is uncertain, `DEVICE_MASS`
 
         Returns
         -------
@@ -145,13 +146,12 @@ class Resonance:
         """
         at = np.array([[theta], *([value] for value in numbers.values())])
         stiffness = float(numbers[RATIO] * self._resonant(tuple(numbers), at)[0])
-        mass, damping = (numbers[name] for name in HAND[:2])
-        return Hand(mass, damping, min(max(stiffness, self.least), self.greatest))
+        return Hand.of({**numbers, STIFFNESS: min(max(stiffness, self.least), self.greatest)})
 
     def _resonant(self, names: tuple[str, ...], numbers: Floats) -> Floats:
         """Return (m + M) (theta/T)^2 of the frequency and the other rows."""
         mass = numbers[1 + names.index(DEVICE_MASS)] if DEVICE_MASS in names else self.mass
-        return np.asarray((mass + numbers[1 + names.index(HAND[0])]) * (numbers[0] / self.sample_time) ** 2)
+        return np.asarray((mass + numbers[1 + names.index(MASS)]) * (numbers[0] / self.sample_time) ** 2)
 
 
 def resonance(design: Design, hands: Hands) -> Resonance | None:

@@ -55,7 +55,7 @@ def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:
 
 
 def unmodelled_at(device: Device, gains: Gains, radii: tuple[tuple[float, float], ...], theta: float) -> Outcome:
-    """Return whether |1 - S| r > 1 for certain at one angle, r the radius of the disc there.
+    """Return whether |1 - S| r > 1 certainly at one angle, r the radius of the disc there.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """Delays at and near a whole number of samples, where the sensed force jumps with the delay.
 
-Force is sampled just before a new command acts. Where the delay is shorter than a whole number of samples by next to
-nothing that command acts before the sample, and the force of a hand's mass differs by a whole step (model/README.md,
+Force is sampled just before a new command acts. If the delay is shorter than a whole number of samples by next to
+nothing, that command acts before the sample, and the force of a hand's mass differs by a whole step (model/README.md,
 section 14). Neither side is the safe one. So a design of a device whose delay lies near a whole number of samples is
-proved on both sides of it, beside the delay that the file states.
+proved on both sides of it, besides the stated delay.
 """
 
 from __future__ import annotations
@@ -15,39 +15,40 @@ from math import ceil, floor
 from vctune.model.device import Device
 from vctune.model.hands import Hands
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.parts import DELAYS
 from vctune.model.sampled.velocity_loop import SNAP
 from vctune.model.servo import latency
-from vctune.proof.device_box import DELAYS, DeviceBox
+from vctune.proof.device_box import DeviceBox
 
 NEAR = 0.05
-"""Share of a sample within which a delay counts as near a whole number of samples: clocks, buses and amplifiers are not
-known better. Half and twice it make other promises, not other proofs."""
+"""Share of a sample within which a delay is near a whole number of samples: clocks, buses and amplifiers are not known
+better. Half and twice it make other promises, not other proofs."""
 NEXT_TO = 1e-7
-"""How near to a whole sample, in samples, a delay is taken: decimals tell both sides apart. Half and twice it find the
-same designs."""
+"""Distance from a whole sample, in samples, at which a delay is placed: decimals tell both sides apart. Half and twice
+it find the same designs."""
 PEAK = 0.75
-"""Of the lag of a servo and its sensor, after which the sensed acceleration is greatest. Half and 4/3 of it see three
-quarters of the greatest."""
+"""Time, as a share of the lag of a servo and its sensor, at which the sensed acceleration is greatest. Half and 4/3 of
+it see three quarters of the greatest."""
 
 
 def sensed_force_jumps(device: Device, hands: Hands) -> bool:
     """Return whether the sensed force jumps where the delay passes a whole number of samples.
 
-    It jumps where the sensor feels the acceleration of a hand's mass at once: the command moves the handle directly,
-    through no actuator's low-pass and no spring, and the sensor has no low-pass. A servo of order 1 turns a command
-    into an acceleration at once.
+    It jumps if the sensor feels the acceleration of a hand's mass at once: the command moves the handle directly,
+    without an actuator's low-pass or a spring, and the sensor has no low-pass. A servo of order 1 turns a command into
+    an acceleration at once.
 
     Parameters
     ----------
-    device : of any display; only an admittance display senses force
-    hands : the box of hands; without mass nothing jumps
+    device : a device of any display; only an admittance display senses force
+    hands : the box of hands; without mass the force does not jump
 
     Returns
     -------
     bool
         Whether it jumps for some hand of the box.
     """
-    filtered = device.force_sensor is not None and device.force_sensor.bandwidth_hz is not None
+    filtered = device.sensing.bandwidth_hz is not None
     followed = device.servo is None or device.servo.order == 1
     direct = device.actuator is None and device.structure is None and followed and not filtered
     return direct and device.kind.senses_force and hands.high.mass > 0
@@ -58,13 +59,14 @@ def beside_whole_sample(device: Device, hands: Hands) -> tuple[Device, ...]:
 
     Parameters
     ----------
-    device : plain floats; the sum of its delay and the force sensor's counts
+    device : plain floats; the sum of its delay and the force sensor's matters
     hands : the box of hands
 
     Returns
     -------
     tuple of Device
-        Without the device itself; empty if its delay is not near a whole number of samples or nothing jumps there.
+        Without the device itself; empty if its delay is not near a whole number of samples or the force does not jump
+        there.
     """
     samples = delay_in_samples(device)
     whole = round(samples)
@@ -102,8 +104,8 @@ def reaching_whole_sample(box: DeviceBox, hands: Hands) -> DeviceBox:
 def kept_at_whole_sample(device: Device, before: Device) -> Device:
     """Return a device whose delay stays next to the same whole number of samples as another's.
 
-    A price compares a device with one that is a little better. Near a whole number of samples the demands hold on both
-    sides of it for either device.
+    A price compares a device with one that is a little better. Near a whole number of samples the constraints hold on
+    both sides of it for either device.
 
     Parameters
     ----------
@@ -128,7 +130,7 @@ def next_to_whole_samples(box: DeviceBox) -> list[Device]:
 
     Parameters
     ----------
-    box : of devices
+    box : box of devices
     """
     found: dict[Device, None] = {}
     T = box.nominal.sample_time
@@ -151,8 +153,7 @@ def _peaks(device: Device) -> tuple[float, ...]:
     if device.servo is None:
         return ()
     late = latency(device, FLOATS)
-    sensor = device.force_sensor
-    lag = late.lag + late.sensor - (0.0 if sensor is None else sensor.delay)
+    lag = late.lag + late.sensor - device.sensing.delay
     below = PEAK * lag / device.sample_time
     return (-below,) if below < 0.5 else ()
 
@@ -163,11 +164,10 @@ def delay_in_samples(device: Device) -> float:
 
 
 def _with(device: Device, samples: float, key: str | None = None) -> Device:
-    """Return a device whose delays add up to so many samples, in decimals that a reader knows again.
+    """Return a device whose delays add up to so many samples, in readable decimals.
 
-    The device's own delay is changed, or that of its force sensor where it has no other.
+    The function changes the device's own delay, or that of its force sensor if it has no other.
     """
-    sensed = "force_sensor.delay"
-    key = key or (sensed if device.latency == 0 and device.number(sensed) else device.delay_key)
+    key = key or next((key for key in DELAYS if device.number(key)), device.delay_key)
     other = sum(device.number(name) or 0.0 for name in DELAYS if name != key)
     return device.with_numbers({key: float(f"{samples * device.sample_time - other:.15g}")})

@@ -29,10 +29,11 @@ from vctune.proof.claims.every_hand import (
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.device_box import DeviceBox, in_longer_hands, moved_as_one
 from vctune.proof.enclosures.array_intervals import Flags, Floats
-from vctune.proof.engine.box_tests import FEW, Margins, positive
+from vctune.proof.engine.box_tests import Margins, positive
 from vctune.proof.engine.boxes import FREQUENCY, Boxes, Integers, Values
 from vctune.proof.engine.branching import left_open, prove
 from vctune.proof.engine.interval import Verdict
+from vctune.proof.engine.polynomial_tests import FEW
 
 MAX_BOXES, CELL_BOXES = 60_000, 5_000
 """Boxes looked at before what is left of them is left to the environments, and before one of these is left open."""
@@ -152,7 +153,7 @@ def open_in_hands(design: Design, demands: Demands, box: DeviceBox | None, dampi
         return OpenInHands(asked, stable=False, parts=())
     found = tuple(
         (part, left_open(test, boxes_over(part, asked.names), max_boxes=MAX_BOXES, share=FAILING))
-        for part, test in parts_of(design, asked.names, asked.ends(), asked.tests)
+        for part, test in parts_of(design, asked.ends(), asked.tests)
     )
     return OpenInHands(asked, stable=True, parts=found)
 

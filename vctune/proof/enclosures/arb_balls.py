@@ -20,10 +20,10 @@ from vctune.proof.enclosures.jets import interpolated_over
 
 PRECISION = 128
 """Working precision, bits. Half and twice it take as many boxes for the designs of problems/ and about as long: the
-reserve is for designs that are nearer to their demands than an optimum in decimals is."""
+reserve is for designs that are nearer to their constraints than an optimum in decimals is."""
 SMALL = 0.1
-"""Below it (1 - sinc x)/x^2 is its series, whose rest is enclosed. Half: the subtractions lose a factor 4 more of the
-precision. Twice: the rest is 2e-25 in place of 3e-29 there."""
+"""Below it (1 - sinc x)/x^2 is its series, whose rest is enclosed. With half, the subtractions lose a factor 4 more of
+the precision. With twice, the remainder is 2e-25 instead of 3e-29 there."""
 
 
 class _BallArithmetic:

@@ -2,7 +2,7 @@
 
 An `Enclosure` holds every number within `rad` of `mid`. IEEE addition, multiplication, division and square root are
 correct to half a unit in the last place; each result's radius grows by a whole one, and by the rounding of the radius
-itself. What overflows or divides by 0 gets a radius that is not a finite number, of which nothing can be proved.
+itself. A result that overflows or divides by 0 gets a radius that is not finite, with which nothing can be proved.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ Flags = NDArray[np.bool_]
 UNIT = 2.0**-52
 """Twice the rounding of an operation, relative (IEEE 754, to nearest)."""
 TINY = 1e-300
-"""More than what underflow can take from a sum of products: the least normal number is 2e-308. No quantity of a haptic
-device comes near it, so that half and twice it are no different."""
+"""More than underflow can take from a sum of products: the least normal number is 2e-308. No quantity of a haptic
+device comes near it, so that half and twice it make no difference."""
 SWELL = 1 + 2.0**-49
 """Covers 16 roundings of a radius, each u = 2^-53 of it. A reciprocal's takes most, 7: the difference and the sum of
 size and radius, two quotients, the sum with the value's own rounding, the product with this number, which itself is
@@ -34,7 +34,7 @@ its number of terms. Half would cover 8, twice widens a radius by 2e-15 of itsel
 def raised(total: Floats, terms: int) -> Floats:
     """Return a rounded sum increased so that it is not below the exact sum.
 
-    With u = 2^-53, n terms are added by n - 1 roundings, and n + 5 more are left for the terms themselves and for this
+    With u = 2^-53, n terms are summed by n - 1 roundings, and n + 5 more remain for the terms themselves and for this
     product: (1 - u)^(2n + 4) (1 + 2 (n + 8) u) > 1.
 
     Parameters
@@ -51,7 +51,7 @@ def raised(total: Floats, terms: int) -> Floats:
 
 
 def _enclosed(mid: Floats, rad: Floats) -> Enclosure:
-    """Return mid, itself rounded, with a radius yet to be swollen."""
+    """Return mid, itself rounded, with a radius that is not raised yet."""
     return Enclosure(mid, (rad + UNIT * np.abs(mid)) * SWELL + TINY)
 
 
@@ -106,7 +106,7 @@ class Enclosure:
         return self.reciprocal() * other if _exact(other) else NotImplemented
 
     def reciprocal(self) -> Enclosure:
-        """Return 1/x; nan where the enclosure contains 0."""
+        """Return 1/x; nan if the enclosure contains 0."""
         size = np.abs(self.mid)
         gap = np.where(size > self.rad, size - self.rad, np.nan)
         mid = self.mid / gap / (size + self.rad)
@@ -114,7 +114,7 @@ class Enclosure:
         return Enclosure(mid, (rad + 8 * UNIT * np.abs(mid)) * SWELL + TINY)
 
     def sqrt(self) -> Enclosure:
-        """Return the square root of a number that cannot be negative, whatever its enclosure says."""
+        """Return the square root of a number that cannot be negative, for any enclosure of it."""
         low = np.sqrt(np.maximum(self.mid - self.rad, 0.0))
         high = np.sqrt(self.mid + self.rad)
         return Enclosure(0.5 * (low + high), (0.5 * (high - low) + 4 * UNIT * high) * SWELL + TINY)
@@ -180,7 +180,7 @@ def stacked(numbers: Sequence[Any]) -> Enclosure:
 def matmul(a: Enclosure, b: Enclosure) -> Enclosure:
     """Return enclosures of the matrix products A B, one for each index of the further axes.
 
-    A rounded sum of m products is right to m units of the sum of their sizes, in whatever order it is formed.
+    A rounded sum of m products is correct to m units of the sum of their sizes, in any order.
 
     Parameters
     ----------

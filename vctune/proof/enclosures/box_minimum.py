@@ -1,8 +1,8 @@
 """The least value of polynomials of order two over their boxes, from below.
 
 For any y, with S positive semidefinite, e'S e >= 2 y'S e - y'S y: the tangent at y bounds a convex polynomial from
-below, and over a box a tangent is least at a corner. At the y of the least value that bound is it (Boyd and
-Vandenberghe 2004, section 5). What of e'H e is not convex is counted by its size.
+below, and over a box a tangent is least at a corner. At the y of the least value the bound is exact (Boyd and
+Vandenberghe 2004, section 5). The part of e'H e that is not convex enters by its size.
 """
 
 from __future__ import annotations
@@ -15,12 +15,13 @@ from vctune.proof.enclosures.array_intervals import Floats
 from vctune.proof.enclosures.taylor import Taylor
 
 SWEEPS = 4
-"""How often each row of y is moved to its best place. Half and twice: as many boxes within a hundredth."""
+"""Number of times that each row of y is moved to its best place. Half and twice take as many boxes within a
+hundredth."""
 ROUNDING = 2.0**-43
-"""Of a bound, relative to the sizes that it is the sum of: 1024 u, u = 2^-53. For 14 rows a product of matrices, or of
-a matrix and a vector, takes 14 roundings, as does a sum over rows. There are two of the former and eight of the latter;
-with the sum of 120 coefficients and a dozen operations beside they are 272. A rest is not among these sizes: where it
-is the greater, nothing is proved. Half would do; twice widens nothing that matters."""
+"""Rounding of a bound, relative to the sizes in its sum: 1024 u, u = 2^-53. For 14 rows a product of matrices, or of a
+matrix and a vector, takes 14 roundings, as does a sum over rows. There are two of the former and eight of the latter;
+with the sum of 120 coefficients and a dozen operations beside they are 272. A remainder is not among these sizes: where
+it is the greater, nothing is proved. Half would suffice; twice widens nothing that matters."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,10 +30,10 @@ class LowerBound:
 
     Attributes
     ----------
-    bound : no value in the box is below it; -inf where nothing is known
+    bound : no value in the box is below it; -inf if there is no bound
     estimate : about the value at `at`
-    at : where the value is about least, of each row between -1 and 1, shape (k, n)
-    cost : what the bound loses by each row, shape (k, n)
+    at : place of the approximate minimum, each row between -1 and 1, shape (k, n)
+    cost : loss of the bound by each row, shape (k, n)
     """
 
     bound: Floats

@@ -15,37 +15,36 @@ from vctune.proof.enclosures.array_intervals import TINY, UNIT, Enclosure, betwe
 LIBRARY_ERROR = 8 * UNIT
 """Bound on the error of NumPy's sin, cos, exp and expm1 in double precision: 8 units in the last place.
 
-Of exp and expm1 relative to the value, of sin and cos to 1, and of sin to the value too for |x| < 1, where sinc divides
-by x: next to other zeros nothing is asked of the reduction of the argument but not to fail.
+Errors of exp and expm1 are relative to the value, of sin and cos to 1, and of sin to the value too for |x| < 1, where
+sinc divides by x. Next to other zeros the reduction of the argument only has to be correct.
 
 NumPy evaluates them by the C library, or by Intel's SVML on processors with AVX-512. The GNU C library states 1 unit
 for each of them ("Known Maximum Errors in Math Functions" of its manual), 2 for its vector variants; NumPy states at
-most 4 for SVML (numpy/numpy, pull request 19478), below 1 for the high-accuracy variants that replaced them
-(24006), and its own tests ask for 1 (umath-validation-set-*.csv). Eight are twice the worst of these. These are
-measurements of others, not theorems: `tests/proof/test_enclosures.py` measures on the machine at hand, against 60
-digits and more. Half would be the worst that is stated, without reserve; twice widens what has no width by 2e-15.
+most 4 for SVML (numpy/numpy, pull request 19478), below 1 for the high-accuracy variants that replaced them (24006),
+and its own tests require 1 (umath-validation-set-*.csv). Eight are twice the worst of these. These are measurements of
+others, not theorems: `tests/proof/test_enclosures.py` measures on the machine at hand, against 60 digits and more. Half
+would be the worst that is stated, without reserve; twice widens what has no width by 2e-15.
 """
 PHI_ERROR = 1e-13
 """Bound on the relative error of `FLOATS.phi_1`, `phi_2` and `sinc_curvature` for 0 <= x <= 1e100; a problem file has
 b T/m <= 1e60.
 
-With u = 2^-53 and expm1 right to 16 u (`LIBRARY_ERROR`):
-phi_1 = -expm1(-x)/x adds one division, 17 u = 2e-15.
-phi_2 = (x + expm1(-x))/x^2 for x >= c = `SERIES_BELOW`: an error of 16 u (1 - e^-x) in the numerator x^2 phi_2 is
-16 u phi_1/(x phi_2) relative to it. The quotient falls with x and is 39.7 at c: 7.1e-14, and 3 u for the operations.
-Below c the series of eight terms leaves out less than x^8/10!, 1e-17, of at least 0.49, and Horner's rule adds 3 u.
-sinc_curvature for x >= c = `CURVATURE_BELOW`: the quotient sin(x)/x is right to 17 u, so that 1 - sinc x >= 0.041 is to
-18 u/0.041, 4.9e-14; below c its series is as that of phi_2.
-Where an argument is itself rounded, by u, so are phi_1 and phi_2, for |x phi'| <= phi; and e^-x by x u, 8e-14 until it
-underflows. Half is not proved by this; twice widens an enclosure of width 2e-13 by as much again.
+With u = 2^-53 and expm1 right to 16 u (`LIBRARY_ERROR`): phi_1 = -expm1(-x)/x adds one division, 17 u = 2e-15. phi_2 =
+(x + expm1(-x))/x^2 for x >= c = `SERIES_BELOW`: an error of 16 u (1 - e^-x) in the numerator x^2 phi_2 is 16 u phi_1/(x
+phi_2) relative to it. The quotient falls with x and is 39.7 at c: 7.1e-14, and 3 u for the operations. Below c the
+series of eight terms leaves out less than x^8/10!, 1e-17, of at least 0.49, and Horner's rule adds 3 u. sinc_curvature
+for x >= c = `CURVATURE_BELOW`: the quotient sin(x)/x is right to 17 u, so that 1 - sinc x >= 0.041 is to 18 u/0.041,
+4.9e-14; below c its series is as that of phi_2. If an argument is itself rounded, by u, so are phi_1 and phi_2, for |x
+phi'| <= phi; and e^-x by x u, 8e-14 until it underflows. Half is not proved by this; twice widens an enclosure of width
+2e-13 by as much again.
 """
 EXPONENT_ERROR = 1e-12
 """Bound on the relative error of exp of a sum that is rounded, short of overflow: 710 u of the sum's rounding and 16 u
 of exp are 8e-14. Half would do, twice as well: it is for radii above 1."""
 SMALL = 0.5
-"""Below it the derivative of sinc is enclosed by its series. Half: the quotient (cos x - sinc x)/x, whose rounding is
-divided by x, is used down to there. Twice: the series' second term, enclosed from 0 to x^2/10, loses 10 % of the
-first."""
+"""Below it the derivative of sinc is enclosed by its series. With half, the quotient (cos x - sinc x)/x, whose rounding
+is divided by x, is used down to there. With twice, the series' second term, enclosed from 0 to x^2/10, loses 10 % of
+the first."""
 
 Slopes = tuple[Enclosure | None, ...]
 Table = tuple[tuple[float, float], ...]
@@ -57,7 +56,7 @@ class Jet:
     Attributes
     ----------
     value : enclosure over the box
-    slopes : enclosures of the derivatives over the box; None where the number does not depend on the variable
+    slopes : enclosures of the derivatives over the box; None if the number does not depend on the variable
     """
 
     __slots__ = ("slopes", "value")
@@ -348,7 +347,7 @@ def interpolated_over(x: Enclosure, table: Table) -> Enclosure:
 
 
 def _exponents(x: Enclosure, table: Table) -> Enclosure:
-    """Return the slopes of a table on logarithmic axes wherever x may be: they bound its rise, for it has no jumps."""
+    """Return the slopes of a table on logarithmic axes for any x: they bound its rise, for it has no jumps."""
     low, high = x.mid - x.rad, x.mid + x.rad
     edges = [0.0, *(at for at, _ in table), np.inf]
     slopes = [0.0, *(np.log(d / b) / np.log(c / a) for (a, b), (c, d) in pairwise(table)), 0.0]
@@ -363,7 +362,7 @@ def _exponents(x: Enclosure, table: Table) -> Enclosure:
 
 
 def _beyond(x: Enclosure, table: Table) -> NDArray[np.bool_]:
-    """Return where x is outside a table for certain, at 0 too."""
+    """Return where x is certainly outside a table, including 0."""
     first, last = table[0][0] * (1 - PHI_ERROR), table[-1][0] * (1 + PHI_ERROR)
     return np.asarray((x.mid + x.rad < first) | (x.mid - x.rad > last))
 

@@ -2,7 +2,7 @@
 
 A `Taylor` is a number as a polynomial in e_1 ... e_k, each between -1 and 1: the rows of a box from one end to the
 other. A radius holds all that is of higher order and every rounding (Taylor models: Makino and Berz 2003). Unlike the
-slopes of a jet it knows how rows act together: at a resonance mass and stiffness may change much, if only both do.
+slopes of a jet it shows how rows act together: at a resonance mass and stiffness may change much, if only both do.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ SWOLLEN = 1 + 2.0**-44
 most: 105 coefficients of order two by rows, 14 rows, 2 for the constant, 15 rests, 8 products added up, and 8 more:
 152. Half would cover 256; twice widens a radius by 1e-13 of itself."""
 HIGHER_ERROR = 1e-13
-"""Bound on the relative rounding of f' and f''/2: 900 units of u = 2^-53. Of a reciprocal 1/m, rounded once, f''/2
-takes most: three times that, and 2 for a library's cube make 5; f' takes 3, two of them that of 1/m. Of a root f''/2
-takes 3: the root, its product with m, and the quotient. What a library's exp, sin and cos are off is in `error`, and
-so is all of sinc, whose slopes cancel. Half would do; twice is as well."""
+"""Bound on the relative rounding of f' and f''/2: 900 units of u = 2^-53. For a reciprocal 1/m, rounded once, f''/2
+takes most: three times that, and 2 for a library's cube make 5; f' takes 3, two of them from 1/m. For a root f''/2
+takes 3: the root, its product with m, and the quotient. The errors of a library's exp, sin and cos are in `error`, and
+so are all of sinc, whose slopes cancel. Half would do; twice is as well."""
 
 Times = Callable[[Floats, Floats], Floats]
 
@@ -35,7 +35,7 @@ class Taylor:
     ----------
     rows : k
     poly : coefficients of 1, of each e_i and of each e_i e_j, i <= j; shape (1 + k + k (k + 1)/2, ..., n)
-    rest : radius of what is left out, by the row that it is due to, and last that of rounding; shape (k + 1, ..., n)
+    rest : radius of the remainder, by the row that causes it, and last that of rounding; shape (k + 1, ..., n)
     """
 
     __slots__ = ("_sizes", "poly", "rest", "rows")
@@ -110,7 +110,7 @@ class Taylor:
         return Enclosure(self.poly[0], rad * SWOLLEN)
 
     def reciprocal(self) -> Taylor:
-        """Return 1/x; nothing is known of it where x may be 0."""
+        """Return 1/x; unbounded where x may be 0."""
         gap = np.abs(self.poly[0]) - self.enclosed().rad
         one, least = 1 / self.poly[0], np.where(gap > 0, gap, np.nan)
         return self.mapped((one, -one * one, one**3), 6 / least**4, UNIT * np.abs(one))
@@ -225,7 +225,7 @@ def _product(a: Taylor, b: Taylor, times: Times, terms: int) -> Taylor:
     Parameters
     ----------
     times : product of arrays of numbers or matrices; one, or both, may have another axis in front
-    terms : how many products are summed up
+    terms : number of products in the sum
     """
     k, A, B = a.rows, a.sizes, b.sizes
     poly = times(a.poly, b.poly[0])

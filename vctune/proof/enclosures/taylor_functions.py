@@ -13,7 +13,8 @@ from vctune.proof.enclosures.jets import ENCLOSURES, LIBRARY_ERROR, Table
 from vctune.proof.enclosures.taylor import Taylor, stacked
 
 SINC_TERMS = 12
-"""Of the series of sinc' and sinc'' below 1: what they leave out is below 1e-20. Half leave out 1e-9; twice as good."""
+"""Terms of the series of sinc' and sinc'' below 1; their remainder is below 1e-20. Half leave 1e-9; twice are no
+better."""
 
 
 def _sinc(x: Floats) -> tuple[Floats, Floats, Floats]:

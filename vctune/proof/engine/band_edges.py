@@ -9,16 +9,16 @@ from math import pi, sqrt
 from vctune.running import OutOfTimeError
 
 FINEST_STEP = 1e-6
-"""Where the extension of a proved band ends, relative, before it is moved to an edge of few digits. Half and twice it
-are a step, and end at the same edge."""
+"""Relative distance at which the extension of a proved band ends, before it is moved to an edge of few digits. Half and
+twice it are a step, and end at the same edge."""
 EDGE_DIGITS = 5
 """Digits of an edge, Hz, beyond the requested band: all that are shown, ten times as coarse as the steps at least."""
 BEYOND = 1e-12
-"""By how much an edge in rad/s is beyond its decimals in hertz, relative: more than the rounding of 2 pi f."""
+"""Relative amount by which an edge in rad/s is beyond its decimals in hertz: more than the rounding of 2 pi f."""
 
 
 def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float) -> float:
-    """Return how far from an edge towards a goal a proof holds.
+    """Return the farthest point from an edge towards a goal up to which a proof holds.
 
     The result has `EDGE_DIGITS` digits in hertz. Searches that reach the same edge by different steps therefore return
     the same number.
@@ -26,8 +26,8 @@ def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float)
     Parameters
     ----------
     holds : whether the proof holds between two frequencies in rad/s, the lower one first
-    edge : where the proved band ends now, rad/s, > 0
-    goal : where the search stops, rad/s, > 0; above or below the edge
+    edge : current end of the proved band, rad/s, > 0
+    goal : end of the search, rad/s, > 0; above or below the edge
 
     Returns
     -------

@@ -12,29 +12,34 @@ STEP = 1.4
 """Ratio of the edges of the first intervals. Its square root takes 60 % more boxes, its square 16 % fewer; a cell that
 is nearly blurred is proved by the one and not the other."""
 HALVINGS = 24
-"""How often an interval of frequency is halved for a single design: to 2e-8 of it, where an optimal design touches its
-demand. Half and twice as often prove the same designs around those of problems/."""
+"""Greatest number of halvings of an interval of frequency for a single design: to 2e-8 of it, where an optimal design
+touches its constraint. Half and twice as often prove the same designs around those of problems/."""
 CELL_HALVINGS = 10
 """The same for a cell, whose own size soon blurs a curve more than the interval does. Half as often leaves cells open,
-up to half of those near the edge of what is admissible; twice as often proves no more."""
+up to half of those near the edge of the feasible ones; twice as often proves no more."""
 MAX_BOXES = 4_000
-"""Boxes of a cell that are looked at for one claim before it is left open; most take some hundred. Half and twice as
+"""Boxes of a cell that are evaluated for one claim before it is left open; most take some hundred. Half and twice as
 many prove the same cells."""
 
 
 def cells_over_band(
-    test: Test, cells: Cells, low: float, high: float, measure: Callable[[Boxes], Floats] | None = None
+    test: Test,
+    cells: Cells,
+    low: float,
+    high: float,
+    measure: Callable[[Boxes], Floats] | None = None,
+    *,
+    in_parts: bool = False,
 ) -> Proofs:
     """Prove a test for cells over a band, from intervals of the ratio `STEP` on.
 
-    Only the frequency is halved. A caller that needs smaller cells divides them itself.
-
     Parameters
     ----------
-    test : of boxes of frequency and cell
+    test : test of boxes of frequency and cell
     cells : n cells of designs
     low, high : edges of the band, in the test's unit of frequency
-    measure : number of each proved box that is added up for its cell, such as the angle of a turn; None for none
+    measure : number that is summed over the proved boxes of a cell, such as the angle of a turn; None for none
+    in_parts : whether to halve the cells too, beside the frequency, each interval's in its own way
 
     Returns
     -------
@@ -45,7 +50,7 @@ def cells_over_band(
         test,
         over_cells(cells, band_of(low, high, STEP)),
         len(cells),
-        halved=halved_rows(cells, 1),
+        halved=[True] * (1 + len(cells.keys)) if in_parts else halved_rows(cells, 1),
         max_halvings=CELL_HALVINGS if cells.extended else HALVINGS,
         max_boxes=MAX_BOXES,
         measure=measure,
@@ -57,7 +62,7 @@ def halved_rows(cells: Cells, rows: int) -> tuple[bool, ...]:
 
     Parameters
     ----------
-    cells : their keys are the last rows
+    cells : cells, whose keys are the last rows
     rows : number of rows before them, those of frequency and hand
 
     Returns

@@ -6,7 +6,7 @@ A box is an interval for each of several named numbers. The names are the keys o
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
+from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import HAND, Hands
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS, keys_of
@@ -29,7 +30,7 @@ CHUNK = 4096
 """Boxes evaluated together: their arrays stay in the processor's cache. Half and twice it take as long."""
 
 Values = Mapping[str, Number]
-"""Numbers by name; what is not among them is a claim's own."""
+"""Numbers by name; all other numbers are a claim's own."""
 
 
 def gains_of(values: Values) -> Gains:
@@ -48,7 +49,7 @@ def coupling_of(values: Values) -> AnyCoupling:
 class Cells:
     """Boxes of designs, [low, high] in each number of a design; arrays of shape (numbers, cells).
 
-    A cell whose edges meet is a single design.
+    A cell whose edges coincide is a single design.
     """
 
     low: Floats
@@ -83,9 +84,9 @@ class Boxes:
 
     Attributes
     ----------
-    names : of the rows, `FREQUENCY` first
+    names : names of the rows, `FREQUENCY` first
     low, high : edges, shape (rows, n)
-    owner : which of several proofs each box belongs to, shape (n,)
+    owner : number of the proof to which each box belongs, shape (n,)
     whole_samples : N, of the delay, where that is uncertain, shape (n,)
     """
 
@@ -109,11 +110,11 @@ class Boxes:
         )
 
     def count(self, owners: int) -> Integers:
-        """Return how many boxes each owner has."""
+        """Return the number of boxes of each owner."""
         return np.bincount(self.owner, minlength=owners)
 
     def rows(self) -> list[Number]:
-        """Return the rows enclosed, the edges of all but the frequency as the decimals that they stand for.
+        """Return the rows enclosed, the edges of all but the frequency as decimals.
 
         A row that is infinite throughout, b_c of a rigid coupling, is that float.
         """
@@ -129,7 +130,7 @@ class Boxes:
 
         Parameters
         ----------
-        rows : one number for each of `names`, the frequency first, which is left out
+        rows : one number for each of `names`, without the frequency, which is first
         fixed : the other numbers by name; a row replaces the number of its name
 
         Returns
@@ -140,7 +141,7 @@ class Boxes:
         return {**fixed, **dict(zip(self.names[1:], rows[1:], strict=True)), WHOLE_SAMPLES: self.whole_samples}
 
     def varied(self) -> list[bool]:
-        """Return for each row whether some box has a width there; a frequency always counts."""
+        """Return for each row whether some box has a width there; a frequency always has."""
         return [True, *np.any(self.low[1:] < self.high[1:], axis=1).tolist()]
 
     def ends(self, side: Floats) -> Boxes:
@@ -198,7 +199,7 @@ def over_band(
 
     Parameters
     ----------
-    names : of the rows beside the frequency
+    names : names of the rows beside the frequency
     low, high : edges of each owner in these rows, shape (names, owners)
     band : lower and upper edges of m intervals, from `band_of`
     whole_samples : N of the delay, the same for all boxes
@@ -250,30 +251,29 @@ def over_hands(cells: Cells, hands: Hands, band: tuple[Floats, Floats]) -> Boxes
         n m boxes, each owned by its cell; the rows of the hand come before those of the cell.
     """
     low, high = (
-        np.vstack((np.tile(np.array(astuple(hand), float)[:, None], len(cells)), edge))
+        np.vstack((np.tile(np.array([*hand.by_key.values()], float)[:, None], len(cells)), edge))
         for hand, edge in ((hands.low, cells.low), (hands.high, cells.high))
     )
     return over_band((*HAND, *cells.keys), low, high, band)
 
 
-def over_each(cells: Cells, at: Floats) -> Boxes:
+def over_each(cells: Cells, at: Floats | PlacesInHands) -> Boxes:
     """Return each cell as a box at one frequency of its own, or at one frequency in one hand.
 
     Parameters
     ----------
     cells : n cells of designs
-    at : frequency of each cell in the claim's unit, shape (n,); or with the hand's numbers in three more rows, shape
-        (4, n)
+    at : frequency of each cell in the claim's unit, shape (n,), or the place of each in a hand
 
     Returns
     -------
     Boxes
         n boxes without width in frequency and hand, each owned by its cell.
     """
-    at = np.atleast_2d(at)
-    low, high = (np.vstack((at, edge)) for edge in (cells.low, cells.high))
-    names, owner = (FREQUENCY, *HAND[: len(at) - 1], *cells.keys), np.arange(len(cells))
-    return Boxes(names=names, low=low, high=high, owner=owner, whole_samples=np.zeros_like(owner))
+    places = {FREQUENCY: at.at, **at.hands.by_key} if isinstance(at, PlacesInHands) else {FREQUENCY: at}
+    low, high = (np.vstack((*places.values(), edge)) for edge in (cells.low, cells.high))
+    owner = np.arange(len(cells))
+    return Boxes((*places, *cells.keys), low, high, owner=owner, whole_samples=np.zeros_like(owner))
 
 
 def in_chunks(f: Callable[[Boxes], Any], boxes: Boxes) -> Any:

@@ -27,14 +27,14 @@ class Decided:
 
     Attributes
     ----------
-    proved : where the claim holds throughout
-    fails : where it does not hold at `point`
+    proved : whether the claim holds throughout
+    fails : whether it fails at `point`
     point : a point of each box, shape (rows, n)
-    cost : what each row contributes to the uncertainty of each box, of the same shape
-    known : where that is more than the row's width: nothing is known of the slopes elsewhere
-    side : end of each row at which the margin is least, -1 and 1, whatever the others; 0 where that is not known
-    room : how near the test is to proving the claim, greater than 1 where it does, of several tests of one kind; -inf
-        where it is known to fail throughout
+    cost : contribution of each row to the uncertainty of each box, of the same shape
+    known : where that is more than the row's width; elsewhere the slopes are not known
+    side : end of each row at which the margin is least, -1 and 1, for all values of the others; 0 if that is not known
+    room : how near the test is to proving the claim, greater than 1 if it does; for several tests of one kind. -inf
+        where the claim is known to fail throughout
     """
 
     proved: Flags
@@ -55,13 +55,15 @@ class Proofs:
 
     Attributes
     ----------
+    names : of the rows of the points
     proved : whether it holds throughout, shape (owners,)
-    failing : a point at which it does not hold, nan where none was met, shape (rows, owners)
-    open : a point of a box that stays open, nan where there is none, of the same shape
-    boxes : how many boxes were looked at
-    total : sum of what was measured over the proved boxes
+    failing : a point at which it does not hold, nan if none was found, shape (rows, owners)
+    open : a point of a box that stays open, nan if there is none, of the same shape
+    boxes : number of evaluated boxes
+    total : sum of the measure over the proved boxes
     """
 
+    names: tuple[str, ...]
     proved: Flags
     failing: Floats
     open: Floats
@@ -93,7 +95,7 @@ def prove(
     halved : for each row, whether it may be halved
     max_halvings : greatest number of halvings of a box
     max_boxes : boxes of one owner after which it is left open
-    measure : number of each proved box that `Proofs.total` adds up for its owner; None for none
+    measure : number that `Proofs.total` sums over the proved boxes of an owner; None for none
     at_ends : whether to replace a box by the face at which its margin is least; only for a test of one margin, and
         without `measure`
     few : number of boxes up to which halves are halved again before the next test, since so few take as long as one
@@ -110,7 +112,7 @@ def prove(
     OutOfTimeError
         If the time limit ends it.
     """
-    shape = (len(boxes.names), owners)
+    names, shape = boxes.names, (len(boxes.names), owners)
     failing, open_ = np.full(shape, np.nan), np.full(shape, np.nan)
     count, total = np.zeros(owners, np.intp), np.zeros(owners)
     first = float(len(boxes))
@@ -137,9 +139,8 @@ def prove(
         kept = boxes.subset(goes_on)
         boxes = _halved(kept, axis[goes_on], decided.cost[:, goes_on], np.asarray(halved), few)
         first *= len(boxes) / max(len(kept), 1)
-    return Proofs(
-        proved=np.isnan(open_[0]) & np.isnan(failing[0]), failing=failing, open=open_, boxes=count, total=total
-    )
+    proved = np.isnan(open_[0]) & np.isnan(failing[0])
+    return Proofs(names, proved, failing=failing, open=open_, boxes=count, total=total)
 
 
 @np.errstate(all="ignore")
@@ -214,7 +215,8 @@ def _halved(boxes: Boxes, axis: Integers, cost: Floats, halved: Flags, few: int)
 
 
 def _stage(boxes: int, open_: float) -> str:
-    """Return how far a proof is: all boxes of a round have been halved equally often, and their number is a share."""
+    """Return the progress of a proof: all boxes of a round have been halved equally often, and their number is a
+    share."""
     return f"{boxes} boxes, {1 - open_:.1%} proved"
 
 

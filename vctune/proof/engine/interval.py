@@ -18,7 +18,8 @@ from vctune.proof.enclosures.arb_balls import box
 from vctune.running import check_time, tell
 
 MAX_BOXES = 200_000
-"""Boxes before a claim is left undecided; an optimal design takes some hundred. Half and twice: as long to give up."""
+"""Boxes before a claim is left undecided; an optimal design takes some hundred. Half and twice take half and twice as
+long to give up."""
 RESOLUTION = 1e-13
 """Least width of a box relative to its place; a box that is still open there stays undecided.
 Doubles are 1e-16 apart. Half and twice it are a halving more and less."""
@@ -26,14 +27,14 @@ LOWEST = 1e-40
 """Least upper edge of a box that starts at 0, relative to the interval's: far below any
 frequency at which a margin changes, far above underflow. Half and twice it are a quarter of a step."""
 WIDE = 2.0
-"""Boxes wider than this ratio are halved without looking at the derivative, whose enclosure says little there. Its
-square root and its square take as many boxes within 5 % for the designs of problems/."""
+"""Boxes wider than this ratio are halved without the derivative, whose enclosure is too wide there. Its square root and
+its square take as many boxes within 5 % for the designs of problems/."""
 CURVED = 1.1
 """Boxes wider than this ratio are halved without looking at the second derivative: it is only worth its price next to a
 minimum that nearly touches 0. Between 1.03 and 1.2 the time of a proof hardly changes."""
 GROWTH = 1.5
-"""How much wider than a proved box, in the logarithm, the next is tried. Less than 1 gets stuck; 1 takes twenty times
-as many boxes for the designs of problems/, twice as much half as many more."""
+"""Factor by which the next box is wider than a proved one, in the logarithm. Less than 1 gets stuck; 1 takes twenty
+times as many boxes for the designs of problems/; twice takes half as many more."""
 
 
 class Verdict(StrEnum):
@@ -62,10 +63,10 @@ class Outcome:
     Attributes
     ----------
     verdict : proved, refuted, or undecided at the resolution limit
-    boxes : boxes looked at
-    witness : where it is refuted or undecided, if at a certain place, rad/s
-    device : of a box of devices, the one that is refuted or undecided
-    hand : of a box of hands, the one in which it is
+    boxes : number of evaluated boxes
+    witness : frequency where it is refuted or undecided, if there is one, rad/s
+    device : device of the box that is refuted or undecided
+    hand : hand of the box in which it is
     cut : whether it is undecided because the time limit ended the proof
     """
 
@@ -137,7 +138,7 @@ def _middle(low: float, high: float) -> float:
 def prove_positive(
     margin: Callable[[Number], Number], low: float, high: float, max_boxes: int = MAX_BOXES, *, curved: bool = False
 ) -> Outcome:
-    """Prove margin > 0 on [low, high], or find where it is negative.
+    """Prove margin > 0 on [low, high], or find a point where it is negative.
 
     Wide boxes are evaluated directly; narrow ones by the mean value form f(mid) + f'(box)(box - mid), whose excess
     shrinks with the square of the width.
@@ -147,8 +148,8 @@ def prove_positive(
     margin : evaluated on `flint.arb` and on `flint.arb_series`
     low, high : 0 <= low <= high
     max_boxes : effort before giving up
-    curved : whether the second derivative is looked at where the first does not decide: for a margin that nearly
-        touches 0 inside it takes a third of the boxes, for one that does so at an end it is wasted
+    curved : whether the second derivative is used where the first does not decide: for a margin that nearly touches 0
+        inside it takes a third of the boxes, for one that does so at an end it is wasted
 
     Returns
     -------
@@ -193,7 +194,7 @@ def _by_curvature(margin: Callable[[Number], Number], omega: arb, centre: arb) -
 
 
 def _series(margin: Callable[[Number], Number], omega: arb, terms: int) -> arb_series | None:
-    """Return Taylor's coefficients of a margin over a ball; None where a denominator's ball contains 0."""
+    """Return Taylor's coefficients of a margin over a ball; None if a denominator's ball contains 0."""
     try:
         return margin(arb_series([omega, 1], terms))
     except ValueError:

@@ -28,22 +28,22 @@ def shared(f: Callable[..., Any], rows: Sequence[Number]) -> Any:
     -------
     Any
         f for each of the n boxes. Each number is the narrower of two enclosures: its direct one, and the value at the
-        middle with what the slopes add over the box.
+        middle plus the effect of the slopes over the box.
     """
     plain = [_values(row) for row in rows]
     n = max(np.size(row.mid) for row in plain)
     columns = np.stack([np.broadcast_to(part, n) for row in plain for part in (row.mid, row.rad)], axis=1)
     as_bytes = np.ascontiguousarray(columns).view(np.dtype((np.void, columns.itemsize * columns.shape[1]))).ravel()
     _, first, inverse = np.unique(as_bytes, return_index=True, return_inverse=True)
-    few = [_some(row, first) for row in rows]
+    few = [_selected(row, first) for row in rows]
     found, radii = f(*few), {}
     for row in few:
         if isinstance(row, Jet):
             radii[next(place for place, slope in enumerate(row.slopes) if slope is not None)] = row.value.rad
     if radii:
         middle = f(*(Enclosure(row.value.mid) if isinstance(row, Jet) else row for row in few))
-        found = _mapped(lambda over, at: _narrowed(over, at, radii), found, middle)
-    return _mapped(lambda number: _some(number, inverse), found)
+        found = _map_trees(lambda over, at: _narrowed(over, at, radii), found, middle)
+    return _map_trees(lambda number: _selected(number, inverse), found)
 
 
 def _values(row: Number) -> Enclosure:
@@ -63,11 +63,11 @@ def _narrowed(over: Number, at: Number, radii: dict[int, Any]) -> Number:
     return Jet(selected(np.asarray(rad < over.value.rad), Enclosure(at.mid, rad), over.value), over.slopes)
 
 
-def _some(number: Number, at: Any) -> Number:
+def _selected(number: Number, at: Any) -> Number:
     """Return some of a number's elements; one that has no more than one stays."""
     if isinstance(number, Jet):
-        slopes = tuple(None if slope is None else _some(slope, at) for slope in number.slopes)
-        return Jet(_some(number.value, at), slopes)
+        slopes = tuple(None if slope is None else _selected(slope, at) for slope in number.slopes)
+        return Jet(_selected(number.value, at), slopes)
     if isinstance(number, Taylor):
         return number.subset(at)
     if np.size(number.mid) > 1:
@@ -79,14 +79,14 @@ def _some(number: Number, at: Any) -> Number:
     )
 
 
-def _mapped(f: Callable[..., Number], *trees: Any) -> Any:
+def _map_trees(f: Callable[..., Number], *trees: Any) -> Any:
     """Return f of the numbers of trees of one shape; all other content is the first one's."""
     first = trees[0]
     if isinstance(first, Enclosure | Jet | Taylor):
         return f(*trees)
     if isinstance(first, tuple):
-        return tuple(_mapped(f, *parts) for parts in zip(*trees, strict=True))
+        return tuple(_map_trees(f, *parts) for parts in zip(*trees, strict=True))
     if is_dataclass(first) and not isinstance(first, type):
         names = [field.name for field in fields(first)]
-        return replace(first, **{name: _mapped(f, *(getattr(tree, name) for tree in trees)) for name in names})
+        return replace(first, **{name: _map_trees(f, *(getattr(tree, name) for tree in trees)) for name in names})
     return first

@@ -15,7 +15,7 @@ Curve = Callable[[arb], Pair]
 
 
 def turned_angle(curve: Curve, low: float, high: float) -> tuple[Outcome, float]:
-    """Return how far arg(curve) turns from low to high, rad.
+    """Return the turn of arg(curve) from low to high, rad.
 
     Where the image of a box excludes 0 it lies in a rectangle without 0, seen from 0 under less than pi: the turn
     across it is then the principal argument of the quotient of its ends. The sum is rounded by about 1e-12 rad,
@@ -23,7 +23,7 @@ def turned_angle(curve: Curve, low: float, high: float) -> tuple[Outcome, float]
 
     Parameters
     ----------
-    curve : of a ball
+    curve : function of a ball
     low, high : ends of its parameter, 0 <= low <= high
 
     Returns

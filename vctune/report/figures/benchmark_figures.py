@@ -14,7 +14,7 @@ INKS = (BLUE, ORANGE, GREEN, RED, GREY, "#8e5bb5", "#a0703c", "#cc5fa0", "#2aa5a
 MARKS = "osD^vP*X<>hd"
 PANEL_WIDTH, PANEL_HEIGHT = 5.4, 4.2
 MANY = 400
-"""Points beyond which a picture of them is smaller than their places."""
+"""Number of points from which on a picture is smaller than their coordinates."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +33,8 @@ class Panel:
     Attributes
     ----------
     title, x, y : labels
-    series : what is drawn
-    floor : where values at or below it are drawn, on a dotted line; None if there are none
+    series : the drawn series
+    floor : place of values at or below it, on a dotted line; None if there are none
     """
 
     title: str

@@ -24,17 +24,18 @@ from vctune.model.problem import Problem
 
 POINTS = 400
 NARROWER = 6.0
-"""How much narrower than it is a resonance is sampled as. Half shows corners, twice is twice as long a file."""
+"""Factor by which a resonance is sampled more finely than its width. Half shows corners, twice is twice as long a
+file."""
 UNMOVED = 1e-6
-"""Share of a command below which a servo stands still, as at Nyquist where it is interpolated: felt there is what is
-rigid. Half and twice show the same curves."""
+"""Share of a command below which a servo stands still, as at Nyquist with interpolation; the hand then feels a rigid
+handle. Half and twice show the same curves."""
 SPRING, DAMPER = 200.0, 14.0
 """The paper's two environments on a linear device, sect. 5, N/m and N s/m."""
 
 
 @dataclass(frozen=True, slots=True)
 class Llewellyn:
-    """Re Z_c, the required R (nan where Re G_hh <= 0) and their ratio over hz."""
+    """Re Z_c, the required R (nan if Re G_hh <= 0) and their ratio over hz."""
 
     hz: Floats
     coupling: Floats
@@ -96,7 +97,7 @@ def nyquist(problem: Problem, gains: Gains) -> Nyquist:
     Parameters
     ----------
     problem : the device
-    gains : of the velocity loop
+    gains : gains of the velocity loop
     """
     top = problem.nyquist / (2 * pi)
     hz = _closer(problem.device, np.geomspace(top * 1e-5, top, 4 * POINTS))
@@ -124,8 +125,8 @@ def handle_impedance(
 ) -> tuple[Floats, dict[str, tuple[Floats, Floats]]]:
     """Return hz and the impedance felt at the handle, free, with a damper, a spring and rigid, and the ideal ones.
 
-    The ideal handle feels Z_e itself. Of a rotary device, which the paper has not, the damper is Z_0 and the spring as
-    stiff as it in the middle of the transparency band.
+    The ideal handle feels Z_e itself. For a rotary device, which the paper has not, the damper is Z_0 and the spring
+    has that impedance in the middle of the transparency band.
 
     Parameters
     ----------
@@ -166,7 +167,7 @@ def handle_impedance(
 
 
 def _closer(device: Device, hz: Floats) -> Floats:
-    """Return frequencies with more of them around a structure's resonance: round as a curve, not as a polygon."""
+    """Return frequencies with more of them around a structure's resonance, so that it is drawn as a smooth curve."""
     if device.structure is None:
         return hz
     narrow = replace(device.structure, damping_ratio=device.structure.damping_ratio / NARROWER)

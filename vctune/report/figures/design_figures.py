@@ -140,7 +140,7 @@ def _edges(axes: Axes, proved: list[float | None]) -> None:
 
 
 def _asymptotes(design: Design, axes: Axes) -> None:
-    """Draw the limits of R where they are numbers: omega -> 0 with K_p > 0, omega -> inf with hold "lag".
+    """Draw the finite limits of R: omega -> 0 with K_p > 0, omega -> inf with hold "lag".
 
     See model/README.md, section 6.
     """
@@ -248,7 +248,7 @@ def _impedance(design: Design) -> Figure:
 def _promised(axes: Axes, design: Design) -> None:
     """Shade the band where stability is proved, or hatch the band of a failed proof, and mark the transparency band.
 
-    In hands there is no band: what is proved is proved everywhere.
+    In hands there is no band: a proved claim holds everywhere.
     """
     problem, proof = design.problem, design.record.certificate
     assert proof is not None, "a design is judged"

@@ -10,13 +10,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from vctune.model.device import Device, Servo, Structure
+from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.numbers.units import UNITS, Units
+from vctune.model.parts import Servo, Structure
 from vctune.report.figures.style import BLUE, GREEN, GREY, INK, STYLE, time_text
 
 SIZE = (6.28, 4.2)
-"""Of the figure, inches, so that a telephone shows all of it; all places below are in inches, too."""
+"""Size of the figure, inches, so that a telephone shows all of it; all places below are in inches, too."""
 TOP, MIDDLE, BOTTOM = 3.42, 2.02, 0.72
 """Heights of the three rows: firmware, feedback and actuator, mechanism."""
 LEFT, COUPLING, LAW, RIGHT = 0.95, 2.5, 4.05, 5.6
@@ -24,22 +25,22 @@ LEFT, COUPLING, LAW, RIGHT = 0.95, 2.5, 4.05, 5.6
 HAND = 0.43
 """Place of the hand."""
 WIDTH, HEIGHT, TALL, LINE = 1.26, 0.82, 1.1, 0.195
-"""Of a box, of one in the top row, and of a line of text in it."""
+"""Sizes of a box, of one in the top row, and of a line of text in it."""
 FITS = 21 / WIDTH
 """Letters of a line that an inch of a box has room for; a longer line is in smaller ones."""
 POSITION_AT = 4.58
-"""Where the position goes past the velocity estimate."""
+"""Place where the position passes the velocity estimate."""
 
 
 def loop_figure(device: Device, gains: Gains, coupling: AnyCoupling) -> Figure:
     """Return the block diagram of a design: force sensor, coupling, law, hold, actuator, mechanism, velocity estimate.
 
-    Of an impedance display the coupling is fed by what is measured of the motion, and what follows it adds up forces.
+    For an impedance display the measured motion drives the coupling, and the part after it adds up forces.
 
     Parameters
     ----------
     device : its parts are the blocks
-    gains, coupling : of the design
+    gains, coupling : those of the design
     """
     with rc_context(STYLE):
         figure = Figure(figsize=SIZE)
@@ -61,8 +62,8 @@ def loop_figure(device: Device, gains: Gains, coupling: AnyCoupling) -> Figure:
 
 
 def _force_path(axes: Axes, device: Device, coupling: Coupling) -> None:
-    sensor, low, units = device.force_sensor, BOTTOM, UNITS[device.units]
-    if sensor is None:
+    sensor, low, units = device.sensing, BOTTOM, UNITS[device.units]
+    if not device.senses_late:
         _arrow(axes, (LEFT, low), (LEFT, TOP), (COUPLING - WIDTH / 2, TOP))
     else:
         lines = [] if sensor.bandwidth_hz is None else [_low_pass(sensor.bandwidth_hz, sensor.order)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
 from math import pi
 
 import numpy as np
@@ -10,12 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vctune.analysis.extrema import Floats
-from vctune.analysis.in_hands import (
-    least_ratios_in_any_hand,
-    least_ratios_in_hands,
-    loops_in_any_hand,
-    loops_in_hands,
-)
+from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands
+from vctune.analysis.loops_in_hands import loops_in_any_hand, loops_in_hands
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand, Hands
@@ -40,10 +35,10 @@ from vctune.report.figures.style import (
 )
 
 CURVES = 40
-"""Angles per decade of the curves. Half shows corners, twice is twice as long a file."""
+"""Angles per decade of the curves. Half shows corners; twice makes the file twice as long."""
 PLACES, DAMPINGS = 17, (0.0, 0.1, 1.0)
-"""Masses and stiffnesses of the map along each side, and the shares of the range of dampings, of which the worst
-counts."""
+"""Masses and stiffnesses of the map along each side, and the shares of the range of dampings, of which the worst is
+shown."""
 LOWEST, MAPPED = 1e-3, 24
 """Least angle and angles per decade of the map. Half as many are 2 % off at the steepest place, twice as many 0.1 %."""
 LEVELS = (0, 20, 40, 60, 70, 80, 90, 95, 100, 120)
@@ -53,7 +48,7 @@ POWERS = (-3, 5)
 SHALLOW = 1e-9
 """Share of the greatest R that is shown at least; at Nyquist R may vanish. Half and twice it: as many decades."""
 WORST = 3
-"""Hands that have a curve of their own: of the lowest minima, not two of one hand."""
+"""Number of hands with a curve of their own: of the lowest minima, not two of one hand."""
 
 
 def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling) -> Figure:
@@ -62,7 +57,7 @@ def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoup
     Parameters
     ----------
     problem : the device
-    hands : to be met
+    hands : hands of the claim
     gains, coupling : the design
 
     Returns
@@ -111,10 +106,10 @@ def _curves(axes: Axes, lower: Axes, problem: Problem, hands: Hands, gains: Gain
 def _map(figure: Figure, axes: Axes, problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling) -> None:
     """Draw the greatest R/Re Z_c over angle and damping, as a share."""
     device, units, shares = problem.device, problem.units, np.linspace(0.0, 1.0, PLACES) ** 2
-    low, high = np.array(astuple(hands.low)), np.array(astuple(hands.high))
-    mass, stiffness = (low[k] + (high[k] - low[k]) * shares for k in (0, 2))
-    damping = low[1] + (high[1] - low[1]) * np.array(DAMPINGS)
-    held = Hand(*np.meshgrid(mass, damping, stiffness, [0.0], indexing="ij")[:3])
+    places = {"mass": shares, "damping": np.array(DAMPINGS), "stiffness": shares}
+    of = {name: low + (high - low) * places[name] for name, (low, high) in hands.ranges.items()}
+    mass, stiffness = of["mass"], of["stiffness"]
+    held = Hand(*(number[..., None] for number in np.meshgrid(*of.values(), indexing="ij")))
     theta = np.geomspace(LOWEST, pi, int(MAPPED * np.log10(pi / LOWEST)))
     loop = loop_in_hand(plant_in_hand(device, held, delays_of(device), FLOATS), theta, FLOATS)
     required = required_in_hand(loop, gains)

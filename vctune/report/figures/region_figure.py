@@ -14,10 +14,13 @@ from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
 
+from vctune.analysis.demands import transparency_error
 from vctune.analysis.extrema import Floats
+from vctune.analysis.tracking import tracking_terms
 from vctune.design.prepared import prepare
 from vctune.design.search.grid import least_errors
 from vctune.design.variables import point
+from vctune.design.verdict.judge import IDLE
 from vctune.model.gains import Gains
 from vctune.model.numbers.keys import labelled
 from vctune.model.numbers.units import Units
@@ -35,7 +38,7 @@ FILLS = {Kind.FEASIBLE: GOOD, Kind.INFEASIBLE: BAD, Kind.UNDECIDED: OPEN}
 LABELS = {kind: f"proved {kind.name.lower()}" for kind in FILLS} | {Kind.UNDECIDED: "undecided"}
 WORLD_LABELS = {Kind.FEASIBLE: "may be rendered", Kind.INFEASIBLE: "refused in some hand", Kind.UNDECIDED: "undecided"}
 STRIP, GAP = 0.03, 0.008
-"""Height of the strip that stands for the line K_p = 0, and its distance from the plane."""
+"""Height of the strip for the line K_p = 0, and its distance from the plane."""
 APART = (0.07, 0.035)
 """Least distance of the marks on x and y."""
 MESH = 48
@@ -46,8 +49,9 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design]) -
 
     Parameters
     ----------
-    problem : for contours of the error and, with any passive hand, the limit of K_p, where the axes are K_v and K_p
-    region : the cells and what is proved of each; of one that was interrupted the title says so
+    problem : problem for contours of the error and, with any passive hand, the limit of K_p, where the axes are K_v
+        and K_p
+    region : the cells and their verdicts; the title says if it was interrupted
     designs : gain sets to mark
     """
     plane = region.plane
@@ -56,7 +60,10 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design]) -
         figure, axes = _frame(plane, problem.units, interrupted)
         for kind, fill in FILLS.items():
             _fill(axes, plane, region.squares[:, region.kinds == kind], fill, LABELS[kind])
-        _marked(axes, plane, designs, "*", PAPER, "optimum")
+        for label, of, colour in (("optimum", False, PAPER), ("optimum, idle", True, RED)):
+            _marked(axes, plane, [design for design in designs if _idle(problem, design) is of], "*", colour, label)
+        if set(plane.axes) == {0, 1} and problem.device.kind.own_loop:
+            _idle_side(axes, problem, plane)
         if set(plane.axes) == {0, 1} and problem.device.kind.banded:
             _contours(axes, problem, region)
             if problem.passive:
@@ -197,14 +204,10 @@ def _marked(axes: Axes, plane: Plane, designs: Sequence[Design], mark: str, colo
 
 
 def _contours(axes: Axes, problem: Problem, region: Region) -> None:
-    """Draw the least error that any admissible coupling gives, where gains are proved feasible."""
+    """Draw the least error that any feasible coupling gives, where gains are proved feasible."""
     check_time()
-    plane = region.plane
-    prepared = prepare(problem)
-    marks = np.linspace(0, len(plane.edges[0]) - 1, MESH).astype(int)
-    x, y = np.meshgrid(plane.edges[0][marks], plane.edges[1][marks], indexing="ij")
-    K_v, K_p = (x, y) if plane.axes == (0, 1) else (y, x)
-    K_v, K_p, *_ = prepared.units.to_dimensionless((K_v, K_p, 0.0, 0.0, 0.0))
+    prepared, (marks, gains) = prepare(problem), _mesh(region.plane)
+    K_v, K_p, *_ = prepared.units.to_dimensionless((gains.velocity, gains.position, 0.0, 0.0, 0.0))
     with np.errstate(all="ignore"):
         errors = least_errors(prepared.scaled, Gains(K_v, K_p)) * prepared.units.error
     check_time()
@@ -217,6 +220,28 @@ def _contours(axes: Axes, problem: Problem, region: Region) -> None:
     axes.clabel(drawn, fmt="%g", fontsize=8)
     if any(drawn.allsegs):
         axes.plot([], [], color=INK, linewidth=0.8, label="least error")
+
+
+def _mesh(plane: Plane) -> tuple[NDArray[np.intp], Gains]:
+    """Return the edges that a mesh of a plane of gains takes, and its gains."""
+    marks = np.linspace(0, len(plane.edges[0]) - 1, MESH).astype(int)
+    x, y = np.meshgrid(plane.edges[0][marks], plane.edges[1][marks], indexing="ij")
+    return marks, Gains(x, y) if plane.axes == (0, 1) else Gains(y, x)
+
+
+def _idle(problem: Problem, design: Design) -> bool:
+    return problem.device.kind.own_loop and transparency_error(problem, *design).tracking > IDLE
+
+
+def _idle_side(axes: Axes, problem: Problem, plane: Plane) -> None:
+    """Draw the line on one side of which loops hardly work."""
+    marks, gains = _mesh(plane)
+    with np.errstate(all="ignore"):
+        tracking = tracking_terms(problem, gains)
+    place = marks / marks[-1]
+    drawn = axes.contour(place, place, tracking.T, levels=[IDLE], colors=RED, linewidths=1.2, linestyles=":")
+    if any(drawn.allsegs):
+        axes.plot([], [], ":", color=RED, linewidth=1.2, label=f"idle where |1 - G_he| > {IDLE:g}")
 
 
 def _feasible(region: Region) -> NDArray[np.bool_]:

@@ -26,8 +26,8 @@ def following(studies: list[RecordStudy], units: Units) -> Figure:
 
     Parameters
     ----------
-    studies : of servos
-    units : of their numbers
+    studies : studies of servos
+    units : units of their numbers
     """
     figure = canvas(9, 3.4 * len(studies) + 1.0, top=0.35, gaps=(0.0, 0.65))
     axes = np.atleast_1d(figure.subplots(2 * len(studies), 1))
@@ -65,7 +65,7 @@ def servo_response(found: Identified, studies: list[RecordStudy]) -> Figure:
     Parameters
     ----------
     found : device and box
-    studies : of servos whose response shows
+    studies : studies of servos whose response shows
     """
     figure = canvas(9, 6.5, top=0.35, gaps=(0.0, 0.12))
     size, phase = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])

@@ -21,7 +21,7 @@ LEAST_SPAN = 0.1
 """Ratios nearer to one another than this share one view."""
 FEW_DECADES = 100.0
 WIDTH = 5.2
-"""Of a figure of a design, inches: two stand side by side on a desk, one can be read on a telephone."""
+"""Width of a figure of a design, inches: two stand side by side on a desk, one can be read on a telephone."""
 STYLE: Any = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",
@@ -56,7 +56,7 @@ def canvas(
     top: float = 0.15,
     gaps: tuple[float, float] = (0.0, 0.0),
 ) -> Figure:
-    """Return a figure whose axes keep their place whatever stands beside them.
+    """Return a figure whose axes keep their place beside any text.
 
     Parameters
     ----------
@@ -72,13 +72,13 @@ def canvas(
 
 
 def legend_above(axes: Axes, columns: int, **options: Any) -> None:
-    """Put the legend over the axes, where it covers no curve.
+    """Put the legend above the axes, where it covers no curve.
 
     Parameters
     ----------
-    axes : with labelled lines
-    columns : of the legend
-    options : of `Axes.legend`
+    axes : axes with labelled lines
+    columns : columns of the legend
+    options : options of `Axes.legend`
     """
     close = {"borderaxespad": 0.2, "columnspacing": 1.1, "handlelength": 1.7, "handletextpad": 0.5, "fontsize": 8.5}
     axes.legend(loc="lower left", bbox_to_anchor=(-0.03, 1.0), ncols=columns, **close, **options)
@@ -89,7 +89,7 @@ def frequency_axis(axes: Axes, low: float, high: float) -> None:
 
     Parameters
     ----------
-    axes : to be changed
+    axes : axes to change
     low, high : ends, Hz
     """
     axes.set(xscale="log", xlim=(low, high), xlabel="frequency, Hz")
@@ -124,9 +124,9 @@ def around_one(axes: Axes, factor: float, least: float | None, worst_hz: float |
 
     Parameters
     ----------
-    axes : of a ratio
+    axes : axes of a ratio
     factor : the safety factor
-    least, worst_hz : the least ratio and where it is, Hz; None for inf
+    least, worst_hz : the least ratio and its frequency, Hz; None for inf
     """
     axes.axhline(1.0, color=RED, linewidth=1.2, linestyle="-.", label="1: the limit")
     axes.axhline(factor, color=INK, linewidth=1, linestyle=(0, (1, 1)), label=f"safety factor {factor:g}")
@@ -142,7 +142,7 @@ def stamp(figure: Figure, words: str) -> None:
 
     Parameters
     ----------
-    figure : whose axes are there
+    figure : figure with these axes
     words : the text; its size falls with its length
     """
     style: dict[str, Any] = {"ha": "center", "va": "center", "rotation": 20, "fontweight": "bold"}
@@ -158,9 +158,9 @@ def shade(axes: Axes, band: Band, colour: str, label: str, hatch: str = "") -> N
 
     Parameters
     ----------
-    axes : whose limits are set, Hz
+    axes : axes whose limits are set, Hz
     band : rad/s
-    colour, label : of the shade and in the legend
+    colour, label : those of the shade and in the legend
     hatch : over the shade
     """
     low, high = axes.get_xlim()

@@ -26,7 +26,7 @@ def sweep_figure(table: Table, *, grid: bool) -> Figure | None:
 
     Parameters
     ----------
-    table : of the sweep
+    table : table of the sweep
     grid : whether the points are every combination of the axes' values
     """
     finite = np.logical_and.reduce([np.isfinite(column) for column in table.axes.values()])
@@ -49,6 +49,7 @@ def _line(table: Table, axis: tuple[str, Floats]) -> Figure:
     if not certified.all():
         floor, at_floor = np.zeros(np.count_nonzero(~certified)), axes.get_xaxis_transform()
         axes.plot(x[~certified], floor, "x", color=RED, transform=at_floor, clip_on=False, label="no certified design")
+    _ring_idle(axes, table, x, table.numbers["error"])
     _scale(axes, "x", x)
     axes.set(xlabel=key, ylabel="transparency error")
     axes.legend(loc="best")
@@ -75,7 +76,9 @@ def _map(table: Table, across: tuple[str, Floats], up: tuple[str, Floats], *, gr
         figure.colorbar(drawn, label="transparency error")
     if not certified.all():
         axes.plot(x[~certified], y[~certified], "x", color=RED, markersize=4, label="no certified design")
-        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    _ring_idle(axes, table, x, y)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     _scale(axes, "x", x)
     _scale(axes, "y", y)
     axes.set(xlabel=x_key, ylabel=y_key)
@@ -91,6 +94,9 @@ def terms_figure(front: Table) -> Figure:
         drawn = axes.scatter(x, y, c=colour, cmap=COLOURS, norm=LogNorm() if _wide(colour) else None, s=26)
         if colour.size:
             figure.colorbar(drawn, label=TERM_LABELS["admittance"])
+        _ring_idle(axes, front, x, y)
+        if front.idle.any():
+            axes.legend(loc="best")
         _scale(axes, "x", x)
         _scale(axes, "y", y)
         axes.set(xlabel=TERM_LABELS["coupling"], ylabel=TERM_LABELS["tracking"])
@@ -103,18 +109,26 @@ def band_figure(front: Table, transparency_edge_hz: float) -> Figure:
     Parameters
     ----------
     front : designs that none other beats, by the edge, Hz
-    transparency_edge_hz : upper edge of the transparency band, which is marked
+    transparency_edge_hz : upper edge of the transparency band, to be marked
     """
     with rc_context(STYLE):
         figure, axes = _frame()
         edge = front.axes["stability.band_hz[1]"]
         axes.plot(edge, front.numbers["error"], "o-", color=BLUE, markersize=4, label="certified, not dominated")
+        _ring_idle(axes, front, edge, front.numbers["error"])
         axes.axvline(transparency_edge_hz, color=GREY, linewidth=1, linestyle="--", label="transparency band ends")
         _scale(axes, "x", edge)
         _scale(axes, "y", front.numbers["error"])
         axes.set(xlabel="upper edge of the stability band, Hz", ylabel="transparency error")
         axes.legend(loc="best")
     return figure
+
+
+def _ring_idle(axes: Axes, table: Table, x: Floats, y: Floats) -> None:
+    """Put rings around the designs that hardly use their velocity loop."""
+    at, label = table.idle, "idle: the loop hardly works"
+    if at.any():
+        axes.plot(x[at], y[at], "o", markersize=9, markerfacecolor="none", markeredgecolor=RED, label=label)
 
 
 def _frame() -> tuple[Figure, Axes]:

@@ -22,8 +22,8 @@ def axis_row(name: str, record: DesignRecord) -> tuple[str, ...]:
 
     Parameters
     ----------
-    name : of the axis
-    record : of its design, or of why there is none
+    name : name of the axis
+    record : record of its design, or of the reason why there is none
     """
     units, coupling, certificate = record.units, record.coupling, record.certificate
     mass, drag = getattr(coupling, "mass", None), getattr(coupling, "drag", None)
@@ -44,7 +44,7 @@ def promises(designs: Mapping[str, DesignRecord]) -> list[str]:
 
     Parameters
     ----------
-    designs : by the name of the axis
+    designs : designs by the name of the axis
     """
     proved: dict[str, list[str]] = {}
     for axis, record in designs.items():
@@ -58,8 +58,8 @@ def axes_page(name: str, designs: Mapping[str, DesignRecord], *, reported: bool)
 
     Parameters
     ----------
-    name : of the problem
-    designs : by the name of the axis
+    name : name of the problem
+    designs : designs by the name of the axis
     reported : whether each axis has a report, which its name then leads to
     """
     rows = "".join(_row(axis_row(axis, record), reported) for axis, record in designs.items())

@@ -1,12 +1,11 @@
 """A device as complex constants per frequency, in which every response is affine, for the script of a page.
 
-The script closes the loop with them for any gains (README.md, section 1); it knows no device.
+The script closes the loop with them for any gains (README.md, section 1); it does not know the device.
 """
 
 from __future__ import annotations
 
 from base64 import b64encode
-from dataclasses import astuple
 from math import inf, pi
 from typing import Any
 
@@ -19,6 +18,7 @@ from vctune.analysis.sampled_loop import Complex, return_difference_at
 from vctune.document.records.design_json import DesignRecord
 from vctune.model.device import Device
 from vctune.model.gains import Gains, SpringDamper
+from vctune.model.hand_arrays import stacked
 from vctune.model.hands import Hand
 from vctune.model.loop.affine import Affine, LoopConstants, loop_constants
 from vctune.model.loop.device_response import device_response
@@ -38,8 +38,8 @@ misses a resonance in the band, twice is a longer page."""
 SHOWN = 100
 """Frequencies of the curves beside the nodes. Half shows corners, twice is a longer page."""
 ANGLES, PER_SAMPLE = 120, 16
-"""Angles of the sampled loop up to Nyquist, and how many more of them even for each sample of delay, so that its curve
-turns by less than half a turn from one to the next. Half shows corners in Nyquist's picture."""
+"""Angles of the sampled loop up to Nyquist, and the additional ones for each sample of delay, so that its curve turns
+by less than half a turn from one to the next. Half shows corners in Nyquist's picture."""
 IN_HAND, LOWEST = 128, 1e-3
 """Angles in each hand, and the least beside 0. Half steps over the narrow minima of stiff hands, twice is a longer
 page."""
@@ -50,8 +50,8 @@ def frequency_model(problem: Problem, record: DesignRecord) -> dict[str, Any]:
 
     Parameters
     ----------
-    problem : of the design
-    record : of the design, whose bands are shown
+    problem : problem of the design
+    record : record of the design, whose bands are shown
     """
     wanted, axis = problem.transparency.band, frequencies(problem)
     nodes, weights = log_quadrature(wanted.min, wanted.max, PANELS)
@@ -84,9 +84,9 @@ def frequency_model(problem: Problem, record: DesignRecord) -> dict[str, Any]:
 
 
 def _force_model(device: Device, known: LoopConstants, omega: Floats) -> dict[str, Any]:
-    """Return the constants of an impedance display; those of k_c stand where an admittance display has K_p's.
+    """Return the constants of an impedance display; those of k_c take the place of an admittance display's K_p.
 
-    Before a wall b_c acts as K_v does, and k_c as b_c times what one has of Z_c over what the other has.
+    Before a wall b_c acts as K_v does, and k_c as b_c times the quotient of their factors in Z_c.
     """
     theta = omega * device.sample_time
     low_pass, drive = firmware_filter(device, theta, FLOATS), known.controller.velocity
@@ -116,12 +116,12 @@ def _complex(pair: Pair) -> Complex:
 
 
 def sampled_loop(device: Device, record: DesignRecord) -> dict[str, Any] | None:
-    """Return the parts of the sampled loop's return difference; None where the firmware closes no loop.
+    """Return the parts of the sampled loop's return difference; None if the firmware closes no loop.
 
     Parameters
     ----------
     device : let go
-    record : of the design, whose frequencies are shown
+    record : record of the design, whose frequencies are shown
     """
     if not device.kind.own_loop:
         return None
@@ -146,7 +146,7 @@ def in_hands(device: Device, met: list[Hand | None], worst: list[float]) -> dict
 
     Parameters
     ----------
-    device : of the design
+    device : device of the design
     met : the hands; None for any passive one
     worst : frequencies of the least ratios, rad/s
     """
@@ -161,8 +161,7 @@ def in_hands(device: Device, met: list[Hand | None], worst: list[float]) -> dict
         required = [_required(device, hand, theta) for hand in met]
         return {"theta": _numbers(theta), "offered": _numbers(np.stack(offered, axis=-1)), "required": required}
     hands = [hand for hand in met if hand is not None]
-    some = Hand(*(np.array(numbers)[:, None] for numbers in zip(*map(astuple, hands), strict=True)))
-    loop = loop_in_hand(plant_in_hand(device, some, delays, FLOATS), theta, FLOATS)
+    loop = loop_in_hand(plant_in_hand(device, stacked(hands, (-1, 1)), delays, FLOATS), theta, FLOATS)
     if not device.kind.own_loop:
         asked = required_in_hand(loop, Gains(0.0, 0.0))
         return {"theta": _numbers(theta), "required": [_numbers(each) for each in asked.lost / asked.size]}

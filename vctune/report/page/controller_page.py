@@ -20,11 +20,11 @@ BLOCKS = {
 }
 """The blocks of a controller in the order in which they are executed."""
 FOLLOWED = BLOCKS | {"law": "Coupling, and the command that the servo follows"}
-"""The same where the motion is the vendor's."""
+"""The same blocks for a servo, whose motion is the vendor's."""
 
 
 def controller_page(controller: dict[str, Any], device: Device, gains: Gains, coupling: AnyCoupling) -> str:
-    """Return the HTML of a controller, one page that needs nothing from outside.
+    """Return the HTML of a controller, one page without external files.
 
     Parameters
     ----------

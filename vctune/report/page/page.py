@@ -30,7 +30,7 @@ IDLE = {
     r'<g id="[^"]*">': "<g>",
     r' transform="rotate\(-0 [^"]*\)"': "",
 }
-"""What an SVG file of Matplotlib's says to no end, and what is said instead."""
+"""Superfluous text in Matplotlib's SVG files, and its replacement."""
 
 
 def page(
@@ -44,11 +44,11 @@ def page(
 
     Parameters
     ----------
-    record : of the design, which the page embeds as the object of design.json
+    record : record of the design, which the page embeds as the object of design.json
     problem : the problem that the record's text states
     drawn : figures as SVG, by name
-    places : of the axes in which tried curves are drawn (`vctune.report.page.sliders.overlays`)
-    simulation : of this design, if there is one
+    places : places of the axes in which tried curves are drawn (`vctune.report.page.sliders.overlays`)
+    simulation : simulation of this design, if there is one
     """
     translated, display = problem.units.translated, problem.device.display
     shown = [
@@ -89,7 +89,7 @@ def _embedded(data: dict[str, Any], indent: int | None = None) -> str:
 
 
 def templates() -> Environment:
-    """Return where the templates of pages are."""
+    """Return the folder of the pages' templates."""
     return Environment(
         loader=PackageLoader("vctune", "report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
@@ -136,8 +136,8 @@ def figure_file(figure: Figure, folder: Path, stem: str) -> dict[Path, str]:
     Parameters
     ----------
     figure : drawn
-    folder : for the file
-    stem : of its name
+    folder : folder for the file
+    stem : stem of its name
 
     Returns
     -------

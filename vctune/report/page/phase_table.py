@@ -22,9 +22,9 @@ class PhaseTable:
 
     Attributes
     ----------
-    headings : of the columns
+    headings : headings of the columns
     rows : part, and its phase in each column; the last row is their sum
-    remark : how much the force sensor loses; empty without one
+    remark : loss of the force sensor; empty without one
     """
 
     headings: tuple[str, ...]
@@ -38,7 +38,7 @@ def phase_table(problem: Problem, gains: Gains) -> PhaseTable:
     Parameters
     ----------
     problem : its device and transparency band
-    gains : of the design
+    gains : gains of the design
     """
     device, edge, push = problem.device, problem.transparency.band.max, problem.units.force_name
     cross = crossover(device, gains)

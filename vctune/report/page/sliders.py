@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import astuple
-from itertools import product
 from math import inf
 from typing import Any
 
@@ -14,12 +13,12 @@ from matplotlib.figure import Figure
 from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand, least_ratios
 from vctune.document.records.design_json import DesignRecord
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
-from vctune.model.hands import Hand, Hands
+from vctune.model.hands import Hand
 from vctune.model.problem import Problem, Range
 from vctune.report.page.constants import frequency_model, in_hands, sampled_loop
 
 REACH = 10.0
-"""By what factor a slider goes up and down from the shipped value."""
+"""Factor between a slider's ends and the shipped value."""
 PANELS_OF = {
     "llewellyn": ("resistance", "ratio"),
     "hands": ("in_hand", "hand_ratio"),
@@ -36,9 +35,9 @@ def sliders(problem: Problem, gains: Gains, coupling: AnyCoupling, record: Desig
 
     Parameters
     ----------
-    problem : of the nominal device
+    problem : problem of the nominal device
     gains, coupling : the shipped design
-    record : of it; where its extrema are belongs to the samples
+    record : record of the claim; the samples contain the places of its extrema
     """
     stability, transparency, operator = problem.stability, problem.transparency, problem.device.operator
     band, worst = problem.stability.band.hz, least_ratios(problem, gains, coupling)
@@ -66,16 +65,11 @@ def sliders(problem: Problem, gains: Gains, coupling: AnyCoupling, record: Desig
 
 
 def _hands(problem: Problem, worst: Sequence[RatioInHand | RatioInAnyHand]) -> list[Hand | None]:
-    """Return the corners of the box of hands and the worst hands in it; None for any passive one, in their place."""
+    """Return the vertices of the box of hands and the worst hands in it; None for any passive hand."""
     if problem.any_hand:
         return [None]
-    corners = [] if problem.hands_met is None else _corners(problem.hands_met)
+    corners = [] if problem.hands_met is None else problem.hands_met.corners
     return list(dict.fromkeys([*corners, *(each.hand for each in worst)]))
-
-
-def _corners(hands: Hands) -> list[Hand]:
-    ends = zip(astuple(hands.low), astuple(hands.high), strict=True)
-    return [Hand(*numbers) for numbers in product(*(sorted(set(pair)) for pair in ends))]
 
 
 def overlays(drawn: dict[str, Figure]) -> dict[str, list[dict[str, Any]]]:

@@ -16,9 +16,9 @@ from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
 
 LITTLE_USE = 0.75
-"""Share of the error without a loop from which on a design is of little use: what takes away less than a quarter of it
-is hardly worth a force sensor. Half would say so of designs that halve what is felt, twice of none that is worse than
-no loop."""
+"""Share of the error without a loop from which on a design is of little use: a design that removes less than a quarter
+of it is hardly worth a force sensor. Half would say so of designs that halve the error, twice of none that is worse
+than no loop."""
 LINEAR_UP_TO = 1.5
 """Error up to which the scale is linear; greater errors come ever closer to its end."""
 NOTHING = Coupling(1e-18, 1e-18, 0.0)
@@ -154,7 +154,7 @@ def _certified(record: DesignRecord, transparency: TransparencyRecord, problem: 
 
 
 def _failed(proof: CertificateRecord, verdict: str, units: Units) -> str:
-    """Return the first claim with a verdict and where it fails; the certificate's own verdict where no claim has it."""
+    """Return the first claim with a verdict and where it fails; the certificate's own verdict if no claim has it."""
     claim = next((claim for claim in proof.claims if claim.verdict == verdict), None)
     if claim is None:
         return f"the certificate is {proof.verdict}"
@@ -190,6 +190,6 @@ def _mark(label: str, error: float) -> Mark:
 
 
 def _share(error: float) -> float:
-    """Return a place on the scale: even up to `LINEAR_UP_TO`, of which it takes three quarters, then ever closer."""
+    """Return a place on the scale: linear up to `LINEAR_UP_TO`, which takes three quarters of it, then ever closer."""
     placed = error if error <= LINEAR_UP_TO else LINEAR_UP_TO + 0.5 * (1 - LINEAR_UP_TO / error)
     return round(placed / (LINEAR_UP_TO + 0.5), 5)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, astuple, dataclass, fields
+from dataclasses import asdict, dataclass
 from math import inf
 from typing import NamedTuple
 
@@ -13,32 +13,16 @@ from vctune.document.records.certificate_json import CertificateRecord, InnerLoo
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.part import text
 from vctune.document.schema.number_units import unit_of
-from vctune.model.device import Device, Servo
+from vctune.model.device import Device
 from vctune.model.display import ADMITTANCE
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.hands import Hand
+from vctune.model.hands import QUANTITIES
 from vctune.model.numbers.frequency import hertz
 from vctune.model.numbers.units import Units
+from vctune.model.parts import ENTRIES, PARTS, Servo
 from vctune.model.problem import Band, Problem
 from vctune.proof.claims.registry import CLAIMS, ClaimId
 from vctune.report.figures.style import time_text
-
-LABELS = {
-    "mass": "mass m",
-    "damping": "damping b",
-    "sample_time": "sample time T",
-    "delay": "delay",
-    "velocity.filter_hz": "velocity estimate: low-pass",
-    "actuator.bandwidth_hz": "actuator: bandwidth",
-    "force_sensor.bandwidth_hz": "force sensor: bandwidth",
-    "force_sensor.delay": "force sensor: delay",
-    "structure.handle_mass": "structure: mass of the handle",
-    "structure.frequency_hz": "structure: resonance",
-    "structure.damping_ratio": "structure: damping ratio",
-    "servo.delay": "servo: delay",
-    "servo.bandwidth_hz": "servo: bandwidth",
-}
-"""Names of a device's numbers."""
 
 
 class Line(NamedTuple):
@@ -81,9 +65,8 @@ def _device(problem: Problem) -> list[Line]:
     for key, number in device.numbers().items():
         unit = unit_of(tuple(key.split(".")), units)
         value, unit = time_text(number, 4) if unit == units.time else (text(float(number)), unit)
-        lines.append(
-            Line(units.translated(LABELS[key]), value, unit, f"± {100 * widths[key]:.4g} %" if widths.get(key) else "")
-        )
+        known = f"± {100 * widths[key]:.4g} %" if widths.get(key) else ""
+        lines.append(Line(units.translated(ENTRIES[key].label), value, unit, known))
     display = []
     if device.kind is not ADMITTANCE:
         display = [Line("display", device.kind.name, "", device.kind.makes.format(force=units.force_name))]
@@ -135,9 +118,9 @@ def _demands(problem: Problem) -> list[Line]:
 def _hands(problem: Problem) -> list[Line]:
     lines, met, least, units = [], problem.hands_met, problem.device.operator, problem.units
     if met is not None:
-        for field, low, high in zip(fields(Hand), astuple(met.low), astuple(met.high), strict=True):
-            name, unit = units.translated(field.name), units.of(field.name)
-            lines.append(Line(name, f"{low:g} to {high:g}", unit, "every hand of the box, at every frequency"))
+        for name, (low, high) in met.ranges.items():
+            box, unit = f"{low:g} to {high:g}", units.of(QUANTITIES[name])
+            lines.append(Line(units.translated(name), box, unit, "every hand of the box, at every frequency"))
     if problem.any_hand:
         lines.append(Line("any passive hand", "", "", "at every frequency"))
     if problem.passive:
@@ -181,8 +164,8 @@ def claim_lines(record: DesignRecord, problem: Problem) -> list[ClaimLine]:
 
     Parameters
     ----------
-    record : of the design
-    problem : that it states
+    record : record of the design
+    problem : problem that it states
     """
     proof, loop, design = record.certificate, record.inner_loop, record.design
     if proof is None or design is None:
@@ -327,13 +310,15 @@ def _stated(device: Device) -> str:
         low_pass = f"a servo of {servo.bandwidth_hz:.4g} Hz and order {servo.order}"
         late = f"a {servo.command} command every {' '.join(time_text(device.sample_time, 4))}"
         stated = [low_pass, f"delay {' '.join(time_text(servo.delay, 4))}", late]
-        return ", ".join(stated + (["force sensor"] if device.force_sensor is not None else []))
+        return ", ".join([*stated, *_parts(device)])
     stated = [f"hold “{device.hold}” of {' '.join(time_text(device.sample_time, 4))}"]
     stated += [f"delay {' '.join(time_text(device.delay, 4))}"] if device.delay > 0 else []
-    stated += ["velocity estimate"] if device.velocity is not None else []
-    stated += ["actuator"] if device.actuator is not None else []
-    stated += ["force sensor"] if device.force_sensor is not None else []
-    return ", ".join(stated + (["handle on a spring"] if device.structure is not None else []))
+    return ", ".join([*stated, *_parts(device)])
+
+
+def _parts(device: Device) -> list[str]:
+    """Return the names of the parts that a device has beside a servo."""
+    return [part.stated for key, part in PARTS.items() if key != "servo" and getattr(device, key) is not None]
 
 
 def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[FeelLine]:

@@ -17,13 +17,14 @@ def exact(decimal: float) -> Fraction:
 def coupling_coefficients(
     coupling: AnyCoupling | None, sample_time: float, smoothing: float | None = None, low_passes: int = 0
 ) -> dict[str, float]:
-    """Return the coefficients of a coupling, of an admittance display by the trapezoidal rule; `coupling_of` goes back.
+    """Return the coefficients of a coupling, for an admittance display by the trapezoidal rule; `coupling_of` goes
+    back.
 
     Parameters
     ----------
-    coupling : damping b_c and mass m_c in series, drag b_0 beside them; or stiffness and damping; None for none
+    coupling : damping b_c and mass m_c in series, drag b_0 beside them; or stiffness and damping; None without one
     sample_time : T, s
-    smoothing, low_passes : of the velocity that the damping of an impedance display acts on
+    smoothing, low_passes : of the velocity on which the damping of an impedance display acts
 
     Returns
     -------
@@ -57,7 +58,7 @@ def coupling_of(coefficients: dict[str, float], sample_time: float) -> AnyCoupli
 
     Parameters
     ----------
-    coefficients : as of `coupling_coefficients`, perhaps rounded
+    coefficients : see `coupling_coefficients`, perhaps rounded
     sample_time : T, s
     """
     if "coupling_stiffness" in coefficients:
@@ -78,7 +79,7 @@ def environment_coefficients(environment: Environment, sample_time: float) -> di
 
     Parameters
     ----------
-    environment : what is rendered
+    environment : the rendered environment
     sample_time : T, s
     """
     lossless = environment.rule == "trapezoid"
@@ -98,7 +99,7 @@ def limit_coefficients(limit: float | None, position: float, integral: float) ->
 
     Parameters
     ----------
-    limit : greatest force, N; None for none
+    limit : greatest force, N; None without a limit
     position, integral : K_p and K_i, N/m, N/(m s)
     """
     if limit is None:

@@ -32,16 +32,16 @@ class Law:
     ----------
     sample_time : s
     velocity, position, integral : K_v, K_p and K_i of the law K_v + K_p/s + K_i/s^2, N s/m, N/m, N/(m s)
-    coupling : damping b_c and mass m_c in series and the drag b_0 beside them, or of an impedance display a stiffness
-        beside a damping; None for no coupling
+    coupling : damping b_c and mass m_c in series and the drag b_0 beside them, or for an impedance display a stiffness
+        beside a damping; None without one
     virtual_mass, virtual_damping : beside the environment, kg, N s/m
-    environment : what is rendered
-    position_resolution : of the encoder, m; 0 for none
+    environment : the rendered environment
+    position_resolution : resolution of the encoder, m; 0 for none
     difference : whether the velocity is the backward difference of the measured position; measured itself if not
-    smoothing : a of the low-passes y += a (x - y) that the velocity goes through; None for none
-    low_passes : how many of them, up to 2
-    limit : greatest force, N; None for none. Behind it the integral parts of the law do not wind up
-    command : what is commanded; where it is no force there is no law, and nothing of it is limited
+    smoothing : a of the low-passes y += a (x - y) of the velocity; None without one
+    low_passes : number of them, up to 2
+    limit : greatest force, N; None without a limit. Behind it the integral parts of the law do not wind up
+    command : kind of command; without a force there is no law and no limit
     """
 
     sample_time: float
@@ -77,11 +77,11 @@ class State:
     ----------
     reference, desired : x_e and v_e, position and velocity of the rendered environment, m, m/s
     coupling : force of the coupling's damper and mass, N
-    integral : of the position error, m s
+    integral : integral of the position error, m s
     measured : position at the sample before, m
     filtered, twice_filtered : velocity behind the first low-pass and behind the second, m/s
     inertia : force of the environment's mass, N; of the trapezoidal rule alone
-    smoothed, twice_smoothed : v_e behind the first low-pass and behind the second, m/s; of an impedance display
+    smoothed, twice_smoothed : v_e behind the first low-pass and behind the second, m/s; for an impedance display
     """
 
     reference: Number
@@ -108,19 +108,19 @@ def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -
     """Run the firmware for one sample.
 
     The hand's force drives coupling and environment, which move as one: f_h = (Z_c + Z_e) v_e (paper eqs. 15 to 18).
-    What is stiff is implicit: v_e solves this equation at the end of the sample.
+    The stiff part is implicit: v_e solves this equation at the end of the sample.
 
     Parameters
     ----------
     law : the numbers of the firmware
-    state : what it remembers from the sample before
-    measurement : what its sensors say
+    state : its state after the previous sample
+    measurement : its measurement
     ops : arithmetic of state and measurement
 
     Returns
     -------
     state : to remember
-    command : for the motor
+    command : command for the motor
     """
     written, given = _written(law)
     known = dict(given)
@@ -201,7 +201,7 @@ def encoded(law: Law, position: Number, ops: Arithmetic) -> Number:
 
     Parameters
     ----------
-    law : with the encoder's resolution, m
+    law : law with the encoder's resolution, m
     position : m
     ops : arithmetic of the position
     """

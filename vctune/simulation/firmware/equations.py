@@ -1,6 +1,6 @@
 """The firmware as difference equations with named coefficients, in the order of execution.
 
-From this one description come the simulated controller (`controller.py`), the exported C and its coefficients
+This one description is the source of the simulated controller (`controller.py`), the exported C and its coefficients
 (`vctune/firmware/`).
 """
 
@@ -23,7 +23,7 @@ class Quantity:
     ----------
     name, symbol : in code and in formulas
     of : which quantity it is (`vctune.model.numbers.units`); "" for a mere number
-    meaning : on a linear device
+    meaning : meaning on a linear device
     """
 
     name: str
@@ -52,9 +52,9 @@ class Parts:
     ----------
     quantised : whether the encoder's position is rounded here; it comes rounded from a real one
     difference : whether the velocity is the backward difference of the position; measured itself if not
-    low_passes : how many the velocity goes through, 0 to 2
+    low_passes : number of low-passes of the velocity, 0 to 2
     coupling : whether there is a virtual coupling
-    virtual : whether a virtual mass and damping stand beside the environment
+    virtual : whether there is a virtual mass and damping beside the environment
     mass, trapezoid : whether the environment has a mass, and whether it may be one of the trapezoidal rule
     contact : whether the environment has stiffness or damping
     wall : whether these may be one-sided
@@ -134,7 +134,7 @@ STATE = {
         "inertia": ("f_m", "force", "force of the environment's mass"),
     }.items()
 }
-"""What a firmware can have to remember."""
+"""The state that a firmware can have."""
 
 
 def remembered(parts: Parts) -> tuple[str, ...]:
@@ -198,7 +198,7 @@ def estimate(parts: Parts) -> Iterator[Equation]:
 def drive(parts: Parts) -> Iterator[Equation]:
     """Yield the drive of the environment: f_h = (Z_c + Z_e) v_e, solved for v_e at the end of the sample.
 
-    Of an impedance display it is the coupling's force if the tool stood still: f_c = Z_c (y - v_e) = Z_e v_e.
+    For an impedance display it is the coupling's force if the tool stood still: f_c = Z_c (y - v_e) = Z_e v_e.
     """
     if parts.spring:
         yield from _pulled(parts)
@@ -220,7 +220,8 @@ def _middle() -> Equation:
 def _pulled(parts: Parts) -> Iterator[Equation]:
     """Yield the force of spring and damper between handle and tool, without the share of the new v_e.
 
-    The spring is between positions, so that no sum of velocities drifts: x_e is T/2 v_e behind what its force follows.
+    The spring is between positions, so that no sum of velocities drifts: x_e is T/2 v_e behind the position that
+    determines its force.
     """
     yield _middle()
     apart: Expression = _now("velocity")
@@ -239,8 +240,8 @@ def _pulled(parts: Parts) -> Iterator[Equation]:
 def environment(parts: Parts) -> Iterator[Equation]:
     """Yield the built-in environment: v_e with resistance v_e + f_e = drive, and f_e.
 
-    Mass and spring by backward Euler, which stays passive and damps what it cannot resolve, so that a wall may be as
-    stiff as one likes; or by the trapezoidal rule, lossless.
+    Mass and spring by backward Euler, which stays passive and damps what it cannot resolve, so that a wall may be
+    arbitrarily stiff; or by the lossless trapezoidal rule.
     """
     total: Term = _now("resistance")
     pushed: Term = _now("drive")
@@ -275,12 +276,12 @@ def environment(parts: Parts) -> Iterator[Equation]:
 def law(parts: Parts) -> Iterator[Equation]:
     """Yield coupling, reference and the law K_v + K_p/s on the velocity error, limited.
 
-    x_e and the coupling follow the trapezoidal rule, whose impedances at omega are the continuous ones at
-    (2/T) tan(omega T/2): it takes nothing from Re Z_c, on which the certificate rests. Where the limit acts, x_e stays
-    as near to the handle as the limit can hold it, and the integral within what it can give: nothing winds up.
+    x_e and the coupling follow the trapezoidal rule, whose impedances at omega are the continuous ones at (2/T)
+    tan(omega T/2): it takes nothing from Re Z_c, on which the certificate rests. Where the limit acts, x_e stays as
+    near to the handle as the limit can hold it, and the integral within its range: nothing winds up.
 
-    An impedance display has no law: its command is the coupling's force, and what K_v damps. The command of a servo is
-    v_e, or x_e.
+    An impedance display has no law: its command is the coupling's force and the damping of K_v. The command of a servo
+    is v_e, or x_e.
     """
     if parts.spring:
         yield from _rendered(parts)

@@ -56,7 +56,7 @@ Term = Expression | float
 
 @dataclass(frozen=True, slots=True)
 class Symbol(Expression):
-    """The value of a quantity: at this sample, or as it was left by the sample before."""
+    """The value of a quantity: at this sample, or after the previous sample."""
 
     name: str
     before: bool = False
@@ -96,11 +96,11 @@ def floor(a: Term) -> Operation:
 
 
 def choice(above: Term, limit: Term, yes: Term, no: Term) -> Operation:
-    """Return one term where another is above a limit, and a third where it is not.
+    """Return one term if another is above a limit, and a third if it is not.
 
     Parameters
     ----------
-    above, limit : what is compared
+    above, limit : the compared values
     yes : where `above` is the greater
     no : where it is not
     """

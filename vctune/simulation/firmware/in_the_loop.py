@@ -19,10 +19,11 @@ from vctune.simulation.run import DIVERGENCE, Traces, motion_inputs, traces_of
 from vctune.simulation.scene import Scene, equilibrium
 
 REWRITTEN = 1e-9
-"""Share of the greatest command by which firmware in double precision may differ: what another order of operations
-makes is some 1e-12, a constant in seven correct digits 1e-7."""
+"""Share of the greatest command by which firmware in double precision may differ. Another order of the operations makes
+some 1e-12, a constant in seven correct digits 1e-7."""
 ROUNDED = 2.0
-"""How many times what single precision makes of the design's own commands firmware in it may differ, as in replay.c."""
+"""Factor on the effect of single precision in the design's own commands by which firmware in it may differ, as in
+replay.c."""
 
 
 class Controller(Protocol):
@@ -45,9 +46,9 @@ class Difference:
     Attributes
     ----------
     force : the greatest difference, N
-    time : when, s
+    time : time of that sample, s
     tolerance : the greatest difference that passes, N
-    precision : of the firmware
+    precision : precision of the firmware
     """
 
     force: float
@@ -57,7 +58,7 @@ class Difference:
 
     @property
     def passes(self) -> bool:
-        """Whether the commands are those of the design, but for rounding."""
+        """Whether the commands are those of the design, except for rounding."""
         return isfinite(self.force) and self.force <= self.tolerance
 
 
@@ -68,19 +69,19 @@ def run_in_the_loop(
     progress: Callable[[float], None] = lambda share: None,
     tolerance: float | None = None,
 ) -> tuple[Traces, Difference]:
-    """Simulate a scene with a firmware in the place of its law.
+    """Simulate a scene with a firmware instead of its law.
 
     Parameters
     ----------
     scene : device, operator, friction and the design's own firmware
     controller : the firmware
-    progress : told the share of the samples that is done
-    tolerance : greatest difference of a command that passes, in its unit; None for what rounding explains
+    progress : function that receives the share of the finished samples
+    tolerance : greatest difference of a command that passes, in its unit; None for the effect of rounding
 
     Returns
     -------
-    traces : finite; a run that diverges ends where it began to
-    difference : from the design's own commands
+    traces : finite; a run that diverges ends where the divergence began
+    difference : difference from the design's own commands
     """
     samples, T = sample_count(scene.operator, scene.device.sample_time), scene.device.sample_time
     with interrupt_deferred():

@@ -17,10 +17,10 @@ from vctune.simulation.scene import Scene, equilibrium
 
 LIBRARY = "vctune_controller.so"
 MOST_BYTES = 1_000_000
-"""Of a controller's memory: one that says it needs more is none."""
+"""Greatest memory of a controller; a library that claims more is none."""
 
 PRECISIONS: dict[int, Precision] = {4: "single", 8: "double"}
-"""By the bytes of a number."""
+"""The type by the bytes of a number."""
 
 
 class CompiledController:
@@ -28,9 +28,9 @@ class CompiledController:
 
     Attributes
     ----------
-    path : of the library
+    path : path of the library
     problem_sha256 : digest of the problem that it was made for
-    precision : of its numbers
+    precision : precision of its numbers
     """
 
     def __init__(self, path: Path) -> None:
@@ -38,12 +38,12 @@ class CompiledController:
 
         Parameters
         ----------
-        path : of the library, or of the folder in which `make shared` made it
+        path : path of the library, or of the folder in which `make shared` made it
 
         Raises
         ------
         InputError
-            If there is none, it cannot be loaded, or it has not the functions of vctune_bridge.c.
+            If there is no library, it cannot be loaded, or it lacks functions of vctune_bridge.c.
         """
         place = path / LIBRARY if path.is_dir() else path
         if not place.is_file():

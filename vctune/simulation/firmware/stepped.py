@@ -19,7 +19,7 @@ from vctune.simulation.firmware.operations import FLOATS
 
 Precision = Literal["double", "single"]
 NUMBERS: dict[Precision, Callable[[Any], Any]] = {"double": float, "single": np.float32}
-"""What makes a float a number of a precision."""
+"""The functions that round a float to a precision."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,9 +28,9 @@ class Start:
 
     Attributes
     ----------
-    environment : what it renders
-    limit : greatest force, N; None for none
-    position, reference : of the motor as the encoder has it, and x_e, m
+    environment : its environment
+    limit : greatest force, N; None without a limit
+    position, reference : position of the motor from the encoder, and x_e, m
     """
 
     environment: Environment
@@ -52,17 +52,17 @@ def exported_parts(law: Law) -> Parts:
 
 
 class SteppedFirmware:
-    """A firmware with its state, every operation of which is rounded to one precision."""
+    """A firmware with its state; every operation is rounded to one precision."""
 
     def __init__(self, parts: Parts, coefficients: Mapping[str, float], start: Start, precision: Precision) -> None:
         """Begin before the first sample.
 
         Parameters
         ----------
-        parts : what the firmware consists of; positions come as the encoder has them
-        coefficients : of the controller, by their names in `equations.COEFFICIENTS`
-        start : what it renders, and where it begins
-        precision : of every number; coefficients are rounded to it first
+        parts : parts of the firmware; positions come from the encoder
+        coefficients : coefficients of the controller, by their names in `equations.COEFFICIENTS`
+        start : its environment and start
+        precision : precision of every number; coefficients are rounded to it first
         """
         self._number = number = NUMBERS[precision]
         blocks = (equations.estimate, equations.drive, equations.environment, equations.law)

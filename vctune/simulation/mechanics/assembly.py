@@ -1,10 +1,10 @@
 """A device with its parts, and the hand on it, as linear rates.
 
-The parts are an actuator, a handle on a spring, a servo, and a filter of the force sensor or a delay of it that is no
-whole number of samples. All of it is linear but for friction: it moves on by matrix exponentials, exactly
-(`transition`), and with friction exactly but for a force that is held over a step (`assembly_friction`). A device that
-moves as one mass and whose force is sensed at a sample is not of this kind (`plant`). A servo moves as it is commanded:
-the hand has no part in its rates, and what the hand does to it follows from its motion.
+The parts are an actuator, a handle on a spring, a servo, and a filter of the force sensor or a delay of it that is not
+a whole number of samples. All of it is linear except for friction: it moves on by matrix exponentials, exactly
+(`transition`), and with friction exactly except for a force that is held over a step (`assembly_friction`). A device
+that moves as one mass and whose force is sensed at a sample is not of this kind (`plant`). A servo follows its command:
+the hand does not affect its rates, and the force of the hand follows from the motion.
 """
 
 from __future__ import annotations
@@ -14,17 +14,20 @@ from math import sqrt
 
 import numpy as np
 
-from vctune.model.device import Device, ForceSensor, Servo
+from vctune.model.device import Device
 from vctune.model.experiment import Operator
 from vctune.model.loop.device_response import mechanism
+from vctune.model.loop.drive import Rows, drive_rows, drive_states
+from vctune.model.loop.filters import plain_rows
 from vctune.model.numbers.arithmetic import FLOATS, Number
+from vctune.model.parts import ForceSensor, Servo
 from vctune.model.sampled.velocity_loop import SNAP, split_delay
 from vctune.simulation.mechanics.intended_motion import Floats, hand_force_derivatives
 from vctune.simulation.mechanics.plant import Transition, exponential_less_one, timing
 from vctune.simulation.scene import Scene
 
 GIVEN = ("command", "friction", "push", "push_1", "push_2", "push_3")
-"""What acts on the states: the held command that has arrived, a force or the velocity of a servo, the friction's force,
+"""Inputs of the states: the held command that has arrived, a force or the velocity of a servo, the friction's force,
 the force of the hand's spring and damper if the handle stood still at 0, N, and its three derivatives."""
 
 
@@ -34,13 +37,13 @@ class Assembly:
 
     Attributes
     ----------
-    states : position and velocity of the motor first; bend and handle_velocity, drive and its rate, the rate of a
+    states : position and velocity of the motor first; bend and handle_velocity, those of the drive, the rate of a
         servo's velocity, sensed and its rate where the device has the part
     rates : over states and given
-    units : of states and given, with which all rates are about as large as what they mean for a sample
+    units : units of states and given, in which all rates are about as large as their effect on a sample
     position, velocity : rows of the handle's, m, m/s
-    force : row of f_h, N, what the hand does to the handle
-    sensed : row of what the force sensor has of it, its delay apart, N
+    force : row of f_h, N, the force of the hand on the handle
+    sensed : row of the sensor's force, without its delay, N
     """
 
     states: tuple[str, ...]
@@ -53,7 +56,7 @@ class Assembly:
 
     @property
     def size(self) -> int:
-        """How many states there are."""
+        """Number of states."""
         return len(self.states)
 
     def changed(self, time: float) -> Floats:
@@ -68,8 +71,8 @@ class Sensing:
 
     Attributes
     ----------
-    whole_samples : how many samples ago
-    instant : how long after the sample before, s; None for at the sample itself
+    whole_samples : number of samples ago
+    instant : time since the previous sample, s; None for at the sample itself
     """
 
     whole_samples: int
@@ -78,8 +81,8 @@ class Sensing:
 
 def sensing(scene: Scene) -> Sensing:
     """Return when a scene's force is sensed; a sample at an arriving command is taken just before it."""
-    sensor, T, early = scene.device.force_sensor, scene.device.sample_time, timing(scene).early
-    whole, fraction = split_delay(sensor.delay if sensor is not None else 0.0, T)
+    T, early = scene.device.sample_time, timing(scene).early
+    whole, fraction = split_delay(scene.device.sensing.delay, T)
     if fraction == 0:
         return Sensing(whole, None)
     instant = (1 - fraction) * T
@@ -91,18 +94,19 @@ def assembly(scene: Scene) -> Assembly | None:
     device, hand = scene.device, scene.operator
     if device.servo is not None:
         return _servo(device, device.servo, hand)
-    actuator, structure, sensor = device.actuator, device.structure, device.force_sensor
-    band_hz = sensor.bandwidth_hz if sensor is not None else None
-    if actuator is None and structure is None and band_hz is None and sensing(scene).instant is None:
+    structure, sensor, drive = device.structure, device.sensing, drive_states(device)
+    if not drive and structure is None and sensor.bandwidth_hz is None and sensing(scene).instant is None:
         return None
     states = ["position", "velocity"]
     states += ["bend", "handle_velocity"] if structure is not None else []
-    states += ["drive", "drive_rate"][: actuator.order] if actuator is not None else []
+    states += drive
     states += _sensed_states(sensor)
     names = (*states, *GIVEN)
     of = dict(zip(names, np.eye(len(names)), strict=True))
-    motor = of["command"] if actuator is None else of["drive"]
+    rows: Rows = {name: {} for name in drive}
+    motor = _sum(drive_rows(rows, device, FLOATS, plain_rows), of)
     rates = {"position": of["velocity"], "push": of["push_1"], "push_1": of["push_2"], "push_2": of["push_3"]}
+    rates |= {name: _sum(row, of) / device.sample_time for name, row in rows.items()}
     swing = 0.0
     if structure is None:
         position, velocity = of["position"], of["velocity"]
@@ -121,8 +125,6 @@ def assembly(scene: Scene) -> Assembly | None:
         rates["handle_velocity"] = (free - spring) / mass
         force = parts.handle / mass * free + hand.mass / mass * spring
         swing = sqrt(parts.stiffness * (1 / parts.motor + 1 / mass))
-    if actuator is not None:
-        rates |= _low_pass("drive", actuator.bandwidth_hz, actuator.order, of["command"], of)
     weight = device.mass / device.sample_time**2
     units = _units(names, weight, weight, device.sample_time, swing)
     return _assembled(tuple(states), of, rates, units, (position, velocity, force), sensor)
@@ -131,7 +133,7 @@ def assembly(scene: Scene) -> Assembly | None:
 def _servo(device: Device, servo: Servo, hand: Operator) -> Assembly:
     """Return a servo and the force of the hand on it: -(M a + B v + K x) and the push of its spring and damper."""
     velocity = ("velocity", "velocity_rate")[: servo.order]
-    states, T = ("position", *velocity, *_sensed_states(device.force_sensor)), device.sample_time
+    states, T = ("position", *velocity, *_sensed_states(device.sensing)), device.sample_time
     names = (*states, *GIVEN)
     of = dict(zip(names, np.eye(len(names)), strict=True))
     rates = {"position": of["velocity"], "push": of["push_1"], "push_1": of["push_2"], "push_2": of["push_3"]}
@@ -140,12 +142,16 @@ def _servo(device: Device, servo: Servo, hand: Operator) -> Assembly:
     size = hand.mass / T**2 + hand.damping / T + hand.stiffness
     units = _units(names, size or 1.0, 1 / T, T, 0.0)
     seen = of["position"], of["velocity"], of["push"] - held
-    return _assembled(states, of, rates, units, seen, device.force_sensor)
+    return _assembled(states, of, rates, units, seen, device.sensing)
 
 
-def _sensed_states(sensor: ForceSensor | None) -> tuple[str, ...]:
+def _sum(shares: dict[str, Number], of: dict[str, Floats]) -> Floats:
+    return np.asarray(sum(share * of[name] for name, share in shares.items()))
+
+
+def _sensed_states(sensor: ForceSensor) -> tuple[str, ...]:
     """Return the states of a force sensor's low-pass."""
-    return ("sensed", "sensed_rate")[: sensor.order] if sensor is not None and sensor.bandwidth_hz is not None else ()
+    return ("sensed", "sensed_rate")[: sensor.order] if sensor.bandwidth_hz is not None else ()
 
 
 def _assembled(
@@ -154,7 +160,7 @@ def _assembled(
     rates: dict[str, Floats],
     units: Floats,
     seen: tuple[Floats, Floats, Floats],
-    sensor: ForceSensor | None,
+    sensor: ForceSensor,
 ) -> Assembly:
     """Return an assembly with its force sensor.
 
@@ -163,12 +169,12 @@ def _assembled(
     states : names, those of the sensor too
     of : unit row of each of states and given
     rates : rows of those that change
-    units : of states and given
+    units : units of states and given
     seen : rows of the handle's position and velocity and of f_h
-    sensor : None for what senses f_h
+    sensor : what senses f_h
     """
     position, velocity, force = seen
-    if sensor is not None and sensor.bandwidth_hz is not None:
+    if sensor.bandwidth_hz is not None:
         rates = rates | _low_pass("sensed", sensor.bandwidth_hz, sensor.order, force, of)
     nothing = np.zeros(len(of))
     return Assembly(
@@ -202,12 +208,12 @@ def _units(names: tuple[str, ...], force: float, command: float, sample_time: fl
 def transition(scene: Scene, moving: Assembly) -> Transition:
     """Return the exact transition of an assembly without friction over one sample.
 
-    Where the force is sensed between samples, what is sensed then is one more number after the states; it has no part
-    in what follows.
+    If the force is sensed between samples, the sensed value is one more number after the states; it does not affect the
+    rest.
 
     Parameters
     ----------
-    scene : without friction
+    scene : scene without friction
     moving : `assembly` of the scene
 
     Returns

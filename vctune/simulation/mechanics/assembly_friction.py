@@ -1,11 +1,11 @@
 """Friction on the motor of a device with parts: a fixed step of the bristles and of the linear rest, each exact.
 
 The friction's force is held over a step, at its mean over bristles that follow the motor's mean velocity w. Everything
-else is linear and moves on exactly (`assembly`); w is what that says for the held force. The force does the work
-F h w on the motor and on the bristles alike, so that no step creates energy, whatever h, the parts' stiffness and what
-was foreseen. Neither a fast actuator nor a stiff handle is stiff in this step: all that is approximated is how the
-friction varies within it, to second order. What is faster than a step and moved by the friction, a hand's mass on a
-handle that is nearly rigid, has the last step's mean at a sample: to first order.
+else is linear and moves on exactly (`assembly`); w is its velocity for the held force. The force does the work F h w on
+the motor and on the bristles alike, so that no step creates energy, for any h, stiffness of the parts and prediction.
+Neither a fast actuator nor a stiff handle is stiff in this step: all that is approximated is how the friction varies
+within it, to second order. Any motion that is faster than a step and driven by the friction, such as a hand's mass on a
+nearly rigid handle, has the last step's mean at a sample: to first order.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def friction_step(moving: Assembly, length: float) -> FrictionStep:
 
     Parameters
     ----------
-    moving : what moves
+    moving : the moving masses
     length : h, s
     """
     return FrictionStep(length, moving.changed(length), moving.size + GIVEN.index("friction"))
@@ -68,8 +68,8 @@ def assembly_step(
 
     Parameters
     ----------
-    step : what the assembly does in it
-    friction : that acts on the motor
+    step : step of the assembly
+    friction : friction that acts on the motor
     at : states and bristles at the beginning
     foreseen : velocity at which the friction's rate is taken, m/s
     ops : arithmetic of states and velocity
@@ -100,7 +100,7 @@ def assembly_steps(step: AdvanceStep, at: AssemblyState, count: int) -> Assembly
     ----------
     step : one step
     at : states and bristles at the beginning
-    count : how many steps
+    count : number of steps
 
     Returns
     -------

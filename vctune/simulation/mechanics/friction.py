@@ -1,4 +1,4 @@
-"""LuGre friction (Canudas de Wit, Olsson, Astrom, Lischinsky 1995), and a step made for it.
+"""LuGre friction (Canudas de Wit, Olsson, Astrom, Lischinsky 1995), and a step designed for it.
 
 With the bristles' deflection z, the rate a(v) = stiffness |v|/g(v) and Stribeck's curve g,
 
@@ -18,8 +18,9 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.simulation.firmware.operations import Arithmetic
 
 SERIES_BELOW = 0.01
-"""Where phi_2 changes from its series to its formula, whose subtraction loses a factor 2/y. Here both are right to
-2e-14. Half: the formula's rounding doubles. Twice: what the series' five terms leave out is 6e-13."""
+"""Argument at which phi_2 changes from its series to its formula, whose subtraction loses a factor 2/y. Here both are
+correct to 2e-14. With half, the formula's rounding doubles; with twice, the remainder of the series' five terms is
+6e-13."""
 
 
 def relaxation(friction: Friction, velocity: Number, ops: Arithmetic) -> tuple[Number, Number]:
@@ -46,7 +47,7 @@ def friction_force(friction: Friction, velocity: Number, deflection: Number, ops
     ----------
     friction : its parameters
     velocity : m/s
-    deflection : of the bristles, m
+    deflection : deflection of the bristles, m
     ops : arithmetic of velocity and deflection
     """
     rate, damping = relaxation(friction, velocity, ops)
@@ -84,12 +85,12 @@ def slide(step: SlideStep, at: Slide, push: Callable[[float], Number], h: float,
 
     Parameters
     ----------
-    step : of length h
+    step : step of length h
     at : state at the beginning
     push : force of motor and hand, N, of the time since the beginning, s
     h : length of a step, s
     steps : their number
-    theta : where in a step its forces are taken, 1/2 to 1
+    theta : point of a step at which its forces are taken, 1/2 to 1
 
     Returns
     -------
@@ -120,17 +121,17 @@ def slide_step(
     With the rate and the damping at the foreseen velocity, and w the same over the step, the bristles are followed
     exactly: with y = a h their mean is phi_1 z + phi_2 h w, phi_1 = (1 - e^-y)/y, phi_2 = (1 - phi_1)/y. The friction
     is then linear in w, and the momentum balance is solved for w. Since the bristles take exactly the work that
-    friction does at the velocity w, no step creates energy, whatever h, the stiffness and what was foreseen.
+    friction does at the velocity w, no step creates energy, for any h, stiffness and prediction.
 
     Parameters
     ----------
-    carriage : what slides
-    friction : that acts on it
+    carriage : the sliding mass
+    friction : friction that acts on it
     at : state at the beginning
     foreseen : velocity at which the friction's rate is taken, m/s
     push : force of motor and hand, N
     h : length of the step, s
-    theta : where in the step its forces are taken, 1/2 to 1
+    theta : point of the step at which its forces are taken, 1/2 to 1
     ops : arithmetic of state, velocity and force
 
     Returns
@@ -152,7 +153,7 @@ class BristleStep:
     Attributes
     ----------
     rate : a(v), 1/s
-    time : h phi_1, by which z goes on at its rate of the beginning, s
+    time : h phi_1, the time for which z continues at its initial rate, s
     stiffness, slope : N/m, N s/m
     """
 

@@ -12,8 +12,8 @@ from vctune.model.experiment import Operator
 
 Floats = NDArray[np.float64]
 RAMP = 0.1
-"""Share of a stroke's time that each of its two ends takes to gain or lose speed. Half: twice
-the acceleration, which is felt through a hand with mass. Twice: less of the stroke at constant speed."""
+"""Share of a stroke's time that each of its two ends takes to gain or lose speed. Half doubles the acceleration, which
+the hand's mass makes felt. Twice leaves less of the stroke at constant speed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ def intended_motion(operator: Operator, sample_time: float, first: int, last: in
 
 
 def _ramped(u: Floats) -> tuple[Floats, Floats]:
-    """Return place and rate, from 0 to 1 for u from 0 to 1, at constant rate but for the ends."""
+    """Return place and rate, from 0 to 1 for u from 0 to 1, at constant rate except for the ends."""
     top = 1 / (1 - RAMP)
     end = np.minimum(u, 1 - u)
     rate = top * np.minimum(end / RAMP, 1.0)

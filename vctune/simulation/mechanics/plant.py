@@ -1,6 +1,7 @@
 """A rigid device and the hand between two samples, without friction (model/README.md, section 7).
 
-Exact, by matrix exponentials. With an actuator, a handle on a spring or a filter of the force sensor: `assembly`.
+Exact, by matrix exponentials. Devices with an actuator, a handle on a spring or a filter of the force sensor: see
+`assembly`.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ class Timing:
 
 
 def timing(scene: Scene) -> Timing:
-    """Return the timing of a scene's commands; the real zero-order hold, whatever `hold` the frequency model has."""
+    """Return the timing of a scene's commands; the real zero-order hold, for any `hold` of the frequency model."""
     T = scene.device.sample_time
     whole, fraction = split_delay(scene.device.latency, T)
     return Timing(whole, fraction * T, T - fraction * T)

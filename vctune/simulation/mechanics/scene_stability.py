@@ -15,13 +15,14 @@ from vctune.simulation.mechanics.step import INPUTS, build
 from vctune.simulation.scene import Scene, baseline_scene
 
 STANDING = 1e-6
-"""Eigenvalues this near to 1 are positions that nothing holds, not oscillations. A double one is computed to the square
-root of rounding, 1e-8; half and twice this differ only for a mode of a million samples."""
+"""Eigenvalues this near to 1 are positions without a restoring force, not oscillations. A double one is computed to the
+square root of rounding, 1e-8; half and twice this differ only for a mode of a million samples."""
 DECADES = 4
-"""How far from the file's virtual mass and damping a stable one is looked for, each way; half and twice it change no
-answer within."""
+"""Distance from the file's virtual mass and damping up to which a stable one is sought, each way; half and twice it
+change no answer within."""
 BISECTIONS = 30
-"""Of half a decade: to 1e-9. Half as many leave 4e-5, which shows in the fourth digit at times; twice are rounding."""
+"""Bisections of half a decade, down to 1e-9. Half as many leave 4e-5, which shows in the fourth digit at times; twice
+only reach rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,18 +71,18 @@ def _fastest(matrix: Floats, sample_time: float) -> Mode:
 def least_virtual(device: Device, experiment: Experiment, pid: Baseline) -> float | None:
     """Return the least share of a regular PID's virtual mass and damping from which on its loop is stable.
 
-    Looked for from 10^-`DECADES` to 10^`DECADES` times what the file says.
+    The search covers 10^-`DECADES` to 10^`DECADES` times the values of the file.
 
     Parameters
     ----------
     device : plain numbers, SI units
-    experiment : what it is tried in
+    experiment : the experiment of the run
     pid : the regular controller, with the mass and the damping that are varied
 
     Returns
     -------
     float or None
-        The share; 0 if it is stable with next to nothing, None if it is with nothing that was tried.
+        The share; 0 if it is stable with next to nothing, None if no tried share is stable.
     """
 
     def stable(share: float) -> bool:

@@ -2,7 +2,7 @@
 
 A sample goes: sensors read, the firmware runs, the device moves on for a sample time under the forces that have
 arrived. Friction, quantisation, saturation, filters, the coupling and a device's parts are operations of the function
-only where the scene has them.
+only if the scene has them.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from vctune.model.experiment import Friction
+from vctune.model.loop.drive import drive_at_rest
 from vctune.simulation.firmware.controller import Measurement, State, control, encoded, remembered_by
 from vctune.simulation.firmware.operations import FLOATS
 from vctune.simulation.mechanics import plant
@@ -29,22 +30,22 @@ from vctune.simulation.scene import Equilibrium, Scene, equilibrium
 CHUNK = 1024
 """Samples per call of the compiled function: progress and Ctrl-C wait for one. Half and twice it take the same time."""
 COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor", "sensed")
-"""What a step records at each sample: x, v, f_h, x_e, v_e, f_e, u, f_s; x and v are the handle's, f_s is what is sensed
-of f_h."""
+"""Recorded columns of each sample: x, v, f_h, x_e, v_e, f_e, u, f_s; x and v are the handle's, f_s is the sensed f_h.
+"""
 MOTOR_COLUMNS = ("motor_position", "motor_velocity")
-"""What it also records where the motor does not move as the handle."""
+"""Further columns if the motor does not move as the handle."""
 ANSWER = ("reference", "desired", "environment_force", "motor")
-"""What of these a firmware gives; the inputs of an open step beyond `INPUTS`."""
+"""Outputs of a firmware among these; the inputs of an open step beyond `INPUTS`."""
 INPUTS = 5
 """x_i, v_i at this sample and at the next, and the noise of the force sensor."""
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A compiled step, one(state, inputs) -> (state, record), and its state at rest where the motion starts.
+    """A compiled step, one(state, inputs) -> (state, record), and its state at rest at the start of the motion.
 
-    The state is x, v and what else moves, with friction z, and the force that was sensed within the last sample if it
-    is sensed there; what the firmware remembers and changes; commands and sensed forces on their way.
+    The state contains x, v and the other moving parts, with friction z, and the force that was sensed within the last
+    sample if it is sensed there; the firmware's state; commands and sensed forces on their way.
     """
 
     one: Any
@@ -59,8 +60,8 @@ class Step:
 class OpenStep:
     """A compiled step without its firmware.
 
-    sense(state, inputs) -> (position, velocity, force) is what a firmware reads; one(state, inputs) -> (state, record)
-    has what it gives, `ANSWER`, behind its other inputs.
+    sense(state, inputs) -> (position, velocity, force) is the firmware's input; one(state, inputs) -> (state, record)
+    has the firmware's output, `ANSWER`, behind its other inputs.
     """
 
     sense: Any
@@ -69,11 +70,11 @@ class OpenStep:
 
 
 def build(scene: Scene, stretch: Stretch = fixed_steps) -> Step:
-    """Assemble and compile the step of a scene; `stretch` says how friction is integrated.
+    """Assemble and compile the step of a scene; `stretch` integrates the friction.
 
     Parameters
     ----------
-    scene : what the run consists of
+    scene : the scene of the run
     stretch : of no meaning without friction
 
     Returns
@@ -100,13 +101,13 @@ def build_open(scene: Scene, stretch: Stretch = fixed_steps) -> OpenStep:
 
     Parameters
     ----------
-    scene : what the run consists of; of its law only the encoder
+    scene : the scene of the run; of its law only the encoder
     stretch : of no meaning without friction
 
     Returns
     -------
     OpenStep
-        Compiled: what the firmware measures, and a sample with its answer.
+        Compiled functions: the firmware's measurement, and a sample with its answer.
     """
     wired = _wire(scene, INPUTS + len(ANSWER))
     given = [wired.inputs[INPUTS + k] for k in range(len(ANSWER))]
@@ -196,7 +197,8 @@ def columns(scene: Scene) -> tuple[str, ...]:
 
 def _at_rest(scene: Scene, moving: Assembly | None, begin: Equilibrium) -> list[float]:
     """Return the body's part of the state where the motion starts."""
-    known = {"position": begin.position, "bend": begin.bend, "drive": begin.motor, "sensed": begin.hand}
+    known = {"position": begin.position, "bend": begin.bend, "sensed": begin.hand}
+    known |= {name: share * begin.motor for name, share in drive_at_rest(scene.device).items()}
     body = [known.get(name, 0.0) for name in (moving.states if moving is not None else ("position", "velocity"))]
     body += [0.0] if scene.friction is not None else []
     return body if sensing(scene).instant is None else [*body, begin.hand]
@@ -263,7 +265,7 @@ def _moved_exactly(scene: Scene, moving: Assembly | None, body: Any, inputs: Any
 def _with_friction(scene: Scene, moving: Assembly | None, friction: Friction, stretch: Stretch, firmware: Any) -> Any:
     """Return the step of a device with friction: firmware, then stretches of constant motor force.
 
-    There are one or two, and one more where the force is sensed in the middle of one.
+    There are one or two, and one more if the force is sensed in the middle of one.
     """
     when, push = timing(scene), ca.DM(hand_force_derivatives(scene.operator, scene.device.sample_time))
     state, inputs = ca.MX.sym("state", firmware.size_in(0)), ca.MX.sym("inputs", firmware.size_in(1))

@@ -16,11 +16,11 @@ from vctune.simulation.mechanics.friction import Slide, SlideStep, slide, slide_
 from vctune.simulation.scene import Scene
 
 STEPS_PER_RADIAN = 64
-"""Fixed steps per radian of the bristles' oscillation. Half: four times the error in half the time, twice: a quarter of
-it in twice the time (results/work-precision.csv)."""
+"""Fixed steps per radian of the bristles' oscillation. Half has four times the error in half the time, twice a quarter
+of it in twice the time (results/work-precision.csv)."""
 LEAST_STEPS, MOST_STEPS = 4, 256
 """Least: Stribeck's curve is crossed within a sample also by soft bristles. Most: beyond it bristles are stiffer than
-anything that can be felt. Half and twice either are half and twice the time where they apply."""
+anything that can be felt. Half and twice either take half and twice the time."""
 
 
 class _SymbolArithmetic:
@@ -42,7 +42,7 @@ Stretch = Callable[[Scene, Friction, float, float], Any]
 """Makes the function (body, motor, push) -> body over a stretch of a sample: of a scene with friction, where in the
 sample the stretch begins and how long it is, s."""
 MIDPOINT = 0.5
-"""Where in a fixed step its forces are taken; of second order (`friction.slide`)."""
+"""Point of a fixed step at which its forces are taken; of second order (`friction.slide`)."""
 
 
 def default_substeps(scene: Scene, friction: Friction) -> int:
@@ -52,8 +52,8 @@ def default_substeps(scene: Scene, friction: Friction) -> int:
 
     Parameters
     ----------
-    scene : what moves, with its sample time
-    friction : with the bristles' stiffness, N/m
+    scene : the moving masses, with their sample time
+    friction : friction with the bristles' stiffness, N/m
     """
     mass = scene.carriage.mass if scene.device.structure is None else scene.device.motor_mass
     bristles = (friction.stiffness / mass) ** 0.5
@@ -72,10 +72,10 @@ def fixed_steps(
 
     Parameters
     ----------
-    scene, friction : what moves
+    scene, friction : the moving masses
     begin, length : where in the sample the stretch begins, and how long it is, s
     substeps : per sample; None for `default_substeps`
-    theta : where in a step its forces are taken, see `friction.slide`; of no meaning for an `assembly`
+    theta : point of a step at which its forces are taken, see `friction.slide`; of no meaning for an `assembly`
     """
     share = length / scene.device.sample_time
     count = max(1, ceil((substeps or default_substeps(scene, friction)) * share * (1 - 1e-12)))

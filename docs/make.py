@@ -1,0 +1,32 @@
+"""Builds the site: `python docs/make.py FOLDER`. It opens offline; a warning or a link that leads nowhere fails."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from layout import laid_out, whole_files
+from links import faults
+
+HERE = Path(__file__).parent
+
+
+def build(target: Path) -> list[str]:
+    """Build the site in a folder and return what is wrong with its links.
+
+    Parameters
+    ----------
+    target : the folder of the site
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        laid_out(Path(folder))
+        command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-d", f"{folder}/.doctrees"]
+        subprocess.run([*command, "-c", HERE, folder, target], check=True)
+    whole_files(target)
+    return faults(target)
+
+
+if __name__ == "__main__":
+    sys.exit("\n".join(build(Path(sys.argv[1]))) or 0)

@@ -1,0 +1,135 @@
+"""The requirement of hands on a coupling, and the hand near a place that requires most, in double precision."""
+
+from __future__ import annotations
+
+from itertools import product
+from math import inf
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.analysis.loops_in_hands import PER_DECADE
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Coupling, Gains, series_coupling
+from vctune.model.hand_arrays import PlacesInHands
+from vctune.model.hands import Hand, Hands
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.sampled.hand_loop import AnyLoopInHand, loop_in_hand, offered, required_in_hand, seen_in_hand
+from vctune.model.sampled.loop_in_worlds import disjuncts, offered_at, posed, room_of
+from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.worlds import WorldsMet
+from vctune.running import check_time
+
+ROUNDS = 22
+"""Steps of the closer look, each of which moves to the best neighbour or halves the distance: to 1e-4 of the first
+distance, of which the ratio knows the square. Half: to 1e-2, and the prover finds what is missing, at its price."""
+DRIVEN = 1e6
+"""1/ratio from which on a coupling gives energy where none may be given. Half and twice it: the same designs."""
+
+
+@np.errstate(all="ignore")
+def needs_in_worlds(
+    loop: AnyLoopInHand, device: Device, gains: Gains, coupling: Coupling, theta: Floats, met: WorldsMet
+) -> dict[str, Floats]:
+    """Return 1/ratio by each of the margins of which one must be positive (`vctune.model.sampled.loop_in_worlds`).
+
+    By the real part the ratio is (Re Z_c + g b_1)/R, by a reactance g times the exponential of its room, so that g is
+    enough in either case and a share is missing or to spare.
+
+    Parameters
+    ----------
+    loop : in hands
+    device : plain numbers
+    gains, coupling : a design, plain numbers or arrays that broadcast against the loop
+    theta : omega T, rad
+    met : the environments, and g
+    """
+    factor, worlds, T = met.factor, met.worlds, device.sample_time
+    seen, at = seen_in_hand(loop, gains), offered_at(coupling, T, theta, FLOATS)
+    found = disjuncts(at, worlds, T, seen, factor, theta, FLOATS)
+    needs = {"resistive": _need(seen.lost / seen.size, at.resistance + factor * worlds.low.damping)}
+    for name in posed(worlds, factor)[1:]:
+        needs[name] = np.exp(-room_of(getattr(found, name), np.abs)) / factor
+    return needs
+
+
+def needs_in_hands(
+    loop: AnyLoopInHand, device: Device, gains: Gains, coupling: AnyCoupling, theta: Floats, met: WorldsMet | None
+) -> Floats:
+    """Return 1/ratio in hands.
+
+    Parameters
+    ----------
+    loop : in hands
+    device : plain numbers
+    gains, coupling : a design, plain numbers or arrays that broadcast against the loop
+    theta : omega T, rad
+    met : the environments; None for every passive one
+    """
+    if met is not None:
+        needs = needs_in_worlds(loop, device, gains, series_coupling(coupling), theta, met)
+        return np.minimum.reduce(np.broadcast_arrays(*needs.values()))
+    found = required_in_hand(loop, gains)
+    with np.errstate(all="ignore"):
+        return _need(np.asarray(found.lost / found.size), offered(coupling, device, theta, FLOATS))
+
+
+@np.errstate(all="ignore")
+def _need(required: Floats, there: Floats) -> Floats:
+    """Return 1/ratio, continuous where R changes its sign; of a coupling that drives, 0 or more than any other."""
+    drives = np.where(required < there, 0.0, DRIVEN * (2 + (required - there) / (np.abs(required) - there)))
+    return np.where(there < 0, drives, required / np.maximum(there, 1e-300))
+
+
+@np.errstate(all="ignore")
+def hardest_near(
+    device: Device,
+    hands: Hands,
+    gains: Gains,
+    coupling: AnyCoupling,
+    starts: PlacesInHands,
+    met: WorldsMet | None = None,
+) -> tuple[Floats, PlacesInHands]:
+    """Go from places to the greatest 1/ratio near them, all together: in log theta and in the root of each share.
+
+    Parameters
+    ----------
+    device : plain numbers
+    hands : the box
+    gains, coupling : a design, or one for each place, arrays of shape (n, 1, 1)
+    starts : n angles omega T, rad, each with a hand of the box
+    met : the environments; None for every passive one
+
+    Returns
+    -------
+    need : 1/ratio, shape (n,)
+    places : n angles, each with a hand
+    """
+    low, width = np.array([(low, high - low) for low, high in hands.ranges.values()]).T
+    theta, count = starts.at, len(width)
+    safe = np.where(width > 0, width, 1.0)
+    share = np.sqrt((np.array([*starts.hands.numbers.values()]) - low[:, None]) / safe[:, None])
+    step_hand, step_angle = np.full(theta.size, 0.2), np.full(theta.size, 2.3 / PER_DECADE)
+    offsets = np.array(list(product((-1, 0, 1), repeat=count))).T
+    turns = np.array([-1, 0, 1])
+    best = np.full(theta.size, -inf)
+    for _ in range(ROUNDS):
+        check_time()
+        near = np.clip(share[:, :, None] + offsets[:, None, :] * step_hand[:, None], 0.0, 1.0)
+        angle = np.minimum(theta[:, None] * np.exp(turns * step_angle[:, None]), np.pi)
+        hand = Hand(*((low[:, None, None] + width[:, None, None] * near**2)[..., None]))
+        plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
+        loop = loop_in_hand(plant, angle[:, None, :], FLOATS)
+        need = needs_in_hands(loop, device, gains, coupling, angle[:, None, :], met).reshape(theta.size, -1)
+        need = np.nan_to_num(need, nan=-inf, posinf=inf)  # 0/0 at rest without an integrator asks for nothing
+        at = np.argmax(need, axis=1)
+        rows, (which, turn) = np.arange(theta.size), np.unravel_index(at, (offsets.shape[1], 3))
+        better = need[rows, at] > best
+        moved_hand = better & np.any(offsets[:, which] != 0, axis=0)
+        moved_angle = better & (turns[turn] != 0)
+        best = np.maximum(best, need[rows, at])
+        share = np.where(better, near[:, rows, which], share)
+        theta = np.where(better, angle[rows, turn], theta)
+        step_hand = np.where(moved_hand, step_hand, step_hand / 2)
+        step_angle = np.where(moved_angle, step_angle, step_angle / 2)
+    return best, PlacesInHands(theta, Hand(*(low[:, None] + width[:, None] * share**2)))

@@ -1,0 +1,170 @@
+"""Loops in some hands of a box at some angles, in double precision: first places of the search for the worst."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import inf
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.analysis.resonance import with_resonance
+from vctune.model.device import Device
+from vctune.model.gains import Gains
+from vctune.model.hands import Hand, Hands
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.sampled.any_hand import AnyHand, any_hand
+from vctune.model.sampled.hand_loop import AnyLoopInHand, loop_in_hand, required_in_hand, seen_in_hand
+from vctune.model.sampled.loop_in_worlds import Seen
+from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+
+SHARES = (0.0, 0.01, 0.1, 0.4, 1.0)
+"""Where the hands of a box are looked at first, as shares of each range: the worst is mostly at an end, and towards 0
+much happens within little. Half or twice as many lead to the same designs, in more rounds or in more time."""
+LOWEST, PER_DECADE = 1e-4, 24
+"""Least angle omega T beside 0, and angles per decade. What is below the least is at its limit to 1e-8. Half as many
+angles may miss one of two neighbouring extrema; twice as many are twice the time."""
+SOFT = np.geomspace(1e-12, 1.0, 97)
+"""Shares of the range of stiffness that are looked at at angle 0, where a soft spring and a late loop ask for drag, for
+most at about K_p, small in slow loops. Half or twice as many find the same hand, which is looked at closer."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoopsInHands:
+    """A loop in hands on the unit circle.
+
+    Attributes
+    ----------
+    theta : omega T, rad, from 0 to pi, shape (n,)
+    hands : their numbers, each of shape (h,)
+    loop : of shape (h, n)
+    """
+
+    theta: Floats
+    hands: Hand
+    loop: AnyLoopInHand
+
+    def required(self, gains: Gains) -> Floats:
+        """Return R, of the shape of the loop; of the gains' shape before it if they are arrays (..., 1, 1)."""
+        found = required_in_hand(self.loop, gains)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            R = np.asarray(found.lost / found.size)
+        return np.broadcast_to(R, np.broadcast_shapes(R.shape, np.shape(gains.velocity)))  # of a servo no gain is in it
+
+    def seen(self, gains: Gains) -> Seen:
+        """Return Z_seen, of the same shape as `required`."""
+        found = seen_in_hand(self.loop, gains)
+        shape = np.broadcast_shapes(np.shape(found.lost), np.shape(gains.velocity))
+        return Seen(*(np.broadcast_to(part, shape) for part in found))
+
+
+@dataclass(frozen=True, slots=True)
+class LoopsInAnyHand:
+    """The loop of an impedance display in any passive hand on the unit circle.
+
+    Attributes
+    ----------
+    theta : omega T, rad, from 0 to pi, shape (n,)
+    answers : of the device, of shape (1, n)
+    """
+
+    theta: Floats
+    answers: AnyHand
+
+    def required(self, gains: Gains) -> Floats:
+        """Return R/s^2, of shape (1, n), inf where some hand makes the loop of K_v alone unstable.
+
+        Of the gains' shape before it if they are arrays (..., 1, 1).
+        """
+        found = self.answers.required(gains)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.where(found.size > 0, found.lost / found.size, inf))
+
+
+@lru_cache(maxsize=64)
+def loops_in_any_hand(device: Device, per_decade: int = PER_DECADE) -> LoopsInAnyHand:
+    """Return the loop of an impedance display in any passive hand at some angles.
+
+    Parameters
+    ----------
+    device : plain numbers
+    per_decade : number of angles in each decade
+    """
+    theta = angles(device, per_decade)
+    return LoopsInAnyHand(theta, answers(device, theta[None]))
+
+
+def answers(device: Device, theta: Floats) -> AnyHand:
+    """Return the answers of an impedance display in any passive hand.
+
+    Parameters
+    ----------
+    device : plain numbers
+    theta : omega T, rad
+    """
+    delays = delays_of(device)
+    return any_hand(device, delays.loop, theta, FLOATS, fractional=delays.loop_fractional)
+
+
+@lru_cache(maxsize=64)
+def loops_in_hands(
+    device: Device, hands: Hands, shares: tuple[float, ...] = SHARES, per_decade: int = PER_DECADE
+) -> LoopsInHands:
+    """Return the loop of a device in some hands of a box at some angles.
+
+    Parameters
+    ----------
+    device : plain numbers
+    hands : the box
+    shares : of each range at which hands are looked at
+    per_decade : number of angles in each decade
+    """
+    theta = angles(device, per_decade)
+    return _loops(device, _every(hands.low.mapped(lambda low, high: _places(low, high, shares), hands.high)), theta)
+
+
+def _loops(device: Device, hands: Hand, theta: Floats) -> LoopsInHands:
+    plant = plant_in_hand(device, hands.mapped(lambda number: number[:, None]), delays_of(device), FLOATS)
+    return LoopsInHands(theta, hands, loop_in_hand(plant, theta, FLOATS))
+
+
+def _every(numbers: Hand) -> Hand:
+    """Return the hands of all combinations of some numbers each, the last varying fastest."""
+    each = np.meshgrid(*numbers.numbers.values(), indexing="ij")
+    return Hand(*(number.ravel() for number in each))
+
+
+def angles(device: Device, per_decade: int) -> Floats:
+    """Return angles from 0 to pi, next to a resonance of the device more of them.
+
+    Parameters
+    ----------
+    device : its sample time and structure are used
+    per_decade : number of angles in each decade
+    """
+    theta = np.geomspace(LOWEST, np.pi, int(per_decade * np.log10(np.pi / LOWEST)))
+    if device.structure is not None:
+        theta = np.minimum(with_resonance(device, theta / device.sample_time) * device.sample_time, np.pi)
+    return np.append(0.0, theta)
+
+
+@lru_cache(maxsize=64)
+def loops_at_rest(device: Device, hands: Hands, spacing: int = 1) -> LoopsInHands:
+    """Return the loop of a device at angle 0 in soft springs; the spring that requires most depends on the gains.
+
+    Parameters
+    ----------
+    device : plain numbers
+    hands : the box
+    spacing : of the stiffnesses that are looked at, in those of `SOFT`
+    """
+    low, high = hands.low, hands.high
+    stiffness = np.unique(low.stiffness + (high.stiffness - low.stiffness) * np.append(0.0, SOFT[::spacing]))
+    masses = np.unique((low.mass, high.mass))
+    return _loops(device, _every(replace(low, mass=masses, stiffness=stiffness)), np.zeros(1))
+
+
+def _places(low: float, high: float, shares: tuple[float, ...]) -> Floats:
+    """Return the places of a range at its shares; one where it has no width."""
+    return np.unique(low + (high - low) * np.array(shares))

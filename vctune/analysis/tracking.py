@@ -1,0 +1,36 @@
+"""The tracking term of many loops at once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.model.gains import Gains
+from vctune.model.loop.device_response import device_response
+from vctune.model.loop.loop import loop_response
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.problem import Problem
+from vctune.model.transparency import log_quadrature, loop_terms
+
+NODES = 64
+"""Frequencies of `tracking_terms`: half as many draw the same line."""
+
+
+def tracking_terms(problem: Problem, gains: Gains) -> Floats:
+    """Return the tracking term of many loops, an estimate on a grid of frequencies.
+
+    Parameters
+    ----------
+    problem : of the nominal device
+    gains : K_v and K_p, arrays that fit each other
+
+    Returns
+    -------
+    array of float
+        Of the shape of the gains.
+    """
+    band, device = problem.transparency.band, problem.device
+    omega, weights = log_quadrature(band.min, band.max, NODES)
+    at, every = device_response(device, omega, FLOATS), Gains(gains.velocity[..., None], gains.position[..., None])
+    squares = loop_terms(loop_response(at, every, FLOATS), at, device.kind).tracking
+    return np.asarray(np.sqrt(squares @ weights if problem.transparency.norm == "rms" else squares.max(axis=-1)))

@@ -1,0 +1,161 @@
+"""Schema of a device: type, range and documentation of the keys of [device] and [uncertainty].
+
+The parts of a device are those of `vctune.model.parts`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag, create_model
+
+from vctune.document.schema.fields import NotNegative, Portion, Positive, Share, Table
+from vctune.model.parts import UNCERTAIN
+
+Order = Annotated[int, Field(strict=True, ge=1, le=2)]
+
+
+class VelocityTable(Table):
+    """How the firmware obtains the velocity of the motor."""
+
+    source: Literal["measured", "difference"] | None = Field(
+        None,
+        alias="from",
+        description="Source of the velocity: a sensor, or the backward difference of the sampled position. Default: "
+        "measured; for an impedance display the difference.",
+    )
+    filter_hz: Positive | None = Field(
+        None,
+        description="Corner f of the firmware's low-pass y += a (x - y), a = 1 - e^(-2 pi f T), Hz. Default: none.",
+    )
+    filter_order: Order = Field(1, description="Number of these low-passes in series, 1 or 2.")
+
+
+class ActuatorTable(Table):
+    """The response of the motor's force to its command."""
+
+    bandwidth_hz: Positive = Field(description="Bandwidth of the force (current) loop, Hz.")
+    order: Order = Field(
+        1, description="Order: 1 is w/(s + w), 2 is w^2/(s^2 + sqrt(2) w s + w^2), with w = 2 pi bandwidth_hz."
+    )
+
+
+class ForceSensorTable(Table):
+    """The sensor of the hand's force."""
+
+    bandwidth_hz: Positive | None = Field(
+        None, description="Bandwidth of sensor and filter, Hz, defined like the actuator's. Default: no low-pass."
+    )
+    order: Order = Field(1, description="Order of the low-pass, 1 or 2.")
+    delay: NotNegative = Field(0.0, description="Delay until the firmware has the sample, s; at most 200 sample times.")
+
+
+class StructureTable(Table):
+    """A handle on a spring. The motor's part has all of the device's damping; sensor and motor act on it."""
+
+    handle_mass: Positive = Field(description="Part of device.mass on the handle's side of the spring, kg.")
+    frequency_hz: Positive = Field(description="Frequency of the free resonance, both parts against each other, Hz.")
+    damping_ratio: NotNegative = Field(description="Damping ratio of that resonance.")
+
+
+class ServoTable(Table):
+    """A closed loop that follows a command late, such as a robot under its vendor's controller."""
+
+    command: Literal["velocity", "position"] = Field(
+        "velocity", description="Kind of command: a velocity, held over a sample, or a position, interpolated over it."
+    )
+    delay: NotNegative = Field(
+        description="Delay from sampling to motion beyond the hold, s; at most 200 sample times, uncertainty included."
+    )
+    bandwidth_hz: Positive = Field(description="Bandwidth of the motion that follows the late command, Hz.")
+    order: Order = Field(1, description="Order of that low-pass, 1 or 2, defined like the actuator's.")
+    stiffness: Positive | None = Field(
+        None,
+        description="Stiffness of the firmware's spring between the measured position and its reference, N/m; the "
+        "force sensor does not delay it. Default: no spring.",
+    )
+
+
+class ServoSensorTable(ForceSensorTable):
+    """The sensor of the hand's force, and the admittance controller's filter of its samples."""
+
+    filter_coefficient: Portion | None = Field(
+        None, description="Coefficient a of the controller's filter y += a (x - y), 0 < a <= 1. Default: no filter."
+    )
+
+
+class ServoDeviceTable(Table):
+    """A device that follows its command late and that the hand cannot push."""
+
+    units: Literal["linear", "rotary"] = Field("linear", description="Kind of motion, as for any other device.")
+    sample_time: Positive = Field(description="Sample time of the admittance controller, s.")
+    servo: ServoTable
+    force_sensor: ServoSensorTable | None = Field(None, description="Default: the force is sensed without delay.")
+
+
+class DeviceTable(Table):
+    """The mechanism: Z_d = mass s + damping."""
+
+    display: Literal["admittance", "impedance"] = Field(
+        "admittance",
+        description='Kind of display. "admittance": force in, velocity out. "impedance": motion in, force out.',
+    )
+    units: Literal["linear", "rotary"] = Field(
+        "linear",
+        description="Kind of motion of the handle. For a rotary device (a wheel, a knob, a joint), read kg m2, rad and "
+        "N m for every kg, m and N of this file; mass is the moment of inertia. The keys keep their names.",
+    )
+    mass: Positive = Field(description="Moving mass, kg.")
+    damping: NotNegative = Field(description="Viscous damping, N s/m.")
+    sample_time: Positive = Field(description="Sample time of the velocity loop, s.")
+    hold: Literal["zoh", "lag"] = Field(
+        "zoh", description="Hold: exact zero-order hold, or the paper's first-order lag 2/(2+sT)."
+    )
+    delay: NotNegative = Field(
+        0.0,
+        description="Delay from sampling to actuation beyond the hold, s; at most 200 sample times, uncertainty "
+        "included.",
+    )
+    velocity: VelocityTable | None = Field(None, description="Default: measured without delay.")
+    actuator: ActuatorTable | None = Field(None, description="Default: the force follows the command without lag.")
+    force_sensor: ForceSensorTable | None = Field(None, description="Default: the force is sensed without delay.")
+    structure: StructureTable | None = Field(None, description="Default: rigid.")
+
+
+def _device_form(value: Any) -> str:
+    servo = "servo" in value if isinstance(value, dict) else isinstance(value, ServoDeviceTable)
+    return "<servo>" if servo else "<mechanism>"
+
+
+AnyDeviceTable = Annotated[
+    Annotated[DeviceTable, Tag("<mechanism>")] | Annotated[ServoDeviceTable, Tag("<servo>")],
+    Discriminator(_device_form),
+]
+
+
+def _share(key: str) -> Any:
+    meaning = "; 0.1 means plus or minus 10 %" if key == "mass" else ""
+    return Share, Field(0.0, alias=key, description=f"Uncertainty of device.{key}{meaning}.")
+
+
+SharesTable: Any = create_model(
+    "SharesTable", __base__=Table, **{key.replace(".", "_"): _share(key) for key in UNCERTAIN}
+)
+"""A relative half-width for each number of a device that may be uncertain."""
+
+
+class UncertaintyTable(SharesTable):
+    """Relative half-widths of the device's numbers; the constraints hold for every device within them.
+
+    The number of a part of the device has its name in quotes, as in "actuator.bandwidth_hz" = 0.2.
+    """
+
+    unmodelled: list[tuple[Positive, Positive]] = Field(
+        default_factory=list,
+        description="Unmodelled dynamics, [[Hz, radius], ...]: the device's response may be multiplied by any factor "
+        "in a disc around 1 with this radius, linear between the frequencies on logarithmic axes and constant beyond.",
+    )
+    objective: Literal["nominal", "worst"] = Field(
+        "nominal",
+        description="Error to minimise: that of the nominal device, or the greatest at the vertices of the box.",
+    )

@@ -1,0 +1,197 @@
+"""Tests of boxes by Taylor polynomials, of one margin or of several (README.md, section 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from vctune.model.numbers.arithmetic import Number
+from vctune.proof.enclosures.array_intervals import UNIT, Enclosure, Flags, Floats, raised
+from vctune.proof.enclosures.box_minimum import least_over_boxes
+from vctune.proof.enclosures.jets import Jet, variables
+from vctune.proof.enclosures.taylor import variables as polynomials
+from vctune.proof.engine.box_tests import FROM_ZERO, Margin, Margins, Rows, lowest, nearest, room_left
+from vctune.proof.engine.boxes import Boxes, Values
+from vctune.proof.engine.branching import Decided, Test
+from vctune.running import check_time
+
+FEW = 128
+"""Boxes that take about as long as one. Half and twice it: as long for random devices in hands; four times: a third
+more."""
+NEAR_ZERO = 1e-3
+"""Share of its range below which a number that may be 0 counts as that, where nothing else is known of a box. A tenth
+takes a fifth more boxes, ten times as much as many; 0 would halve such a row again and again."""
+FREQUENCY_FIRST = 64.0
+"""How many times its width the frequency counts where nothing is known of a box and one of several margins is to be
+positive: what vanishes in a denominator does so at single frequencies. An eighth leaves servos with a stiff coupling
+open, eight times takes as many boxes."""
+WIDER = 0.1
+"""Power of its relative width by which what a row loses counts: of two that lose it together the wider is halved. Half
+takes as many boxes, without an integrator up to five times as many; two and a half times a fifth more; 0 leaves some of
+the latter open."""
+
+
+def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slopes: Test) -> Test:
+    """Return the test that a margin is positive, by polynomials that know how the rows of a box act together.
+
+    If more than `FEW` boxes stay open, the test evaluates the slopes of these too. Slopes tell at which end of a row
+    the margin is least, so that the prover can reduce a box to that face. Polynomials cannot tell, since their
+    remainder has no slope.
+
+    Parameters
+    ----------
+    margin : function of a frequency and of values by name, over `vctune.proof.enclosures.taylor`
+    fixed : values that are no rows of the boxes
+    spans : whole range of each row but the frequency, shape (rows - 1, 1)
+    by_slopes : the test of the same margin by slopes
+
+    Returns
+    -------
+    Test
+        Of boxes of frequency and values.
+    """
+
+    def of(boxes: Boxes, varied: Sequence[bool]) -> Number:
+        rows = polynomials(boxes.rows(), varied)
+        return margin(rows[0], boxes.named(rows, fixed))
+
+    def test(boxes: Boxes) -> Decided:
+        check_time()
+        varied = boxes.varied()
+        least = least_over_boxes(of(boxes, varied))
+        proved, width = least.bound > 0, boxes.high - boxes.low
+        at, cost = np.zeros_like(width), np.zeros_like(width)
+        at[varied], cost[varied] = least.at, least.cost
+        point = np.clip(0.5 * (boxes.low + boxes.high + width * at), boxes.low, boxes.high)
+        fails = ~proved & (least.estimate < 0)
+        if fails.any():
+            there = replace(boxes.subset(fails), low=point[:, fails], high=point[:, fails])
+            fails[fails] = of(there, there.varied()).enclosed().negative()
+        known, side = np.isfinite(least.bound), np.zeros_like(width)
+        left = np.flatnonzero(~proved & ~fails)
+        if left.size > FEW:
+            sloping = by_slopes(boxes.subset(left))
+            proved[left], fails[left], side[:, left] = sloping.proved, sloping.fails, sloping.side
+            point[:, left] = np.where(sloping.fails, sloping.point, point[:, left])
+        relative = _relative(boxes, spans)
+        cost = np.where((width > 0) & (side == 0), np.where(known, cost * relative**WIDER, relative), 0.0)
+        return Decided(proved, fails, point, cost, known, side, np.where(proved, np.inf, least.estimate))
+
+    return test
+
+
+def any_positive(margins: Margins, slopes: Margins, fixed: Values, spans: Floats) -> Test:
+    """Return the test that at each point one of several margins is positive.
+
+    A box is proved if one of them is throughout, and fails where all of them are negative at one point. Any other is
+    halved as the margin asks that is nearest to being proved. The margins are least at the same end of a row only if
+    all are that may be positive at all.
+
+    Parameters
+    ----------
+    margins : of a frequency and of values, over `vctune.proof.enclosures.taylor`
+    slopes : the same over jets
+    fixed : the values that are not among a box's rows
+    spans : of the whole range of each row but the frequency, shape (rows - 1, 1)
+    """
+
+    def of(boxes: Boxes) -> tuple[Number, ...]:
+        rows = polynomials(boxes.rows(), boxes.varied())
+        return margins(rows[0], boxes.named(rows, fixed))
+
+    def test(boxes: Boxes) -> Decided:
+        check_time()
+        best = nearest([_by_polynomials(number, boxes, spans) for number in of(boxes)])
+        left = np.flatnonzero(~best.proved)
+        if left.size:
+            there = replace(boxes.subset(left), low=best.point[:, left], high=best.point[:, left])
+            best.fails[left] = np.all([number.enclosed().negative() for number in of(there)], axis=0)
+        left = np.flatnonzero(~best.proved & ~best.fails)
+        if left.size > FEW:
+            part = boxes.subset(left)
+            proved, side = _any_by_slopes(lambda rows: slopes(rows[0], part.named(rows, fixed)), part)
+            best.proved[left], best.side[:, left] = proved, side
+            best.cost[:, left] = np.where(best.side[:, left] == 0, best.cost[:, left], 0.0)
+        return best
+
+    return test
+
+
+def _by_polynomials(number: Number, boxes: Boxes, spans: Floats) -> Decided:
+    """Decide by one of several margins; where it is negative somewhere, its cost is its variation."""
+    least, varied, n = least_over_boxes(number), boxes.varied(), len(boxes)
+    width = boxes.high - boxes.low
+    at, lost, varies = np.zeros_like(width), np.zeros_like(width), np.zeros_like(width)
+    at[varied], lost[varied], varies[varied] = least.at, least.cost, np.abs(number.poly[1 : 1 + number.rows])
+    varies += lost
+    known, positive = np.isfinite(least.bound), least.estimate > 0
+    relative = _relative(boxes, spans)
+    cost = np.where(positive, lost, varies) * relative**WIDER
+    relative[0] *= np.where(boxes.low[0] > 0, FREQUENCY_FIRST, 1.0)  # halved from 0 it is no narrower
+    cost = np.where(known, cost, relative)
+    room = room_left(least.estimate, least.estimate - least.bound, varies.sum(axis=0))
+    room[number.enclosed().negative()] = -np.inf
+    return Decided(
+        proved=least.bound > 0,
+        fails=np.zeros(n, bool),
+        point=np.clip(0.5 * (boxes.low + boxes.high + width * at), boxes.low, boxes.high),
+        cost=np.where(width > 0, cost, 0.0),
+        known=known,
+        side=np.zeros_like(width),
+        room=room,
+    )
+
+
+def _relative(boxes: Boxes, spans: Floats) -> Floats:
+    """Return the width of each row relative to its numbers, which count as `NEAR_ZERO` of their range at least."""
+    sizes = np.abs(boxes.low) + np.abs(boxes.high)
+    sizes[1:] += NEAR_ZERO * spans
+    relative = (boxes.high - boxes.low) / sizes
+    relative[0] = np.where(boxes.low[0] == 0, FROM_ZERO, relative[0])
+    return np.asarray(relative)
+
+
+def _any_by_slopes(margins: Callable[[Rows], tuple[Number, ...]], boxes: Boxes) -> tuple[Flags, Floats]:
+    """Return which boxes one of several margins is positive throughout, and the end of each row where all are least.
+
+    Each is bounded from its value at the point at these ends, in the middle of the other rows, as by `_by_slopes`.
+    """
+    rows, varied, n = boxes.rows(), boxes.varied(), len(boxes)
+    numbers = margins(variables(rows, varied))
+    side = _common_sides(numbers, boxes)
+    rad, middle = np.stack([np.broadcast_to(row.rad, n) for row in rows]), np.stack([row.mid for row in rows])
+    point = middle + side * rad
+    at_point = [
+        Enclosure(p, 2 * UNIT * (np.abs(p) + r)) if varies else row
+        for p, r, row, varies in zip(point, rad, rows, varied, strict=True)
+    ]
+    proved = np.zeros(n, bool)
+    for number, value in zip(numbers, margins(at_point), strict=True):
+        reach, slopes = np.zeros_like(rad), number.slopes if isinstance(number, Jet) else ()
+        for row, slope in zip(np.flatnonzero(varied), slopes, strict=False):
+            if slope is not None:
+                reach[row] = np.where(side[row] == 0, (np.abs(slope.mid) + slope.rad) * rad[row], 0.0)
+        direct: Enclosure = number.value if isinstance(number, Jet) else number
+        proved |= lowest(value.mid, raised(value.rad + reach.sum(axis=0), 1 + len(rows))) > 0
+        proved |= direct.positive()
+    return proved, side
+
+
+def _common_sides(numbers: Sequence[Number], boxes: Boxes) -> Floats:
+    """Return the end of each row at which all margins are least that are not negative throughout, 0 where they differ.
+
+    Where all of them are negative throughout any end will do.
+    """
+    least, most = np.ones_like(boxes.low), -np.ones_like(boxes.low)
+    for number in numbers:
+        side = np.zeros_like(boxes.low)
+        value: Enclosure = number.value if isinstance(number, Jet) else number
+        slopes = number.slopes if isinstance(number, Jet) else ()
+        for row, slope in zip(np.flatnonzero(boxes.varied()), slopes, strict=False):
+            if slope is not None:
+                side[row] = 1.0 * slope.negative() - slope.positive()
+        hopeful = ~np.broadcast_to(value.negative(), len(boxes))
+        least, most = np.where(hopeful, np.minimum(least, side), least), np.where(hopeful, np.maximum(most, side), most)
+    return np.where(least == most, least, 0.0)
