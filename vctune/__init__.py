@@ -8,6 +8,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
+    from vctune.analysis.responses.loop import Loop as Loop
     from vctune.api.bounding import bound as bound
     from vctune.api.checking import check as check
     from vctune.api.checking import check_region as check_region
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from vctune.model.experiment import Experiment as Experiment
     from vctune.model.gains import Coupling as Coupling
     from vctune.model.gains import Gains as Gains
+    from vctune.model.hands import Hand as Hand
     from vctune.model.hands import LeastOperator as LeastOperator
     from vctune.model.parts import Actuator as Actuator
     from vctune.model.parts import ForceSensor as ForceSensor
@@ -50,6 +52,13 @@ if TYPE_CHECKING:
     from vctune.model.problem import Range as Range
     from vctune.proof.certificate import Certificate as Certificate
     from vctune.proof.certificate import certify as certify
+    from vctune.report.figures.hands_figure import draw_ratio_in_hands as draw_ratio_in_hands
+    from vctune.report.figures.hands_figure import draw_required_in_hands as draw_required_in_hands
+    from vctune.report.figures.panels import draw_error as draw_error
+    from vctune.report.figures.panels import draw_impedance as draw_impedance
+    from vctune.report.figures.panels import draw_nyquist as draw_nyquist
+    from vctune.report.figures.panels import draw_ratio as draw_ratio
+    from vctune.report.figures.panels import draw_required as draw_required
     from vctune.simulation.two_runs import Simulated as Simulated
 
 
@@ -63,9 +72,11 @@ _HOME = {
     "Experiment": "model.experiment",
     "ForceSensor": "model.device",
     "Gains": "model.gains",
+    "Hand": "model.hands",
     "InputError": "document.text.errors",
     "Judgement": "design.verdict.judge",
     "LeastOperator": "model.hands",
+    "Loop": "analysis.responses.loop",
     "Problem": "model.problem",
     "ProblemFile": "document.reading",
     "Range": "model.problem",
@@ -80,6 +91,13 @@ _HOME = {
     "check_region": "api.checking",
     "compare": "api.comparing",
     "design_record": "design.verdict.design_record",
+    "draw_error": "report.figures.panels",
+    "draw_impedance": "report.figures.panels",
+    "draw_nyquist": "report.figures.panels",
+    "draw_ratio": "report.figures.panels",
+    "draw_ratio_in_hands": "report.figures.hands_figure",
+    "draw_required": "report.figures.panels",
+    "draw_required_in_hands": "report.figures.hands_figure",
     "explain": "api.explaining",
     "export": "api.exporting",
     "front": "api.studies",

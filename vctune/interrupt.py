@@ -15,6 +15,23 @@ RECEIVED: list[int] = []
 """Signals that have interrupted this process: compiled code may turn KeyboardInterrupt into errors of other names."""
 
 
+RESUMES: list[str] = []
+"""What to tell somebody who has interrupted the process, where its work goes on from what is kept."""
+
+
+@contextmanager
+def resumable(how: str = "running it again resumes") -> Iterator[None]:
+    """Have an interrupt within the block say how to go on.
+
+    Parameters
+    ----------
+    how : what continues the work
+    """
+    RESUMES.append(how)
+    yield  # an interrupt leaves it there for who reports it
+    RESUMES.remove(how)
+
+
 def raise_interrupt(number: int, frame: FrameType | None) -> None:
     """Handle SIGINT or SIGTERM by KeyboardInterrupt, and remember it.
 

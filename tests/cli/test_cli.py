@@ -36,7 +36,7 @@ def test_solve_writes_its_files_and_prints_a_table(device, tmp_path):
     folder = tmp_path / "results" / "device"
     written = {path.name for path in folder.iterdir()}
     assert {"gains.toml", "design.json", "report.html", "llewellyn.svg", "nyquist.svg"} <= written
-    for part in ("certified", "velocity K_v", "N s/m", "proved band", "phase margin", "left out: coupling.drag"):
+    for part in ("certified", "velocity K_v", "N s/m", "proved band", "phase margin", "limited by", "next: open"):
         assert part in done.stdout
     (band,) = (line for line in done.stdout.splitlines() if line.lstrip().startswith("proved band"))
     assert band.endswith("Hz; outside it nothing is proved of the ratio")

@@ -100,7 +100,7 @@ def test_a_box_without_limits_is_no_box() -> None:
         ({"uncertainty": {"unmodelled": [[1.0, 0.1]]}}, "is not proved with [environment]"),
         ({"device": {**WHEEL["device"], "display": "impedance"}}, "not of a box of them"),
         ({"environment": {"mass": {"min": 2.0, "max": 1.0}}}, "swap them"),
-        ({"environment": {"walls": True}}, "unknown key"),
+        ({"environment": {"wall": True}}, "unknown key"),
     ],
 )
 def test_what_is_not_proved_is_refused(tables: dict[str, object], said: str) -> None:

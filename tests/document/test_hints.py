@@ -137,3 +137,10 @@ def test_what_is_usual_is_in_no_doubt(tmp_path):
     (tmp_path / "console.toml").write_text(GOOD)
     done = run("check", "console.toml", "--json", cwd=tmp_path)
     assert strict(done.stdout)[0]["warnings"] == [] and done.stderr == ""
+
+
+def test_an_unknown_key_of_a_servos_table_lists_keys_that_a_servo_has():
+    text = "[device]\nsample_time = 2e-3\nservo = { delay = 0.01, bandwidth_hz = 20.0 }\n[uncertainty]\nfoo = 0.1\n"
+    with pytest.raises(InputError) as refused:
+        parse_problem(text, "arm.toml", "arm")
+    assert "known here: servo.delay, servo.bandwidth_hz, unmodelled, objective" in str(refused.value)

@@ -41,7 +41,7 @@ UNIT_HANDS = [Grip(mass=1.0), Grip(damping=1.0), Grip(stiffness=1.0)]
 
 def required_of_servo(plant, hand, theta, ops) -> Required:
     seen = seen_of_servo(plant, hand, theta, ops)
-    return Required(blur_of(plant, seen, theta, ops) - 0.5 * seen.odd, seen.size)
+    return Required(blur_of(plant, seen, theta, ops) - 0.5 * seen.odd, 1)
 
 
 def plant_of(device: Device):
@@ -52,7 +52,7 @@ def seen_at(device: Device, hand: Hand, theta: np.ndarray) -> np.ndarray:
     """Return Z_seen as one complex number."""
     found = seen_of_servo(plant_of(device), hand, theta, FLOATS)
     s = np.sin(theta / 2)
-    return (found.even + 1j * s * found.odd) / (2j * s * found.size)
+    return (found.even + 1j * s * found.odd) / (2j * s)
 
 
 def required_at(device: Device, hand: Hand, theta: np.ndarray) -> np.ndarray:
@@ -84,6 +84,23 @@ def test_matrix_exponentials(number):
         assert np.abs(found - expected).max() < 1e-8 * np.abs(expected).max()
         required = required_at(device_of(servo), Hand(grip.mass, grip.damping, grip.stiffness), theta)
         assert np.abs(required + expected.real).max() < 1e-8 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_a_filter_of_the_samples_multiplies_the_force(number):
+    random = np.random.default_rng((78, number))
+    servo, share = random_servo(random), float(random.uniform(0.02, 0.9))
+    theta = np.concatenate((10 ** random.uniform(-2, 0.49, 20), [pi]))
+    device = device_of(servo)
+    sensor = device.force_sensor or ForceSensor()
+    filtered = replace(device, force_sensor=replace(sensor, filter_coefficient=share))
+    passed = share / (1 - (1 - share) * np.exp(-1j * theta))
+    for grip in UNIT_HANDS:
+        expected = seen(servo, grip, theta) * passed
+        hand = Hand(grip.mass, grip.damping, grip.stiffness)
+        assert np.abs(seen_at(filtered, hand, theta) - expected).max() < 1e-8 * np.abs(expected).max()
+    later = servo.latency + servo.sample_time * (1 - share) / share
+    assert required_at(filtered, Hand(0.0, 0.0, 1000.0), np.zeros(1)) == pytest.approx(1000 * later, rel=1e-9)
 
 
 @pytest.mark.parametrize("whole", [1, 3])

@@ -16,7 +16,7 @@ from conftest import DEVICE, FIXED, PROBLEM_FILES, ROOT, for_passive_hands
 from jsonschema import Draft202012Validator
 
 from vctune.cli.commands.schema import KINDS
-from vctune.cli.main import main
+from vctune.cli.main import COMMANDS, main
 from vctune.document.records.json_schemas import SCHEMAS
 from vctune.document.schema.number_units import QUANTITIES, unit_of
 from vctune.document.text import toml
@@ -41,7 +41,8 @@ def folder(tmp_path):
 
 
 def commands():
-    for name, command in main.commands.items():
+    for name in COMMANDS:
+        command = main.get_command(click.Context(main), name)
         if isinstance(command, click.Group):
             yield from ((f"{name} {inner}", each) for inner, each in command.commands.items())
         elif name not in SILENT:

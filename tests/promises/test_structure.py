@@ -8,6 +8,7 @@ import subprocess
 import sys
 from functools import cache
 
+import pytest
 from conftest import ROOT
 
 FLOORS = [
@@ -113,6 +114,7 @@ def test_heavy_libraries_stay_in_their_rooms():
         # the simulation's step runs in CasADi's virtual machine; a benchmark runs CasADi's other solvers on the NLP
         "casadi": (
             "design/nlp/nlp.py",
+            "design/nlp/ipopt_version.py",
             "simulation/mechanics/step.py",
             "simulation/mechanics/stretches.py",
             "bench/dense.py",
@@ -124,6 +126,9 @@ def test_heavy_libraries_stay_in_their_rooms():
         "matplotlib": "report",
         "distributed": "study/executors.py",
         "pyarrow": "study/study_table.py",
+        "control": "analysis/responses/transfer.py",
+        "pandas": ("study/study_table.py", "api/studies.py"),
+        "polars": ("study/study_table.py", "api/studies.py"),
         "scipy": ("bench", "identification"),
         "mpmath": "bench",
         "yaml": "document/ros.py",
@@ -135,13 +140,23 @@ def test_heavy_libraries_stay_in_their_rooms():
                 assert str(path.relative_to(PACKAGE)).startswith(home), f"{path} imports {library}"
 
 
-def test_help_imports_nothing_heavy():
+@pytest.mark.parametrize(
+    ("option", "heavy"),
+    [
+        ("--help", {"casadi", "numpy", "flint", "pydantic", "rich", "matplotlib"}),
+        (
+            "--version",
+            {"flint", "pydantic", "rich", "matplotlib", "scipy", "vctune.model", "vctune.cli.commands.solve"},
+        ),
+    ],
+)
+def test_help_and_version_import_nothing_heavy(option, heavy):
     code = (
-        "import sys; sys.argv = ['vctune', '--help']\n"
+        f"import sys; sys.argv = ['vctune', {option!r}]\n"
         "import vctune.cli\n"
         "try: vctune.cli.run()\n"
         "except SystemExit: pass\n"
-        "heavy = {'casadi', 'numpy', 'flint', 'pydantic', 'rich', 'matplotlib'} & set(sys.modules)\n"
+        f"heavy = {heavy!r} & set(sys.modules)\n"
         "sys.exit(str(heavy) if heavy else 0)\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)

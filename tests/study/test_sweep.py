@@ -25,6 +25,7 @@ from jsonschema import Draft202012Validator
 from vctune.design.solve import solve
 from vctune.document.reading import parse_problem, read_problem
 from vctune.document.records.json_schemas import SCHEMAS
+from vctune.document.schema.number_units import heading
 from vctune.document.study_file import read_study
 from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
@@ -448,7 +449,7 @@ def test_a_full_disk_stops_the_run_and_keeps_the_rows(tmp_path):
     assert len(rows_in(tmp_path / "results/study/rows.jsonl")) == 36
 
 
-def test_parquet_and_csv_say_the_same(tmp_path):
+def test_parquet_csv_and_frames_say_the_same(tmp_path):
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -460,6 +461,13 @@ def test_parquet_and_csv_say_the_same(tmp_path):
         {name: texts[value] if value is None or isinstance(value, bool) else str(value) for name, value in row.items()}
         for row in read
     ] == lines
+    frame, other = table.to_pandas(), table.to_polars()
+    assert other.to_arrow().to_pylist() == read
+    assert list(frame.columns) == other.columns == list(lines[0]) and "reference_impedance [N s/m]" in frame.columns
+    assert list(frame["status"]) == table.status
+    for name, column in table.numbers.items():
+        values = frame[heading(name, table.units.get(name, ""))].to_numpy(dtype=float)
+        assert np.array_equal(values, column, equal_nan=True)
 
 
 def test_summary_of_a_table(tmp_path):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
-from math import inf
+from math import inf, pi
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +17,9 @@ from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.hand_loop import AnyLoopInHand, loop_in_hand, offered, required_in_hand, seen_in_hand
-from vctune.model.sampled.loop_in_worlds import disjuncts, offered_at, posed, room_of
-from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.sampled.loop_in_walls import LEADS, disjuncts_in_walls, strip_in_walls
+from vctune.model.sampled.loop_in_worlds import Offered, Seen, disjuncts, offered_at, posed, room_of
+from vctune.model.sampled.plant_in_hand import ServoInHand, delays_of, plant_in_hand
 from vctune.model.worlds import WorldsMet
 from vctune.running import check_time
 
@@ -64,14 +67,82 @@ def needs_in_hands(
     device : plain numbers
     gains, coupling : a design, plain numbers or arrays that broadcast against the loop
     theta : omega T, rad
-    met : the environments; None for every passive one
+    met : the environments, linear or with walls; None for every passive one
     """
+    if met is not None and met.worlds.corner is not None:
+        return _need_in_walls(loop, device, gains, series_coupling(coupling), theta, met)
     if met is not None:
         needs = needs_in_worlds(loop, device, gains, series_coupling(coupling), theta, met)
         return np.minimum.reduce(np.broadcast_arrays(*needs.values()))
     found = required_in_hand(loop, gains)
     with np.errstate(all="ignore"):
         return _need(np.asarray(found.lost / found.size), offered(coupling, device, theta, FLOATS))
+
+
+@np.errstate(all="ignore")
+def _need_in_walls(
+    loop: AnyLoopInHand, device: Device, gains: Gains, coupling: Coupling, theta: Floats, met: WorldsMet
+) -> Floats:
+    """Return 1/ratio with walls: the ratio is g times the exponential of the least room of `rooms_at_walls`."""
+    seen, at = seen_in_hand(loop, gains), offered_at(coupling, device.sample_time, theta, FLOATS)
+    rooms = rooms_at_walls(seen, at, device.sample_time, theta, met)
+    return np.exp(-np.minimum.reduce(list(rooms.values()))) / met.factor
+
+
+class AtWall(NamedTuple):
+    """The share of the coupling, and l of the stepping rule, of a condition of walls at an angle in a hand."""
+
+    share: float
+    lead: float
+
+
+@np.errstate(all="ignore")
+def rooms_at_walls(seen: Seen, at: Offered, sample_time: float, theta: Floats, met: WorldsMet) -> dict[AtWall, Floats]:
+    """Return the room of the condition of walls with some shares of the coupling, by either rule.
+
+    The room is the greatest of those of the margins, of which one must be positive.
+
+    Parameters
+    ----------
+    seen : Z_seen of the loop in hands
+    at : what the coupling offers
+    sample_time : T, s
+    theta : omega T, rad
+    met : the environments with walls
+    """
+    worlds, rooms = met.worlds, dict[AtWall, Floats]()
+    for share in _shares_of_coupling(met.factor):
+        strip = strip_in_walls(at, worlds, sample_time, seen, share, theta, FLOATS)
+        for lead in LEADS:
+            found = disjuncts_in_walls(strip, worlds, lead, sample_time, theta, FLOATS)
+            each = [np.asarray(room_of(terms, np.abs)) for terms in found if terms is not None]
+            rooms[AtWall(share, lead)] = np.maximum.reduce(each)
+    return rooms
+
+
+def tightest_at_wall(
+    device: Device, gains: Gains, coupling: AnyCoupling, omega: float, hand: Hand, met: WorldsMet
+) -> AtWall:
+    """Return the share of a coupling, and the rule, with which walls have least room in one hand at one frequency.
+
+    Parameters
+    ----------
+    device : plain numbers
+    gains, coupling : a design, plain numbers
+    omega : rad/s
+    hand : held with
+    met : the environments with walls
+    """
+    theta = np.array([min(omega * device.sample_time, pi)])
+    loop = loop_in_hand(plant_in_hand(device, hand, delays_of(device), FLOATS), theta, FLOATS)
+    seen, at = seen_in_hand(loop, gains), offered_at(series_coupling(coupling), device.sample_time, theta, FLOATS)
+    rooms = rooms_at_walls(seen, at, device.sample_time, theta, met)
+    return min(rooms, key=lambda wall: float(np.nan_to_num(rooms[wall][0], nan=inf)))
+
+
+def _shares_of_coupling(factor: float) -> tuple[float, ...]:
+    """Return the shares of a coupling at which walls are looked at in double precision: 1, 1/g and one between."""
+    return (1.0,) if factor == 1 else (1 / factor, factor**-0.5, 1.0)
 
 
 @np.errstate(all="ignore")
@@ -110,15 +181,20 @@ def hardest_near(
     safe = np.where(width > 0, width, 1.0)
     share = np.sqrt((np.array([*starts.hands.numbers.values()]) - low[:, None]) / safe[:, None])
     step_hand, step_angle = np.full(theta.size, 0.2), np.full(theta.size, 2.3 / PER_DECADE)
-    offsets = np.array(list(product((-1, 0, 1), repeat=count))).T
+    # the requirement before a servo is convex in the hand: one that starts at a vertex stays there
+    at_vertices = device.servo is not None and met is None
+    offsets = np.zeros((count, 1)) if at_vertices else np.array(list(product((-1, 0, 1), repeat=count))).T
     turns = np.array([-1, 0, 1])
-    best = np.full(theta.size, -inf)
+    best, plant = np.full(theta.size, -inf), None
     for _ in range(ROUNDS):
         check_time()
         near = np.clip(share[:, :, None] + offsets[:, None, :] * step_hand[:, None], 0.0, 1.0)
         angle = np.minimum(theta[:, None] * np.exp(turns * step_angle[:, None]), np.pi)
         hand = Hand(*((low[:, None, None] + width[:, None, None] * near**2)[..., None]))
-        plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
+        if isinstance(plant, ServoInHand):  # no hand moves it
+            plant = replace(plant, hand=hand)
+        else:
+            plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
         loop = loop_in_hand(plant, angle[:, None, :], FLOATS)
         need = needs_in_hands(loop, device, gains, coupling, angle[:, None, :], met).reshape(theta.size, -1)
         need = np.nan_to_num(need, nan=-inf, posinf=inf)  # 0/0 at rest without an integrator asks for nothing

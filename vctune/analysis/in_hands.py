@@ -114,7 +114,11 @@ the number, give the same designs."""
 
 
 def windows(
-    problem: Problem, gains: Gains, coupling: AnyCoupling, worst: Sequence[RatioInHand | RatioInAnyHand]
+    problem: Problem,
+    gains: Gains,
+    coupling: AnyCoupling,
+    worst: Sequence[RatioInHand | RatioInAnyHand],
+    met: WorldsMet,
 ) -> list[RatioInHand]:
     """Return the ends of the windows of angles, about the worst places, in which the constraint for a box of
     environments is violated.
@@ -126,10 +130,9 @@ def windows(
     problem : problem of one device, with a claim in hands
     gains, coupling : plain floats, in the problem's units
     worst : places of `least_ratios`
+    met : the environments, linear or with walls
     """
-    device, met, found = problem.device, problem.worlds_met, list[RatioInHand]()
-    if met is None:
-        return found
+    device, found = problem.device, list[RatioInHand]()
     for at in worst:
         if not isinstance(at, RatioInHand) or at.omega == 0 or at.ratio >= met.factor:
             continue

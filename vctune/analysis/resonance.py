@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
 
 import numpy as np
@@ -14,6 +15,9 @@ RESONANCE_REACH, NARROWEST = 1.1, 2e-3
 spacing. Half and twice the range decide alike, because the loop moves a resonance between these two. Half as fine may
 miss the effect of a resonance between two frequencies, which the proof would then find; twice as fine takes twice the
 time there."""
+NARROWER = 6.0
+"""Factor by which a resonance is sampled more finely than its width, for a curve. Half shows corners, twice is twice as
+long a file."""
 
 
 def with_resonance(device: Device, grid: Floats) -> Floats:
@@ -46,3 +50,18 @@ def with_resonance(device: Device, grid: Floats) -> Floats:
     step = min(max(float(structure.damping_ratio) / 2, NARROWEST), 0.02)
     # 1 + int(...) steps, so that none is longer than `step`, and one frequency more than steps
     return np.union1d(grid, np.geomspace(low, high, 2 + int(np.log(high / low) / step)))
+
+
+def round_at_resonance(device: Device, hz: Floats) -> Floats:
+    """Return frequencies with more of them around a structure's resonance, so that it is drawn as a smooth
+    curve.
+
+    Parameters
+    ----------
+    device : plain numbers
+    hz : increasing, Hz
+    """
+    if device.structure is None:
+        return hz
+    narrow = replace(device.structure, damping_ratio=device.structure.damping_ratio / NARROWER)
+    return with_resonance(replace(device, structure=narrow), 2 * pi * hz) / (2 * pi)

@@ -101,7 +101,7 @@ def solve_axes(
     list of AxisDesign
         In the order of the file.
     """
-    from vctune.design.nlp.nlp import ipopt_version
+    from vctune.design.nlp.ipopt_version import ipopt_version
 
     def work(axis: AxisProblem) -> Solved:
         return solve(axis.file, gap=gap, prices=prices, progress=lambda stage: progress(f"{axis.name}: {stage}"))

@@ -15,7 +15,7 @@ from vctune.api.solving import require_bounded, require_gap, solve
 from vctune.design.bound.resume import ResumeState, read_resume, resume_bytes
 from vctune.design.bound.search import Optimality
 from vctune.design.bound.search import bound as search
-from vctune.design.nlp.nlp import ipopt_version
+from vctune.design.nlp.ipopt_version import ipopt_version
 from vctune.design.prepared import prepare
 from vctune.design.result import Solved
 from vctune.design.search.optimum import Progress, improved

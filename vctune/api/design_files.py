@@ -23,7 +23,8 @@ from vctune.document.records.simulation_json import simulation_beside
 from vctune.document.text.date import today
 from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import make_folder, previous, write_together
-from vctune.report.page.contents import REPORT, report_paths
+from vctune.report.page.contents import REPORT as REPORT
+from vctune.report.page.contents import report_paths
 
 
 def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> Path:
@@ -65,7 +66,7 @@ def write_solved(folder: Path, file: ProblemFile, solved: Solved) -> tuple[Desig
     record : record of the design, as it is written
     renamed : files of an earlier design that were renamed, and their new names
     """
-    from vctune.design.nlp.nlp import ipopt_version
+    from vctune.design.nlp.ipopt_version import ipopt_version
 
     record = record_of(file, solved, ipopt_version(), today())
     return record, write_record(folder, file, record)
@@ -145,13 +146,15 @@ def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> dict[
     files = {folder / DESIGN_FILE: json_text(record)}
     gains, kind = folder / GAINS_FILE, file.problem.device.kind
     if record.design is not None and record.certificate is not None:
-        origin = {
+        origin: dict[str, str | float] = {
             "problem": file.problem.name,
             "sha256": file.sha256,
             "vctune": str(record.versions["vctune"]),
             "verdict": record.certificate.verdict,
             "numbers": numbers_text(kind, *record.design),
         }
+        if (hands := record.certificate.hands) is not None and hands.walls is not None:
+            origin["corner_hz"] = hands.walls.corner_hz
         files[gains] = gains_text(kind, *record.design, origin, record.problem.units)
     earlier = [gains] if record.design is None and gains.exists() else []
     earlier += outdated(folder, record)

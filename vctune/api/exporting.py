@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf
+from math import inf, pi
 from pathlib import Path
 from typing import get_args
 
@@ -95,7 +95,7 @@ def export(
         axes = [RosAxis(axis, file, *design) for axis in axes_of(file.problem)]
         return export_parameters(file, axes, unproved=unproved, progress=progress)
     progress("proving")
-    made = firmware(file, *design, precision)
+    made = firmware(file, *design, precision, _stated_corner(source, gains, coupling, file))
     if not certified(made) and not unproved:
         raise NotCertifiedError(made)
     return Exported(file, made, FILES[to](file, made, progress))
@@ -246,6 +246,17 @@ def stated_design(
         message = "does not belong to the problem's text: one of them was changed; solve the problem again"
         raise InputError.of(named, "damaged-document", message, key="problem.sha256")
     return file, record.design
+
+
+def _stated_corner(
+    source: ProblemSource | DesignRecord, gains: DesignSource | None, coupling: AnyCoupling | None, file: ProblemFile
+) -> float | None:
+    """Return the corner with which the walls of a design were proved, rad/s; None where nothing states it."""
+    record = known_record(source)
+    if record is None:
+        return None if gains is None else design_for(file, gains, coupling).corner
+    walls = record.certificate and record.certificate.hands and record.certificate.hands.walls
+    return 2 * pi * walls.corner_hz if walls else None
 
 
 def _c_files(file: ProblemFile, made: Firmware, progress: Progress) -> Files:

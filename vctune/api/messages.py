@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 def versions() -> dict[str, str | None]:
     """Return the versions of vctune and of the libraries that determine a result."""
-    from vctune.design.nlp.nlp import ipopt_version
-    from vctune.design.verdict.design_record import versions as of
+    from vctune.design.nlp.ipopt_version import ipopt_version
+    from vctune.version import versions as of
 
     return of(ipopt_version())
 

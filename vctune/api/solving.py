@@ -54,9 +54,10 @@ def solve(
         require_bounded(file)
     with limited(time_limit):
         solved = with_repairs(file, find(file.problem, progress, gap=gap), progress)
-        progress("comparing criteria")
+        known = f"; {solved.known}"
+        progress(f"comparing criteria{known}")
         solved = with_alternatives(file, solved)
-        progress("pricing the device")
+        progress(f"pricing the device{known}")
         return with_prices(solved) if prices else solved
 
 

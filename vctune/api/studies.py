@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vctune.api.bounding import require_free
 from vctune.document.building import ProblemSource
@@ -26,6 +26,10 @@ from vctune.study.study_summary import summary
 from vctune.study.study_table import Table, table_files, table_of
 from vctune.study.sweep import OnDone
 from vctune.study.sweep import sweep as run
+
+if TYPE_CHECKING:
+    import pandas
+    import polars
 
 Bar = Callable[[str, int], AbstractContextManager[OnDone]]
 """Shows how a study of a name and a number of points gets on."""
@@ -55,6 +59,17 @@ class Swept:
     def summary(self) -> SweepRecord:
         """Counts by status, yardstick, best and worst design, and the corner without designs."""
         return summary(self.study, self.table)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return the rows as a data frame of pandas, units in the headings (the extra `pandas`)."""
+        return self.table.to_pandas()
+
+    def to_polars(self) -> polars.DataFrame:
+        """Return the rows as a data frame of polars, units in the headings (the extra `polars`)."""
+        return self.table.to_polars()
+
+    def __repr__(self) -> str:
+        return f"Swept({self.table!r})"
 
     def _repr_html_(self) -> str:
         return self.table._repr_html_()

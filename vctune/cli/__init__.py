@@ -30,11 +30,17 @@ def run() -> None:
         code = execute()
     except KeyboardInterrupt:
         _ignore_interrupts()
-        sys.stderr.write("interrupted\n")
+        sys.stderr.write("; ".join(["interrupted", *_resuming()]) + "\n")
         sys.stderr.flush()
         os._exit(130)  # CPython may remember the interrupt and die by the signal instead of exiting with a code
     _ignore_interrupts()
     sys.exit(code)
+
+
+def _resuming() -> list[str]:
+    from vctune.interrupt import RESUMES
+
+    return RESUMES[-1:]
 
 
 def _ignore_interrupts() -> None:

@@ -3,25 +3,11 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from importlib import import_module
 
 import click
 
 from vctune.api.messages import InputError, coded
-from vctune.cli.commands.bench import bench
-from vctune.cli.commands.bound import bound
-from vctune.cli.commands.check import check
-from vctune.cli.commands.compare import compare
-from vctune.cli.commands.example import example
-from vctune.cli.commands.explain import explain
-from vctune.cli.commands.export import export
-from vctune.cli.commands.front import front
-from vctune.cli.commands.identify import identify
-from vctune.cli.commands.region import region
-from vctune.cli.commands.report import report
-from vctune.cli.commands.schema import schema
-from vctune.cli.commands.simulate import simulate
-from vctune.cli.commands.solve import solve
-from vctune.cli.commands.sweep import sweep
 from vctune.exit_codes import ExitCode
 from vctune.interrupt import RECEIVED
 
@@ -29,6 +15,26 @@ EPILOG = (
     "Exit codes: 0 certified or passed, 1 infeasible, violated or failed, 2 bad usage or input, "
     "3 undecided, 4 internal error, 130 interrupted (SIGINT or SIGTERM)."
 )
+
+
+COMMANDS = (
+    "bench", "bound", "check", "compare", "example", "explain", "export", "front", "identify", "region", "report",
+    "schema", "simulate", "solve", "sweep",
+)  # fmt: skip
+"""Each the name of a module of `vctune.cli.commands`, and of the command in it."""
+
+
+class _Commands(click.Group):
+    """The commands, of which no more are imported than are run or listed."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        # what is no command needs all of them: click says which of them it is like
+        for name in (cmd_name,) if cmd_name in COMMANDS else COMMANDS:
+            self.commands[name] = getattr(import_module(f"vctune.cli.commands.{name}"), name)
+        return self.commands.get(cmd_name)
 
 
 def _print_version(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:
@@ -41,7 +47,7 @@ def _print_version(context: click.Context, parameter: click.Parameter, wanted: b
     context.exit()
 
 
-@click.group(epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=_Commands, epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"]})
 @click.option(
     "--version",
     is_flag=True,
@@ -52,23 +58,6 @@ def _print_version(context: click.Context, parameter: click.Parameter, wanted: b
 )
 def main() -> None:
     """Design gains for haptic devices: as transparent as possible, and proved stable."""
-
-
-main.add_command(solve)
-main.add_command(check)
-main.add_command(compare)
-main.add_command(sweep)
-main.add_command(front)
-main.add_command(simulate)
-main.add_command(export)
-main.add_command(identify)
-main.add_command(report)
-main.add_command(region)
-main.add_command(bound)
-main.add_command(bench)
-main.add_command(schema)
-main.add_command(explain)
-main.add_command(example)
 
 
 def execute() -> int:

@@ -35,8 +35,8 @@ class Units:
         (K_v, K_p, b_c, *others), Z, T = values, self.impedance, self.time
         if len(others) == 1:  # an impedance display: k_c is all that follows b_c
             return (K_v * Z, K_p * Z / T, b_c * Z, others[0] * Z / T)
-        m_c, b_0 = others
-        return (K_v * Z, K_p * Z / T, b_c * Z, m_c * Z * T, b_0 * Z)
+        m_c, b_0, *corner = others
+        return (K_v * Z, K_p * Z / T, b_c * Z, m_c * Z * T, b_0 * Z, *(w_c / T for w_c in corner))
 
     def gains(self, gains: Gains) -> Gains:
         """Return gains in the optimiser's units."""
@@ -47,8 +47,8 @@ class Units:
         (K_v, K_p, b_c, *others), Z, T = values, self.impedance, self.time
         if len(others) == 1:  # an impedance display: k_c is all that follows b_c
             return (K_v / Z, K_p * T / Z, b_c / Z, others[0] * T / Z)
-        m_c, b_0 = others
-        return (K_v / Z, K_p * T / Z, b_c / Z, m_c / (Z * T), b_0 / Z)
+        m_c, b_0, *corner = others
+        return (K_v / Z, K_p * T / Z, b_c / Z, m_c / (Z * T), b_0 / Z, *(w_c * T for w_c in corner))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,6 +124,25 @@ def pose(problem: Problem) -> Posed:
         cases=posed.cases + tuple(case for other in beside for case in other.cases),
         hand_cases=posed.hand_cases + tuple(case for other in beside for case in other.hand_cases),
     )
+
+
+def with_corner(posed: Posed, corner: float) -> Posed:
+    """Return a posed problem whose walls are proved with a multiplier of this corner.
+
+    Parameters
+    ----------
+    posed : with walls
+    corner : w_c, rad per unit of time of the problem
+    """
+
+    def walled(problem: Problem) -> Problem:
+        assert problem.worlds is not None
+        return replace(problem, worlds=replace(problem.worlds, corner=corner))
+
+    problem, *parts = walled(posed.problem), posed.cases, posed.hand_cases, posed.objective
+    cases, hand_cases, objective = (tuple(map(walled, part)) for part in parts)
+    demands = replace(posed.demands, worlds=problem.worlds)
+    return replace(posed, problem=problem, cases=cases, hand_cases=hand_cases, objective=objective, demands=demands)
 
 
 def problems_beside(problem: Problem) -> list[Problem]:

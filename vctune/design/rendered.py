@@ -9,8 +9,8 @@ from math import ceil, floor, inf, log10
 import numpy as np
 
 from vctune.analysis.extrema import Floats
-from vctune.analysis.reactions import LimitPoints, Reactions, reactions
 from vctune.design.prepared import Posed, pose, problems_beside
+from vctune.design.reactions import LimitPoints, Reactions, reactions
 from vctune.design.verdict.judge import Judgement, Status
 from vctune.document.records.rendered_json import RenderedRecord
 from vctune.model.device import Device

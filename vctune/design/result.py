@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from vctune.analysis.extrema import Floats
+from vctune.analysis.responses.loop import Loop
 from vctune.design.nlp.nlp_structure import NlpStructure
 from vctune.design.search.scan import ScanResult
 from vctune.design.search.start import Start
@@ -15,6 +16,7 @@ from vctune.design.verdict.infeasible import Infeasibility
 from vctune.design.verdict.judge import Judgement, Status
 from vctune.document.text.codes import Note
 from vctune.markup import html_facts
+from vctune.model.hands import Hand
 from vctune.model.problem import Criterion, Problem
 
 if TYPE_CHECKING:
@@ -197,6 +199,12 @@ class Solved:
         return Status.INFEASIBLE if proved else Status.UNDECIDED
 
     @property
+    def known(self) -> str:
+        """What came of it in two words: the status, and the error of the design."""
+        judgement = self.judgement
+        return self.status.value if judgement is None else f"{self.status.value} with error {judgement.error:.3g}"
+
+    @property
     def cut_short(self) -> list[Note]:
         """The parts that a time limit has cut short, if any."""
         if not self.cut:
@@ -204,6 +212,26 @@ class Solved:
         *others, last = dict.fromkeys(self.cut)
         what = f"{', '.join(others)} and {last}" if others else last
         return [Note("time-limit", f"the time limit cut {what} short; what is stated was known by then")]
+
+    def loop(self, hand: Hand | None = None) -> Loop:
+        """Return the sampled loop with the design, for arrays, state space and python-control.
+
+        Parameters
+        ----------
+        hand : at the handle; None for a device let go
+
+        Raises
+        ------
+        ValueError
+            If there is no design.
+        """
+        if self.judgement is None:
+            found = f"{self.problem.name}: {self.status.value}"
+            raise ValueError(f"{found}, there is no design; Loop(device, gains, coupling) takes any gains")
+        return self.judgement.loop(hand)
+
+    def __repr__(self) -> str:
+        return f"Solved({self.problem.name}: {self.judgement or self.status.value})"
 
     def _repr_html_(self) -> str:
         design = self.judgement.facts if self.judgement is not None else {}

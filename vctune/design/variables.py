@@ -6,12 +6,16 @@ from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields, replace
 from math import exp, expm1, inf, log, log1p
 
+from vctune.analysis.in_walls import HIGHEST, LOWEST
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.problem import Problem, Range
 
 Point = tuple[float, ...]
-"""K_v, K_p, b_c, m_c, b_0; for an impedance display K_v, K_p, which is 0, b_c, k_c."""
+"""K_v, K_p, b_c, m_c, b_0, and with walls the corner w_c of the multiplier that proves them; for an impedance display
+K_v, K_p, which is 0, b_c, k_c."""
+CORNER = 5
+"""The index of the corner."""
 
 
 def keys_for(problem: Problem) -> tuple[str, ...]:
@@ -31,7 +35,7 @@ def point(gains: Gains, coupling: AnyCoupling) -> Point:
 
 def design_of(values: Point) -> tuple[Gains, AnyCoupling]:
     """Return gains and coupling from their numbers."""
-    return Gains(*values[:2]), coupling_from(values[2:])
+    return Gains(*values[:2]), coupling_from(values[2:CORNER])
 
 
 def coupling_from(values: Sequence[Number]) -> AnyCoupling:
@@ -82,7 +86,7 @@ def coordinates(problem: Problem, *, integrator: bool) -> tuple[Coordinate, ...]
     Returns
     -------
     tuple of Coordinate
-        In the order of a design's numbers, without those that are fixed.
+        In the order of a design's numbers, without those that are fixed; last that of the corner, if it is free.
     """
     device = problem.device
     loop_impedance = device.mass / device.loop_lag + device.damping
@@ -96,4 +100,8 @@ def coordinates(problem: Problem, *, integrator: bool) -> tuple[Coordinate, ...]
         scale = min(scales[name], bounds.max) if bounds.min == 0 else 0.0
         bare = Coordinate(index, name, scale, -inf, inf)
         found.append(replace(bare, low=bare.to_z(bounds.min), high=bare.to_z(bounds.max)))
+    worlds = problem.worlds
+    if worlds is not None and worlds.walls and worlds.corner is None:
+        least, most = (2 * share / device.sample_time for share in (LOWEST, HIGHEST))
+        found.append(Coordinate(CORNER, "corner", 0.0, log(least), log(most)))
     return tuple(found)

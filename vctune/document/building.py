@@ -9,18 +9,23 @@ from typing import Any
 
 import numpy as np
 
+from vctune.analysis.responses.loop import Loop
 from vctune.document.reading import GAINS_DOCUMENTS, GainsFile, ProblemFile, pose, read_gains, read_problem
 from vctune.document.schema.device_contradictions import impossible_parts
 from vctune.document.schema.device_schema import DeviceTable
 from vctune.document.schema.kinds import DISPLAYS, require_gains_of
+from vctune.document.schema.number_units import heading, unit_of
 from vctune.document.schema.statement import statement, table_of
 from vctune.document.schema.validation import examined, refusal, shown
 from vctune.document.text.errors import InputError
 from vctune.document.text.toml_writing import toml_text
+from vctune.markup import html_facts
 from vctune.model import device as devices
 from vctune.model.display import ADMITTANCE, Display
 from vctune.model.display import DISPLAYS as KINDS
 from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.hands import Hand
+from vctune.model.numbers.units import UNITS
 from vctune.model.problem import Problem
 
 ProblemSource = str | Path | Mapping[str, Any] | Problem | ProblemFile
@@ -29,7 +34,7 @@ DesignSource = Gains | GainsFile | str | Path
 """A design: the path of a gains file, the file, or gains beside a coupling."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Device(devices.Device):
     """An admittance display as a user states it, checked against the [device] table of a problem file.
 
@@ -49,6 +54,22 @@ class Device(devices.Device):
     InputError
         If a number is not one, or out of range.
     """
+
+    def loop(self, gains: Gains, coupling: AnyCoupling | None = None, hand: Hand | None = None) -> Loop:
+        """Return its sampled loop with given gains, for arrays, state space and python-control.
+
+        Parameters
+        ----------
+        gains : of the velocity loop
+        coupling : of Z_c; None where nothing is asked of it
+        hand : at the handle; None for a device let go
+        """
+        return Loop(self, gains, coupling, hand)
+
+    def _repr_html_(self) -> str:
+        units = UNITS[self.units]
+        numbers = {heading(key, unit_of(("device", *key.split(".")), units)): x for key, x in self.numbers().items()}
+        return html_facts("device", {name: float(x) for name, x in numbers.items()})
 
     def __post_init__(self) -> None:
         table = {name: number for name, number in plain(self).items() if name != "operator"}

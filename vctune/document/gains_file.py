@@ -5,6 +5,7 @@ See document/README.md, section 2.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import astuple
 
 from vctune.document.text.toml_writing import quoted
@@ -67,7 +68,11 @@ def numbers_in(text: str, kind: Display) -> dict[str, float]:
 
 
 def gains_text(
-    kind: Display, gains: Gains, coupling: AnyCoupling, origin: dict[str, str], units: UnitSystem = "linear"
+    kind: Display,
+    gains: Gains,
+    coupling: AnyCoupling,
+    origin: Mapping[str, str | float],
+    units: UnitSystem = "linear",
 ) -> str:
     """Return the text of a gains file.
 
@@ -75,7 +80,7 @@ def gains_text(
     ----------
     kind : kind of the device
     gains, coupling : plain floats, written in their shortest exact decimals
-    origin : keys and texts of the [design] table, beside the display and the units
+    origin : keys and texts or numbers of the [design] table, beside the display and the units
     units : units of the device
     """
     stated, tables = {**origin, "display": kind.name, "units": units}, design_tables(kind, gains, coupling)
@@ -91,6 +96,6 @@ def gains_text(
         f"# Paste {' and '.join(f'[{table}]' for table in tables)} into a problem file to fix these numbers.",
         *(line for table in written for line in table),
         "[design]",
-        *(f"{key} = {quoted(text)}" for key, text in stated.items()),
+        *(f"{key} = {quoted(value) if isinstance(value, str) else repr(value)}" for key, value in stated.items()),
     ]
     return "\n".join(lines) + "\n"

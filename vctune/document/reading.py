@@ -168,6 +168,7 @@ class GainsFile:
     text : the file's text
     source : the path of the file; "design" if there is none
     solved : the numbers of the design that it was made from, by key; empty if the file does not state them
+    corner : corner of the multiplier that proves its walls, rad/s; None if the file does not state it
     """
 
     kind: Display
@@ -178,6 +179,7 @@ class GainsFile:
     text: str
     source: str = "design"
     solved: Mapping[str, float] = field(default_factory=dict)
+    corner: float | None = None
 
 
 def read_gains(path: str | Path) -> GainsFile:
@@ -205,7 +207,8 @@ def gains_file(text: str, path: Path) -> GainsFile:
     gains = Gains(getattr(stated, "velocity", 0.0), getattr(stated, "position", 0.0))
     coupling, origin = kind.coupling(**document.coupling.model_dump()), document.design
     solved = numbers_in(origin.numbers or "", kind)
-    return GainsFile(kind, gains, coupling, origin.sha256, origin.units, text, str(path), solved)
+    corner = None if origin.corner_hz is None else 2 * pi * origin.corner_hz
+    return GainsFile(kind, gains, coupling, origin.sha256, origin.units, text, str(path), solved, corner)
 
 
 GAINS_DOCUMENTS: dict[DisplayName, type[GainsDocument | SpringGainsDocument | ServoGainsDocument]] = {

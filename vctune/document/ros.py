@@ -81,6 +81,14 @@ class AdmittanceFile:
     lines: Mapping[str, int]
 
 
+FORWARD_DYNAMICS = (
+    "states pd_gains, those of FZI's cartesian_controllers; their law solves a virtual arm's dynamics from rest in "
+    "every cycle, has no mass, and acts on the rate of the force; vctune does not prove it; name the parameters of an "
+    "admittance_controller"
+)
+"""What vctune says of a law that is none of mass and drag."""
+
+
 def is_admittance(path: Path) -> bool:
     """Whether a file is named as a parameter file of ROS 2."""
     return path.suffix.lower() in SUFFIXES
@@ -114,6 +122,8 @@ def read_admittance(path: Path) -> AdmittanceFile:
     except (ValueError, RecursionError) as error:
         raise InputError.of(source, "not-yaml", f"not valid YAML: {error or 'nested too deeply'}") from None
     found = list(_controllers(value, ()))
+    if not found and any(_controllers(value, (), "pd_gains")):
+        raise InputError.of(source, "ros-other-law", FORWARD_DYNAMICS)
     if len(found) != 1:
         known = ", ".join(".".join(place) for place, _ in found)
         message = f"states {len(found)} controllers with ros__parameters.admittance{f' ({known})' if known else ''}"
@@ -121,15 +131,17 @@ def read_admittance(path: Path) -> AdmittanceFile:
     return _Reader(source, *found[0], root).read()
 
 
-def _controllers(value: Any, place: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Mapping[str, Any]]]:
-    """Yield the parameters of every controller with an admittance, wherever its name puts them."""
+def _controllers(
+    value: Any, place: tuple[str, ...], table: str = "admittance"
+) -> Iterator[tuple[tuple[str, ...], Mapping[str, Any]]]:
+    """Yield the parameters of every controller that states a table, wherever its name puts them."""
     if not isinstance(value, Mapping) or len(place) > len(AXES):
         return
     for key, entry in value.items():
-        if key == "ros__parameters" and isinstance(entry, Mapping) and "admittance" in entry:
+        if key == "ros__parameters" and isinstance(entry, Mapping) and table in entry:
             yield (*place, str(key)), entry
         else:
-            yield from _controllers(entry, (*place, str(key)))
+            yield from _controllers(entry, (*place, str(key)), table)
 
 
 class _Reader:

@@ -74,7 +74,9 @@ class Firmware:
         )
 
 
-def firmware(file: ProblemFile, gains: Gains, coupling: AnyCoupling, precision: Precision) -> Firmware:
+def firmware(
+    file: ProblemFile, gains: Gains, coupling: AnyCoupling, precision: Precision, corner: float | None = None
+) -> Firmware:
     """Return a design as firmware, proved with the constants that the firmware will have.
 
     Parameters
@@ -82,6 +84,7 @@ def firmware(file: ProblemFile, gains: Gains, coupling: AnyCoupling, precision: 
     file : the problem
     gains, coupling : the design
     precision : precision of the firmware; single rounds every coefficient, and the rounded ones are proved
+    corner : corner of the multiplier that proves walls, rad/s; None for the best one
     """
     device = file.problem.device
     law = designed_law(device, gains, coupling, NOTHING)
@@ -90,7 +93,7 @@ def firmware(file: ProblemFile, gains: Gains, coupling: AnyCoupling, precision: 
     if precision == "single":
         coefficients = {name: float(np.float32(number)) for name, number in coefficients.items()}
         problem, design = rounded(file.problem, coefficients)
-    judgement = judged(problem, design)
+    judgement = judged(problem, design, corner)
     record = record_of(file, Solved(problem=problem, judgement=judgement))
     return Firmware(
         record=record,
@@ -106,15 +109,16 @@ def firmware(file: ProblemFile, gains: Gains, coupling: AnyCoupling, precision: 
 
 
 @np.errstate(all="ignore")
-def judged(problem: Problem, design: tuple[Gains, AnyCoupling]) -> Judgement:
+def judged(problem: Problem, design: tuple[Gains, AnyCoupling], corner: float | None = None) -> Judgement:
     """Return the proved claims of a design, as `vctune check` proves them.
 
     Parameters
     ----------
     problem : the device and the constraints, SI units
     design : gains and coupling as the firmware has them
+    corner : as of `firmware`
     """
-    return judge_all(problem, [design])[0]
+    return judge_all(problem, [design], [corner])[0]
 
 
 def controller_coefficients(coefficients: dict[str, float], command: Commanded) -> dict[str, float]:

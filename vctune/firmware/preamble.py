@@ -11,6 +11,8 @@ from vctune.model.numbers.units import Units
 from vctune.model.parts import PARTS
 from vctune.version import __version__
 
+RUN = "environments are passive as they run"
+
 
 def statement(made: Firmware) -> list[str]:
     """Return the head of every file: its kind, its design, and the proved claims.
@@ -43,17 +45,21 @@ def assumptions(made: Firmware) -> list[str]:
     """Return the assumptions of the certificate, in words."""
     device, units = made.device, made.units
     box = ", and any other of the problem's [uncertainty]" if made.record.uncertainty is not None else ""
+    certificate = made.record.certificate
+    hands = None if certificate is None else certificate.hands
+    boxed = hands is not None and hands.worlds is not None
+    rendered = "environments are those of the box, by the trapezoidal rule" if boxed else RUN
     built = f"{_mechanics(device, units)}{box}; a step every {device.sample_time!r} s"
     if device.servo is not None:
         return [
-            f"Assumed: {built}; the {units.force_name} is sampled just before a command is given; environments are "
-            "passive as they run. The proof does not cover a limited speed or acceleration, a lost or late command, "
+            f"Assumed: {built}; the {units.force_name} is sampled just before a command is given; {rendered}. "
+            "The proof does not cover a limited speed or acceleration, a lost or late command, "
             "and the rounding of each operation.",
         ]
     sampled = "" if made.parts.spring else f"; the {units.force_name} is sampled just before"
     return [
         f"Assumed: {built}; the command acts {device.delay!r} s after the "
-        f"sample and is held{sampled}; environments are passive as they run. The "
+        f"sample and is held{sampled}; {rendered}. The "
         f"proof does not cover static friction, a limited {units.force_name}, quantisation and the rounding of each "
         "operation.",
     ]

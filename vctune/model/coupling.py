@@ -71,3 +71,19 @@ def sampled_reactance(coupling: Coupling, sample_time: Number, theta: Number, op
     slack = coupling.damping * ops.cos(theta / 2)
     squared = slack * slack
     return reactance * squared / (squared + reactance * reactance)
+
+
+def trapezoidal(coupling: Coupling, sample_time: Number) -> tuple[Number, Number]:
+    """Return step s and decay p of the series branch by the trapezoidal rule, f[k] = p f[k-1] + s (v[k] - v[k-1]).
+
+    With s -> (2/T)(z - 1)/(z + 1) in b_c m_c s/(b_c + m_c s); the drag is beside it.
+
+    Parameters
+    ----------
+    coupling : b_c, which may be inf, and m_c; floats or fractions
+    sample_time : T, s
+    """
+    if coupling.rigid:
+        return 2 * coupling.mass / sample_time, -1
+    a = sample_time * coupling.damping / (2 * coupling.mass)
+    return coupling.damping / (1 + a), (1 - a) / (1 + a)

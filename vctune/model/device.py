@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -65,6 +65,11 @@ class Device:
     display: DisplayName = "admittance"
     servo: Servo | None = None
     units: UnitSystem = "linear"
+
+    def __repr__(self) -> str:
+        values = {each.name: (getattr(self, each.name), each.default) for each in fields(self)}
+        told = [(name, value) for name, (value, default) in values.items() if value is not default]
+        return f"Device({', '.join(f'{name}={value!r}' for name, value in told)})"
 
     @property
     def kind(self) -> Display:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf
 
+import numpy as np
+
 from vctune.model.numbers.arithmetic import Number
 
 
@@ -38,8 +40,11 @@ class Coupling:
 
     @property
     def rigid(self) -> bool:
-        """Whether b_c is infinite, a plain float in every arithmetic: the masses move as one."""
-        return isinstance(self.damping, float) and self.damping == inf
+        """Whether b_c is infinite, a plain float in every arithmetic or an array of it: nothing gives way."""
+        damping = self.damping
+        if isinstance(damping, np.ndarray):
+            return bool(damping.size) and bool(np.isinf(damping).all())
+        return isinstance(damping, float) and damping == inf
 
     def times(self, share: Number) -> Coupling:
         """Return the coupling whose impedance is a share of this one's."""

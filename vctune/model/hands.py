@@ -118,10 +118,9 @@ class Hands:
     high: Hand
 
     def in_words(self, units: Units) -> str:
-        """Return the box with its units."""
-        return ", ".join(
-            f"{low:g} to {high:g} {units.of(QUANTITIES[name])}" for name, (low, high) in self.ranges.items()
-        )
+        """Return the box with its units, without the numbers that are 0 in all its hands."""
+        known = ((name, *ends) for name, ends in self.ranges.items() if ends[1] > 0)
+        return ", ".join(f"{low:g} to {high:g} {units.of(QUANTITIES[name])}" for name, low, high in known) or "nothing"
 
     @property
     def ranges(self) -> dict[str, tuple[Number, Number]]:

@@ -121,8 +121,13 @@ class Demands:
 
     @property
     def worlds_met(self) -> WorldsMet | None:
-        """The environments and the factor; None for every passive environment."""
-        return None if self.worlds is None else WorldsMet(self.worlds, self.factor)
+        """The linear environments and the factor; None for every passive environment."""
+        return None if self.worlds is None else WorldsMet(self.worlds.linear, self.factor)
+
+    @property
+    def walls_met(self) -> WorldsMet | None:
+        """The same with their walls; None without a corner of the multiplier that is to prove them."""
+        return _with_walls(self.worlds, self.factor)
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,8 +197,13 @@ class Problem:
 
     @property
     def worlds_met(self) -> WorldsMet | None:
-        """The environments that are required in these hands; None for every passive one."""
-        return None if self.worlds is None else WorldsMet(self.worlds, self.stability.safety_factor)
+        """The linear environments that are required in these hands; None for every passive one."""
+        return None if self.worlds is None else WorldsMet(self.worlds.linear, self.stability.safety_factor)
+
+    @property
+    def walls_met(self) -> WorldsMet | None:
+        """The same environments with their walls; None without a corner of the multiplier that proves them."""
+        return _with_walls(self.worlds, self.stability.safety_factor)
 
     @property
     def demands(self) -> Demands:
@@ -259,3 +269,7 @@ class Problem:
             hands=self.hands.in_units(impedance, time),
             worlds=self.worlds and self.worlds.in_units(impedance, time),
         )
+
+
+def _with_walls(worlds: Worlds | None, factor: float) -> WorldsMet | None:
+    return None if worlds is None or worlds.corner is None else WorldsMet(worlds, factor)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from math import inf
 
 from vctune.model.numbers.arithmetic import Number
@@ -43,10 +43,19 @@ class Worlds:
     Attributes
     ----------
     low, high : its least and its greatest numbers; `high.damping` is inf
+    walls : whether springs may be walls: one-sided, or piecewise linear with slopes of the range of stiffness
+    corner : w_c of the multiplier that proves these, rad/s, > 0, at most 2/T (section 19); None where it is not chosen
     """
 
     low: World
     high: World
+    walls: bool = False
+    corner: Number | None = None
+
+    @property
+    def linear(self) -> Worlds:
+        """The same environments without walls."""
+        return Worlds(self.low, self.high)
 
     def in_words(self, units: Units) -> str:
         """Return the box with its units, without limits that exclude nothing."""
@@ -58,7 +67,8 @@ class Worlds:
                 (self.low.stiffness, self.high.stiffness, units.stiffness),
             )
         ]
-        return ", ".join(each for each in ranges if each) or "any mass, damping and stiffness"
+        stated = ", ".join(each for each in ranges if each) or "any mass, damping and stiffness"
+        return f"{stated}, walls among them" if self.walls else stated
 
     def in_units(self, impedance: float, time: float) -> Worlds:
         """Return the same environments with impedances in units of `impedance` [N s/m] and times in `time` [s].
@@ -68,14 +78,17 @@ class Worlds:
         impedance : N s/m, > 0
         time : s, > 0
         """
-        return Worlds(self.low.in_units(impedance, time), self.high.in_units(impedance, time))
+        corner = None if self.corner is None else self.corner * time
+        return replace(
+            self, low=self.low.in_units(impedance, time), high=self.high.in_units(impedance, time), corner=corner
+        )
 
     def converted(self, number: Callable[[float], Number]) -> Worlds:
         """Return the same environments with finite numbers of another arithmetic."""
         low, high = (
             World(*(each if each == inf else number(each) for each in astuple(end))) for end in (self.low, self.high)
         )
-        return Worlds(low, high)
+        return Worlds(low, high, self.walls, None if self.corner is None else number(self.corner))
 
 
 EVERY_WORLD = Worlds(World(0.0, 0.0, 0.0), World(inf, inf, inf))

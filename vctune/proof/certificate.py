@@ -18,8 +18,8 @@ from vctune.model.device import Device
 from vctune.model.numbers.frequency import hertz
 from vctune.model.parts import DELAYS
 from vctune.model.problem import Demands
-from vctune.proof.claims.conditions import widest_band
 from vctune.proof.claims.every_device import widest_band_for_all
+from vctune.proof.claims.llewellyn.conditions import widest_band
 from vctune.proof.claims.many_designs import ON_ARRAYS, prove
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.registry import ClaimId, claims_about, claims_asked

@@ -157,6 +157,52 @@ def in_longer_hands(box: DeviceBox, hands: Hands, keys: Sequence[str]) -> tuple[
     return rest, replace(hands, high=replace(hands.high, **high))
 
 
+def late_as_one(box: DeviceBox) -> bool:
+    """Return whether two delays of a box are uncertain of which only the sum counts.
+
+    What a servo's sensor says of a command passes servo and sensor alike. The firmware's own spring pulls at what it
+    measures of the position, which the sensor's delay does not reach.
+
+    Parameters
+    ----------
+    box : uncertain devices
+    """
+    servo = box.nominal.servo
+    return servo is not None and servo.stiffness is None and {*SUMMED} <= {*box.uncertain}
+
+
+SUMMED = ("servo.delay", "force_sensor.delay")
+"""What is late as one."""
+
+
+def in_one_delay(box: DeviceBox) -> DeviceBox:
+    """Return a box with the same sums of both delays, the sensor's at its least.
+
+    Parameters
+    ----------
+    box : uncertain servos, `late_as_one`
+    """
+    own, other = SUMMED
+    least = box.low.number(other)
+    range_ = nextafter(box.high.number(other) - least, inf)
+    high = box.high.with_numbers({own: nextafter(box.high.number(own) + range_, inf), other: least})
+    return DeviceBox(box.nominal.with_numbers({other: least}), box.low, high)
+
+
+def in_both_delays(box: DeviceBox, device: Device) -> Device:
+    """Return the device of a box that has the delay of one of `in_one_delay`: the servo's is as long as it may be.
+
+    Parameters
+    ----------
+    box : uncertain servos, `late_as_one`
+    device : of the box with one delay
+    """
+    own, other = SUMMED
+    delay, least = device.number(own), box.low.number(other)
+    servo = min(delay, box.high.number(own))
+    return device.with_numbers({own: servo, other: min(least + (delay - servo), box.high.number(other))})
+
+
 def _edge(value: float, change: float) -> float:
     """Return value (1 + change), of decimals, rounded towards the value: 0.4 by 0.1 is 0.44."""
     exact = _exact(value) * (1 + _exact(change))

@@ -10,7 +10,6 @@ from functools import partial
 from vctune.model.device import Device
 from vctune.model.gains import Gains
 from vctune.model.problem import Demands
-from vctune.proof.claims.conditions import conditions_at, prove_conditions
 from vctune.proof.claims.every_device import (
     NominalProof,
     RobustDesign,
@@ -21,12 +20,16 @@ from vctune.proof.claims.every_device import (
     prove_unmodelled,
 )
 from vctune.proof.claims.every_hand import prove_any_hand, prove_hands
+from vctune.proof.claims.llewellyn.conditions import conditions_at, prove_conditions
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.model_poles import prove_model_poles
 from vctune.proof.claims.registry import ClaimId
 from vctune.proof.claims.sampled_poles import prove_sampled_poles, prove_sensitivity, unmodelled_at
 from vctune.proof.device_box import DeviceBox
 from vctune.proof.engine.interval import Outcome, Verdict
+
+HIGHEST_CORNER = 2 * (1 - 1e-9)
+"""Greatest corner times T, above which a < 0; half and twice as much below 2 are as good."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +115,19 @@ def _any_hand(question: Question, _known: Outcomes) -> Outcome:
 
 
 def _hands(question: Question, _known: Outcomes) -> Outcome:
+    demands = question.demands
+    return prove_hands(question.design, replace(demands, worlds=demands.worlds and demands.worlds.linear), question.box)
+
+
+def _walls(question: Question, known: Outcomes) -> Outcome:
+    """Prove the condition of walls, which says something of loops alone that are stable with the linear environments.
+
+    Without a corner below 2/T there is no multiplier.
+    """
+    worlds, device = question.demands.worlds, question.design.device
+    usable = worlds is not None and worlds.corner is not None and worlds.corner * device.sample_time < HIGHEST_CORNER
+    if not usable or known["worlds"].verdict is not Verdict.PROVED:
+        return Outcome(Verdict.UNDECIDED, 0)
     return prove_hands(question.design, question.demands, question.box)
 
 
@@ -124,6 +140,7 @@ PROVERS: dict[ClaimId, Prover] = {
     "any_hand": _any_hand,
     "hands": _hands,
     "worlds": _hands,
+    "walls": _walls,
 }
 """The prover of each claim."""
 

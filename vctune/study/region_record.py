@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from math import inf
+from math import isfinite
 from typing import Any
 
 import numpy as np
 
 from vctune.design.rendered import in_hands
-from vctune.design.verdict.design_record import versions
 from vctune.document.reading import ProblemFile
-from vctune.document.records.gains_json import ProblemRecord, stated_units
+from vctune.document.records.gains_json import ProblemRecord, coupling_record, stated_units
 from vctune.document.records.region_json import (
     AxesRecord,
     DemandsRecord,
@@ -22,6 +21,7 @@ from vctune.document.records.region_json import (
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 from vctune.study.region import Kind, Region
+from vctune.version import versions
 
 Design = tuple[Gains, AnyCoupling]
 
@@ -53,14 +53,16 @@ def region_record(
         ),
         axes=AxesRecord.model_validate({"x": x, "y": y}),
         others={
-            key: bounds.min if bounds.fixed else {end: x for end, x in asdict(bounds).items() if x < inf}
+            key: (bounds.min if isfinite(bounds.min) else None)
+            if bounds.fixed
+            else {end: x for end, x in asdict(bounds).items() if isfinite(x)}
             for index, (key, bounds) in enumerate(zip(plane.keys, plane.ranges, strict=True))
             if index not in plane.axes
         },
         areas={kind.name.lower(): region.area(kind) for kind in Kind},
         **({"interrupted": True} if region.interrupted else {}),
         designs=[
-            DesignPoint.model_validate({"gains": asdict(gains), "coupling": asdict(coupling)})
+            DesignPoint.model_validate({"gains": asdict(gains), "coupling": coupling_record(coupling).model_dump()})
             for gains, coupling in designs
         ],
         edges=EdgesRecord(x=x_edges, y=y_edges),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from io import StringIO
 from math import isnan, nan
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,10 @@ from vctune.model.display import stated_display
 from vctune.model.numbers.units import UNITS, UnitSystem
 from vctune.study.points import points
 from vctune.study.rows import Rows
+
+if TYPE_CHECKING:
+    import pandas
+    import polars
 
 MOST_SHOWN = 50
 """Rows that a notebook shows."""
@@ -74,6 +78,30 @@ class Table:
         """Return every column by its name with its unit, as files have them."""
         units = self.units
         return {heading(name, units.get(name, "")): column for name, column in self.columns().items()}
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return the table as a data frame of pandas, units in the headings (the extra `pandas`)."""
+        import pandas
+
+        return pandas.DataFrame(self._values())
+
+    def to_polars(self) -> polars.DataFrame:
+        """Return the table as a data frame of polars, units in the headings (the extra `polars`)."""
+        import polars
+
+        return polars.DataFrame(self._values(), schema=self._types(polars.Float64, polars.String, polars.Boolean))
+
+    def _values(self) -> dict[str, list[Any]]:
+        """Return every column as a file has it; what there is not is None."""
+        return {name: [_plain(value) for value in column] for name, column in self.headed().items()}
+
+    def _types(self, number: Any, text: Any, truth: Any) -> dict[str, Any]:
+        """Return the type of each column, as some library calls them."""
+        return dict.fromkeys(self.headed(), number) | dict.fromkeys(("status", "reason"), text) | {"idle": truth}
+
+    def __repr__(self) -> str:
+        axes = ", ".join(self.axes)
+        return f"Table({len(self.status)} points over {axes}, {int(self.certified.sum())} certified)"
 
     def row(self, i: int) -> dict[str, Any]:
         """Return one row; absent values are None."""
@@ -159,11 +187,8 @@ def parquet_bytes(table: Table) -> bytes | None:
     except ImportError:
         return None
     stream = pa.BufferOutputStream()
-    columns = {name: [_plain(value) for value in column] for name, column in table.headed().items()}
-    types = (
-        dict.fromkeys(columns, pa.float64()) | dict.fromkeys(("status", "reason"), pa.string()) | {"idle": pa.bool_()}
-    )
-    pq.write_table(pa.table({name: pa.array(column, types[name]) for name, column in columns.items()}), stream)
+    types = table._types(pa.float64(), pa.string(), pa.bool_())
+    pq.write_table(pa.table({name: pa.array(column, types[name]) for name, column in table._values().items()}), stream)
     return bytes(stream.getvalue().to_pybytes())
 
 

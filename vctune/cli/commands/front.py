@@ -33,6 +33,7 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str, time_limit:
     from vctune.cli.printing.output import answer, warn_of_doubts
     from vctune.cli.printing.progress import bar_on_stderr
     from vctune.exit_codes import ExitCode
+    from vctune.interrupt import resumable
 
     file = require_free(read_problem(problem), "trade")
     folder = design_folder(file, out) / "front"
@@ -41,11 +42,13 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str, time_limit:
     def bar(name: str, points: int) -> AbstractContextManager[Callable[[], None]]:
         return bar_on_stderr(f"vctune front: {name}", points, shown=not quiet)
 
-    fronts = find(file, folder=folder, jobs=jobs, executor=executor, time_limit=time_limit, bar=bar)
+    with resumable():
+        fronts = find(file, folder=folder, jobs=jobs, executor=executor, time_limit=time_limit, bar=bar)
     counts = [len(table.status) for table in (fronts.terms, fronts.band) if table is not None]
     against = "none of error against band, for hands are met at every frequency"
     if fronts.band is not None:
         against = f"{counts[1]} on the front of error against band"
-    said = f"{printable(file.problem.name)}: {counts[0]} designs on the front of the three terms,\n{against}"
+    designs = "1 design" if counts[0] == 1 else f"{counts[0]} designs"
+    said = f"{printable(file.problem.name)}: {designs} on the front of the three terms,\n{against}"
     answer(style, quiet, fronts.record(file.problem.name).to_json, lambda: click.echo(f"{said}; written to {folder}"))
     return ExitCode.OK if all(counts) else ExitCode.FAILED

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from vctune.api.argument_ranges import GAPS, STDIN
-from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limit_option
+from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limit_option, verbose_option
 from vctune.running import OutOfTimeError, check_time, time_limit_of_command
 from vctune.running import time_limit as limited
 
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     help="Also prove that no design has an error lower by more than this share (0.03 is 3 %).",
 )
 @time_limit_option()
+@verbose_option
 @output_options()
 def solve(
     problem: Path,
@@ -40,6 +41,7 @@ def solve(
     watch: bool,
     gap: float | None,
     time_limit: float,
+    verbose: bool,
     style: str,
     quiet: bool,
 ) -> int:
@@ -51,7 +53,9 @@ def solve(
 
     def once() -> int:
         with limited(time_limit) if watch else time_limit_of_command(time_limit):
-            return _solve(problem, out, report=not no_report, strict=strict, gap=gap, style=style, quiet=quiet)
+            return _solve(
+                problem, out, report=not no_report, strict=strict, gap=gap, style=style, quiet=quiet, verbose=verbose
+            )
 
     if watch:
         from vctune.cli.printing.watch import on_every_save
@@ -62,7 +66,9 @@ def solve(
     return once()
 
 
-def _solve(problem: Path, out: Path, *, report: bool, strict: bool, gap: float | None, style: str, quiet: bool) -> int:
+def _solve(
+    problem: Path, out: Path, *, report: bool, strict: bool, gap: float | None, style: str, quiet: bool, verbose: bool
+) -> int:
     from vctune import AxesFile, read_problem_or_axes
     from vctune.api.design_files import write_report, write_solved
     from vctune.api.folders import DESIGN_FILE, design_folder
@@ -88,7 +94,7 @@ def _solve(problem: Path, out: Path, *, report: bool, strict: bool, gap: float |
         drawn = not report
         with suppress(OutOfTimeError):
             if report:
-                progress("drawing the report")
+                progress(f"drawing the report; {solved.known}")
                 check_time()
                 write_report(record, folder)
                 drawn = True
@@ -98,8 +104,9 @@ def _solve(problem: Path, out: Path, *, report: bool, strict: bool, gap: float |
 
     def table() -> None:
         from vctune.cli.printing.design_table import print_design
+        from vctune.cli.printing.next_steps import after_design
 
-        print_design(record, folder)
+        print_design(record, folder, after_design(record, folder, problem), verbose=verbose)
 
     answer(style, quiet, record.to_json, table)
     cut = any(has_code(warning, "time-limit") for warning in record.warnings)

@@ -48,6 +48,7 @@ def sweep(
     from vctune.cli.printing.output import answer, warn, warn_of_doubts
     from vctune.cli.printing.progress import bar_on_stderr
     from vctune.exit_codes import ExitCode
+    from vctune.interrupt import resumable
 
     plan = read_study(study)
     if plan.count >= MANY and not yes:
@@ -56,7 +57,8 @@ def sweep(
     folder = out / folder_name(plan.name)
     warn_of_doubts(*plan.extremes(), quiet=quiet)
 
-    with bar_on_stderr(f"vctune sweep {study.name}", plan.count, shown=not quiet) as on_done:
+    again = "running it again resumes" if resume else "running it again without --restart resumes"
+    with resumable(again), bar_on_stderr(f"vctune sweep {study.name}", plan.count, shown=not quiet) as on_done:
         swept = run(
             plan,
             folder=folder,

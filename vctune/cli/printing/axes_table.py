@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from vctune.api.axes import HEADINGS, axis_row, promises
+from vctune.api.design_files import REPORT
 from vctune.api.messages import printable
 from vctune.cli.printing.design_table import COLOURS, WIDE, page
 
@@ -26,7 +27,8 @@ def print_axes(name: str, designs: Mapping[str, DesignRecord], folder: Path) -> 
     designs : designs by the name of the axis
     folder : named at the end
     """
-    with page(WIDE, folder) as console:
+    report = folder / REPORT
+    with page(WIDE, folder, [f"open {report}"] if report.exists() else []) as console:
         console.print(f"[bold]{escape(printable(name))}[/bold]")
         for promise in promises(designs):
             console.print(escape(promise), soft_wrap=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from vctune.model.numbers.units import Units
 
 LEAST_WIDTH = 80
+"""Columns below which the groups of a design's table have lines of their own."""
 WIDE = 120
 WIDEST = 1000
 """Width for tables that must not be wrapped."""
@@ -29,13 +30,14 @@ COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undeci
 
 
 @contextmanager
-def page(least_width: int, folder: Path) -> Iterator[Console]:
-    """Print in this block; all of it or nothing, with the place of the files at the end.
+def page(least_width: int, folder: Path, steps: Sequence[str] = ()) -> Iterator[Console]:
+    """Print in this block; all of it or nothing, with the place of the files and the next steps at the end.
 
     Parameters
     ----------
     least_width : least width of a line, characters, even if the terminal is narrower
     folder : folder of the files
+    steps : what the user can do next
 
     Returns
     -------
@@ -46,8 +48,21 @@ def page(least_width: int, folder: Path) -> Iterator[Console]:
     console.width = max(console.width, least_width)
     with console.capture() as page:
         yield console
-        console.print(f"written to {escape(str(folder))}", soft_wrap=True)
+        console.print(f"written to {_linked(folder)}", soft_wrap=True)
+        if steps:
+            between = "\n      " if console.is_terminal else "; "
+            console.print(f"next: {between.join(map(_with_links, steps))}", soft_wrap=True)
     _write(console, page.get())
+
+
+def _linked(path: Path) -> str:
+    """Return a path that a terminal which can open it does (OSC 8); elsewhere it is its text."""
+    return f"[link={path.resolve().as_uri()}]{escape(str(path))}[/link]"
+
+
+def _with_links(step: str) -> str:
+    verb, _, rest = step.partition(" ")
+    return f"{verb} {_linked(Path(rest))}" if verb == "open" else escape(step)
 
 
 def _write(console: Console, text: str) -> None:
@@ -55,35 +70,42 @@ def _write(console: Console, text: str) -> None:
     console.file.write("".join(f"{line.rstrip()}\n" for line in text.splitlines()))
 
 
-def print_design(record: DesignRecord, folder: Path) -> None:
-    """Print a design and where its files are.
+def print_design(record: DesignRecord, folder: Path, steps: Sequence[str] = (), *, verbose: bool = False) -> None:
+    """Print what is proved of a design, its gains, what limits it, and where its files are.
 
     Parameters
     ----------
     record : record of the design, or of the reason why there is none
     folder : named at the end
+    steps : what the user can do next
+    verbose : whether to print what the search left out
     """
-    with page(WIDE, folder) as console:
+    narrow = Console().is_terminal  # whose lines end at words; those of a file are as long as they are
+    with page(0 if narrow else WIDE, folder, steps) as console:
+
+        def say(text: str) -> None:
+            console.print(text, soft_wrap=not narrow)
+
         idle = ", but it hardly uses its velocity loop" if record.idle else ""
         colour = COLOURS["undecided" if idle else record.status]
-        console.print(f"[bold]{escape(printable(record.problem.name))}[/bold]: [bold {colour}]{record.status}{idle}[/]")
+        say(f"[bold]{escape(printable(record.problem.name))}[/bold]: [bold {colour}]{record.status}{idle}[/]")
         if record.promise:
-            console.print(escape(record.promise), soft_wrap=True)
-        for line in record.compared:
-            console.print(escape(line), soft_wrap=True)
+            say(escape(record.promise))
         if record.reason:
-            console.print(escape(record.reason), soft_wrap=True)
+            say(escape(record.reason))
         if record.gains is not None:
-            console.print(_table(record))
+            console.print(_table(record, console.width))
+        for line in record.compared:
+            say(escape(line))
         if record.repairs:
-            console.print("any one of these alone would do:")
-            console.print(_repairs(record.repairs), soft_wrap=True)
+            say("any one of these alone would do:")
+            say(_repairs(record.repairs))
         elif record.repairs is not None:
-            console.print("no change of one number was found that would do")
+            say("no change of one number was found that would do")
         for warning in record.warnings:
-            console.print(f"[yellow]warning:[/yellow] {escape(warning)}", soft_wrap=True)
-        for line in record.left_out:
-            console.print(f"[dim]left out: {escape(line)}[/dim]", soft_wrap=True)
+            say(f"[yellow]warning:[/yellow] {escape(warning)}")
+        for line in record.left_out if verbose else ():
+            say(f"[dim]left out: {escape(line)}[/dim]")
 
 
 def print_simulation(record: SimulationRecord, folder: Path) -> None:
@@ -161,20 +183,35 @@ def _repairs(repairs: list[RepairRecord]) -> str:
     return "\n".join(lines)
 
 
-def _table(record: DesignRecord) -> Table:
-    rows = [
-        (group if number == 0 else "", row.label, row.value, row.unit)
-        for group, found in record.groups().items()
-        for number, row in enumerate(row for row in found if not row.detail)
-    ]
+def _table(record: DesignRecord, width: int) -> Table:
+    """Return the rows of a design, the name of their group before them or, where lines are short, above them."""
+    groups, short = _ordered(record), width < LEAST_WIDTH
+    rows: list[tuple[str, ...]] = []
+    for group, found in groups.items():
+        if short:
+            rows += [(group, "", ""), *((f"  {label}", *others) for label, *others in found)]
+        else:
+            rows += [(group if number == 0 else "", *row) for number, row in enumerate(found)]
     table = Table(show_header=False, box=None, pad_edge=False)
-    for column, style in enumerate(("dim", "", "bold")):  # numbers are never cut: what comes behind them wraps
-        width = max((len(row[column]) for row in rows), default=0)
-        table.add_column(style=style, no_wrap=True, min_width=width, justify="right" if style == "bold" else "left")
+    for column, style in enumerate(("", "bold") if short else ("dim", "", "bold")):
+        # numbers are never cut: what comes behind them wraps
+        least = max((len(row[column]) for row in rows), default=0)
+        table.add_column(style=style, no_wrap=True, min_width=least, justify="right" if style == "bold" else "left")
     table.add_column(overflow="fold")
     for row in rows:
         table.add_row(*map(escape, row))
     return table
+
+
+def _ordered(record: DesignRecord) -> dict[str, list[tuple[str, str, str]]]:
+    """Return label, value and unit of the rows by group: the design, the constraints that limit it, the rest."""
+    groups: dict[str, list[tuple[str, str, str]]] = {
+        group: [(row.label, row.value, row.unit) for row in found if not row.detail]
+        for group, found in record.groups().items()
+    }
+    limits = [("", "", line) for line in record.limits]
+    ordered = {name: groups.pop(name) for name in ("gains", "coupling") if name in groups}
+    return ordered | ({"limited by": limits} if limits else {}) | groups
 
 
 def print_sweep(found: SweepRecord, folder: Path) -> None:

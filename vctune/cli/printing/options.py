@@ -93,6 +93,9 @@ def time_limit_option(of: str = "") -> Added:
     )
 
 
+verbose_option: Added = click.option("--verbose", is_flag=True, help="Also print what the search left out.")
+
+
 def time_limited(command: Any) -> Any:
     """Add the option `--time-limit` to a command, whose code need not handle it."""
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from vctune.analysis.extrema import Floats
+from vctune.analysis.hardest_hands import AtWall
 from vctune.analysis.sampled_loop import plant_of, pulse_transfer
 from vctune.design.nlp.nlp import compiled
 from vctune.design.nlp.nlp_parameters import (
@@ -201,6 +202,8 @@ def _parameters(
         numbers["in_hand"] = _in_hands(points) | {"factor": np.full(len(points), factor)}
         if (met := posed.problem.worlds_met) is not None:
             numbers["in_hand"] |= _in_worlds(len(points), met, spare)
+        if structure.walls:
+            numbers["in_hand"] |= _in_walls(points)
     if working_set.tracked_peaks:
         plants = [plant_numbers(plant_of(point.device)) for point in working_set.tracked_peaks]
         numbers["tracked_peaks"] = {name: np.array([plant[name] for plant in plants]).T for name in plants[0]}
@@ -297,6 +300,13 @@ def _in_worlds(count: int, met: WorldsMet, spare: float) -> dict[str, Any]:
     numbers = {name: x if x < inf else 0.0 for name, x in numbers.items()} | {"reserve": met.factor, "spare": spare}
     numbers |= {f"by_{name}": 1.0 * (name in names) for name in Disjuncts._fields}
     return {name: np.full(count, x) for name, x in numbers.items()}
+
+
+def _in_walls(points: Sequence[ConstraintPoint]) -> dict[str, Any]:
+    """Return which points are those of walls, by the names of `WALLS_IN_HAND`."""
+    walls = [at.wall or AtWall(1.0, 0.0) for at in points]
+    walled = np.array([1.0 * (at.wall is not None) for at in points])
+    return {"walled": walled, **{name: np.array([getattr(each, name) for each in walls]) for name in AtWall._fields}}
 
 
 def _loop_at(at: ConstraintPoint, theta: Any) -> AnyLoopInHand:

@@ -5,12 +5,9 @@ Device, hold and delay enter as numbers per frequency, so that one compiled NLP 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
-from contextlib import redirect_stdout
-from dataclasses import dataclass
-from functools import lru_cache
-from io import StringIO
+from dataclasses import dataclass, replace
+from functools import lru_cache, reduce
 from math import inf, log, pi
 from typing import Any
 
@@ -30,16 +27,16 @@ from vctune.design.nlp.nlp_parameters import (
     unpacked,
 )
 from vctune.design.nlp.nlp_structure import DEMANDS, NlpStructure
-from vctune.design.variables import coupling_from
-from vctune.interrupt import interrupt_deferred
+from vctune.design.variables import CORNER, coupling_from
 from vctune.model.coupling import coupling_impedance, sampled_resistance
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
 from vctune.model.loop.llewellyn import modulus_excess
 from vctune.model.loop.loop import loop_response
-from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.numbers.arithmetic import Arithmetic, Number, by_conjugate
 from vctune.model.numbers.pair import EvenOdd, Pair
 from vctune.model.sampled.hand_loop import LoopInHand, required_in_hand, seen_in_hand
 from vctune.model.sampled.impedance_display import offered_by_spring, spring_damper_admittance
+from vctune.model.sampled.loop_in_walls import disjuncts_in_walls, strip_in_walls
 from vctune.model.sampled.loop_in_worlds import Seen, disjuncts, offered_at, room_of
 from vctune.model.sampled.velocity_loop import return_difference, sensitivity_abs2
 from vctune.model.transparency import PANEL_NODES, TERMS, loop_terms, squared_terms
@@ -84,6 +81,7 @@ class _SymbolArithmetic:
     exp = staticmethod(ca.exp)
     sin = staticmethod(ca.sin)
     cos = staticmethod(ca.cos)
+    reciprocal = staticmethod(by_conjugate)
 
     @staticmethod
     def modulus(re: Number, im: Number) -> Number:
@@ -118,23 +116,15 @@ class _SymbolArithmetic:
         return 0.0
 
     @staticmethod
+    def middle(x: Number) -> Number:
+        return x
+
+    @staticmethod
     def magnitude(x: Number) -> float:
         raise NotImplementedError("a symbol has no size")
 
 
 SYMBOLS: Arithmetic = _SymbolArithmetic()
-
-
-@lru_cache(maxsize=1)
-def ipopt_version() -> str:
-    """Return the version in IPOPT's banner, the only place where CasADi shows it."""
-    banner = StringIO()
-    x = ca.SX.sym("x")
-    quiet: dict[str, Any] = {"print_time": False, "ipopt.sb": "yes", "ipopt.print_level": 5, "ipopt.max_iter": 0}
-    with interrupt_deferred(), redirect_stdout(banner):
-        ca.nlpsol("banner", "ipopt", {"x": x, "f": x * x}, quiet)(x0=0)
-    found = re.search(r"Ipopt version (\d[\d.]*\d)", banner.getvalue())
-    return found[1] if found else "unknown"
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +154,7 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
     held_column, held = _symbols("held", tables(structure)["in_hand"].layout)
     plant_column, plant = _symbols("plant", plant_layout(structure))
 
-    gains, coupling = _design(structure, z, common)
+    gains, coupling, corner = _design(structure, z, common)
     operator = common["operator_damping"] if structure.operator_damping else None
     at = device_of(structure, common | frequency, operator)
     loop, response = loop_response(at, gains, SYMBOLS), _coupling_response(coupling, frequency)
@@ -199,7 +189,9 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
             "stability": cut["open"] + gains.velocity * cut["velocity"] + gains.position * cut["position"],
             "peak": epigraph - ca.log(error2) / 2,
             "unmodelled": _room(perturbed_L) - perturbed["log_radius"],
-            "in_hand": (_margin_in_worlds if structure.worlds else _margin_in_hand)(held, gains, coupling),
+            "in_hand": (_margin_in_worlds if structure.worlds else _margin_in_hand)(held, gains, coupling)
+            if corner is None
+            else _margin_with_walls(held, gains, coupling, corner),
             "tracked_peaks": ca.vertcat(-log_peak, ca.gradient(log_peak, y)),
         },
     )
@@ -255,22 +247,50 @@ exchanges do not converge; with three tenths they take twice as many rounds."""
 
 def _margin_in_worlds(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
     """Return the smoothed greatest of the margins, a lower bound; one of them must be positive."""
-    low, high = (
-        World(*(held[f"environment_{end}_{name}"] for name in ("mass", "damping", "stiffness")))
-        for end in ("low", "high")
-    )
+    low, high, seen = *_box_of(held), _seen(held, gains)
     theta, factor = held["theta"], held["reserve"]
-    seen = Seen(held["required"], held["swing"], 1.0) if "required" in held else seen_in_hand(_loop(held), gains)
     at = offered_at(series_coupling(coupling), 1.0, theta, SYMBOLS)
     found = disjuncts(at, Worlds(low, high), 1.0, seen, factor, theta, SYMBOLS)
     offered, wanted = at.resistance + factor * low.damping, held["factor"] * (seen.lost / seen.size)
     margins = {"resistive": ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)}
     for name in found._fields[1:]:
         margins[name] = room_of(getattr(found, name), ca.fabs) - held["spare"]
-    posed = [margins[name] - UNPOSED * (1 - held[f"by_{name}"]) for name in margins]
-    greatest = ca.fmax(ca.fmax(posed[0], posed[1]), ca.fmax(posed[2], posed[3]))
-    others = sum(ca.exp((margin - greatest) / BLUNT) for margin in posed)
+    return _greatest([margins[name] - UNPOSED * (1 - held[f"by_{name}"]) for name in margins])
+
+
+ENDLESS = 1e12
+"""A mass that stands for one without limit, in Z_0 T; with walls the numbers of an NLP have no infinity."""
+
+
+def _margin_with_walls(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, corner: ca.SX) -> Number:
+    """Return the margin of walls, or at a point of linear environments that of these."""
+    theta, (low, high), T = held["theta"], _box_of(held), 1.0
+    at = offered_at(series_coupling(coupling), T, theta, SYMBOLS)
+    high = replace(high, mass=high.mass + ENDLESS * (1 - held["by_above"]))
+    worlds = Worlds(low, high, True, corner)
+    strip = strip_in_walls(at, worlds, T, _seen(held, gains), held["share"], theta, SYMBOLS)
+    found = disjuncts_in_walls(strip, worlds, held["lead"], T, theta, SYMBOLS)
+    rooms = [room_of(terms, ca.fabs) - held["spare"] for terms in found if terms is not None]
+    linear = _margin_in_worlds(held, gains, coupling)
+    return held["walled"] * _greatest(rooms) + (1 - held["walled"]) * linear
+
+
+def _greatest(margins: list[Number]) -> Number:
+    """Return the greatest of some margins, rounded off from below."""
+    greatest = reduce(ca.fmax, margins)
+    others = sum(ca.exp((margin - greatest) / BLUNT) for margin in margins)
     return greatest + BLUNT * (ca.log(others) - log(2))
+
+
+def _box_of(held: dict[str, ca.SX]) -> tuple[World, World]:
+    """Return the least and the greatest environment."""
+    numbers = ("mass", "damping", "stiffness")
+    low, high = (World(*(held[f"environment_{end}_{name}"] for name in numbers)) for end in ("low", "high"))
+    return low, high
+
+
+def _seen(held: dict[str, ca.SX], gains: Gains) -> Seen:
+    return Seen(held["required"], held["swing"], 1.0) if "required" in held else seen_in_hand(_loop(held), gains)
 
 
 def _loop(held: dict[str, ca.SX]) -> LoopInHand:
@@ -292,13 +312,15 @@ def _symbols(name: str, layout: Layout) -> tuple[ca.SX, dict[str, ca.SX]]:
     return column, unpacked(layout, column)
 
 
-def _design(structure: NlpStructure, z: ca.SX, common: dict[str, ca.SX]) -> tuple[Gains, AnyCoupling]:
+def _design(structure: NlpStructure, z: ca.SX, common: dict[str, ca.SX]) -> tuple[Gains, AnyCoupling, ca.SX | None]:
+    """Return gains, coupling and the corner of the multiplier for walls."""
     values = ca.vertsplit(common["fixed"])
     for k, (index, from_zero) in enumerate(structure.free):
         values[index] = common["scales"][index] * ca.expm1(z[k]) if from_zero else ca.exp(z[k])
-    K_v, K_p, *of_coupling = values
+    K_v, K_p, *of_coupling = values[: len(structure.kind.keys)]
     coupling = [inf, *of_coupling[1:]] if structure.rigid else of_coupling
-    return Gains(K_v, K_p if structure.integrator else 0.0), coupling_from(coupling)
+    corner = values[CORNER] if structure.walls else None
+    return Gains(K_v, K_p if structure.integrator else 0.0), coupling_from(coupling), corner
 
 
 @lru_cache(maxsize=16)

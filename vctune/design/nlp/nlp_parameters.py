@@ -54,13 +54,16 @@ WORLDS_IN_HAND: Layout = {
     "spare": 1,
 }
 """Beside the loop in a hand, the environments, the margins that may be positive, g and the tightening of a room."""
+WALLS_IN_HAND: Layout = {"walled": 1, "share": 1, "lead": 1}
+"""Whether the condition of walls is posed, 1, or that of linear environments, 0; the fields of `AtWall`."""
 STABILITY_CUT: Layout = {"open": 1, "velocity": 1, "position": 1}
 """The fields of `Cut`."""
 
 
 def in_hand_layout(structure: NlpStructure) -> Layout:
     """Return the rows of a loop in a hand."""
-    return IN_HAND[structure.kind.name] | (WORLDS_IN_HAND if structure.worlds else {})
+    worlds, walls = WORLDS_IN_HAND if structure.worlds else {}, WALLS_IN_HAND if structure.walls else {}
+    return IN_HAND[structure.kind.name] | worlds | walls
 
 
 def common_layout(structure: NlpStructure) -> Layout:
@@ -69,7 +72,7 @@ def common_layout(structure: NlpStructure) -> Layout:
     The device's mass and damping, the variables' scales, the values of fixed variables, the weights and, if an operator
     eases the conditions, its damping and the safety factor.
     """
-    numbers = len(structure.kind.keys)
+    numbers = len(structure.kind.keys) + structure.walls
     layout = {"mass": 1, "damping": 1, "scales": numbers, "fixed": numbers, "weights": len(TERMS)}
     return layout | ({"operator_damping": 1, "safety_factor": 1} if structure.operator_damping else {})
 

@@ -37,6 +37,7 @@ class NlpStructure:
     kind : kind of the device
     rigid : whether b_c is infinite
     worlds : whether the environments are those of a box
+    walls : whether walls are among these, and the corner of their multiplier a number of the design
     free : (index among a design's numbers, whether it may be 0) for each variable
     integrator : whether the law has its K_p/s term
     terms : terms of the error with a positive weight
@@ -55,6 +56,7 @@ class NlpStructure:
     kind: Display
     rigid: bool
     worlds: bool
+    walls: bool
     free: tuple[tuple[int, bool], ...]
     integrator: bool
     terms: tuple[TermName, ...]
@@ -111,6 +113,7 @@ def nlp_structure(
         kind=problem.device.kind,
         rigid=problem.bounds.damping.min == inf,
         worlds=problem.worlds is not None,
+        walls=problem.worlds is not None and problem.worlds.walls,
         free=tuple((coordinate.index, coordinate.scale > 0) for coordinate in free),
         integrator=integrator,
         terms=tuple(term for term in TERMS if getattr(weights, term) > 0),

@@ -14,6 +14,7 @@ import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.analysis.in_hands import least_ratios
+from vctune.analysis.in_walls import corner_of
 from vctune.design.nlp.ipopt import NEAR_SIDE, numbers_of, solve
 from vctune.design.nlp.nlp_structure import nlp_structure
 from vctune.design.prepared import Posed, with_device
@@ -22,9 +23,9 @@ from vctune.design.search.scan import ScanResult
 from vctune.design.search.shapes import softened
 from vctune.design.search.stabilise import add_stability_cut, stabilised, stable
 from vctune.design.search.start import Start
-from vctune.design.search.violations import Violations, near_peak, of_own_loops, violations
+from vctune.design.search.violations import Violations, near_peak, of_own_loops, tightest_at_walls, violations
 from vctune.design.search.working_set import ConstraintPoint, WorkingSet, constraint_points
-from vctune.design.variables import Coordinate, Point, coordinates, design_of, point, ranges
+from vctune.design.variables import CORNER, Coordinate, Point, coordinates, design_of, point, ranges
 from vctune.model.problem import Problem
 from vctune.running import OutOfTimeError, check_time
 
@@ -104,7 +105,13 @@ def polish(
     reference = stabilised(posed.problem, cases, start)
     if reference is None:
         return None
+    worlds = posed.problem.worlds
+    if worlds is not None and worlds.walls:
+        corner = worlds.corner or start.corner or corner_of(posed.problem, *design_of(reference))
+        reference = (*reference, corner)
     working_set = demands.copy() if demands is not None else _first_working_set(posed, start, scanned)
+    if demands is None:
+        working_set.in_hand.extend(tightest_at_walls(posed.problem, reference))
     _add_violated(
         working_set,
         Violations(witnesses.ratio, witnesses.sensitivity, unmodelled=witnesses.unmodelled, in_hand=witnesses.in_hand),
@@ -219,12 +226,16 @@ def _examine_start(posed: Posed, search: _Search, error: float) -> None:
         return
     search.start_examined = True
     gains, coupling = search.start.gains, search.start.coupling
-    demands = violations(posed, search.cases, point(gains, coupling), search.tightening, search.witnesses)
+    corner = search.reference[CORNER:]
+    at_start = (*point(gains, coupling), *corner)
+    demands = violations(posed, search.cases, at_start, search.tightening, search.witnesses)
     more = exp(demands.greatest + search.tightening) if demands.greatest > 0 else 1.0
     raised = softened(coupling, more)
-    at_raised = point(gains, raised)
-    bounded = all(each.min <= x <= each.max for each, x in zip(ranges(posed.problem), at_raised, strict=True))
+    at_raised = (*point(gains, raised), *corner)
+    bounded = all(each.min <= x <= each.max for each, x in zip(ranges(posed.problem), at_raised, strict=False))
     sound = all(stable(case, gains) for case in of_own_loops(search.cases))
+    if posed.problem.worlds is not None:  # more of a coupling is not always better then
+        sound &= violations(posed, search.cases, at_raised, search.tightening, search.witnesses).greatest == 0
     if sound and demands.positive and not demands.sensitivity and bounded:
         _remember(search, at_raised, posed.error(gains, raised))
 
@@ -318,4 +329,4 @@ def _add(known: list[ConstraintPoint], candidates: list[ConstraintPoint]) -> boo
 
 def _same(point: ConstraintPoint, other: ConstraintPoint) -> bool:
     near = abs(point.omega - other.omega) <= 1e-7 * other.omega
-    return near and point.device == other.device and point.hand == other.hand
+    return near and (point.device, point.hand, point.wall) == (other.device, other.hand, other.wall)

@@ -13,8 +13,9 @@ from time import perf_counter
 
 import numpy as np
 
+from vctune.analysis.hardest_hands import tightest_at_wall
 from vctune.analysis.in_hands import least_ratio_near
-from vctune.design.prepared import Prepared, prepare
+from vctune.design.prepared import Prepared, prepare, with_corner
 from vctune.design.result import Polished
 from vctune.design.search.exchange import TIGHTENING, polish
 from vctune.design.search.rounding import DIGITS, rounded
@@ -22,7 +23,7 @@ from vctune.design.search.scan import ScanResult, better_start_near, in_same_bas
 from vctune.design.search.start import Start
 from vctune.design.search.theorems import impossible
 from vctune.design.search.working_set import ConstraintPoint, WorkingSet
-from vctune.design.variables import design_of, point
+from vctune.design.variables import CORNER, design_of, point
 from vctune.design.verdict.judge import Judgement, Status, judge_posed
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem, Range
@@ -279,12 +280,13 @@ def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Ite
             return
         digits = DIGITS + MORE_DIGITS * sharpened
         values = rounded(prepared.problem, prepared.units.to_si(polished.values), digits)
-        judgement = judge_posed(prepared.given, *design_of(values))
+        given = with_corner(prepared.given, values[CORNER]) if len(values) > CORNER else prepared.given
+        judgement = judge_posed(given, *design_of(values))
         yield polished, judgement
         for claim, outcome in judgement.certificate.outcomes.items():
             points = witnesses.points(CLAIMS[claim].quantity)
             if points is not None:
-                _collect(points, outcome, prepared)
+                _collect(points, outcome, prepared, judgement if claim == "walls" else None)
         if not _new_hand(prepared, judgement, witnesses, tightening):
             sharpened += 1
             tightening *= SHARPENING
@@ -297,21 +299,25 @@ def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Ite
 def _start_at(polished: Polished) -> Start:
     """Return an optimum as a start, from which the same constraints, a little sharper, lead to the next in its
     basin."""
-    return Start(*design_of(polished.values), polished.error)
+    corner = polished.values[CORNER] if len(polished.values) > CORNER else None
+    return Start(*design_of(polished.values), polished.error, corner=corner)
 
 
 def _new_hand(prepared: Prepared, judgement: Judgement, witnesses: WorkingSet, tightening: float) -> bool:
     """Add the worst hand near the one that a proof refused, if it requires more than the tightening gives."""
     problem, outcomes = prepared.problem, judgement.certificate.outcomes
     found = False
-    for outcome in (outcomes[claim] for claim in IN_HANDS if claim in outcomes):
+    demands = judgement.certificate.demands
+    for claim in (claim for claim in IN_HANDS if claim in outcomes):
+        outcome, met = outcomes[claim], demands.walls_met if claim == "walls" else demands.worlds_met
         if problem.hands_met is None or outcome.hand is None or not outcome.witness:
             continue
         device = outcome.device or problem.device
         law = judgement.gains, judgement.coupling
-        worst = least_ratio_near(device, problem.hands_met, *law, outcome.witness, outcome.hand, problem.worlds_met)
+        worst = least_ratio_near(device, problem.hands_met, *law, outcome.witness, outcome.hand, met)
         if worst.ratio < problem.stability.safety_factor * (1 - tightening):
-            _collect(witnesses.in_hand, replace(outcome, witness=worst.omega, hand=worst.hand), prepared)
+            there = replace(outcome, witness=worst.omega, hand=worst.hand)
+            _collect(witnesses.in_hand, there, prepared, judgement if claim == "walls" else None)
             found = True
     return found
 
@@ -320,11 +326,17 @@ def _undecided(judgement: Judgement) -> bool:
     return any(outcome.verdict is Verdict.UNDECIDED for outcome in judgement.certificate.outcomes.values())
 
 
-def _collect(known: list[ConstraintPoint], outcome: Outcome, prepared: Prepared) -> None:
+def _collect(
+    known: list[ConstraintPoint], outcome: Outcome, prepared: Prepared, of_walls: Judgement | None = None
+) -> None:
+    """Add where a design is refuted; `of_walls` is what is known of it if the condition of walls is what fails."""
     if outcome.verdict is Verdict.REFUTED and outcome.witness:
-        device = prepared.on_device(outcome.device or prepared.problem.device)
+        wall, device = None, outcome.device or prepared.problem.device
+        if of_walls is not None and (met := of_walls.certificate.demands.walls_met) and outcome.hand:
+            law = of_walls.gains, of_walls.coupling
+            wall = tightest_at_wall(device, *law, outcome.witness, outcome.hand, met)
         hand = outcome.hand and outcome.hand.in_units(prepared.units.impedance, prepared.units.time)
-        known.append(ConstraintPoint(outcome.witness * prepared.units.time, device, hand))
+        known.append(ConstraintPoint(outcome.witness * prepared.units.time, prepared.on_device(device), hand, wall))
 
 
 def _with_least_coupling(prepared: Prepared, judgement: Judgement) -> Judgement:

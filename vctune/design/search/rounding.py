@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from vctune.analysis.in_walls import in_decimals
 from vctune.design.variables import Point, ranges
 from vctune.model.problem import Problem, Range
 
@@ -11,6 +12,8 @@ DIGITS = 8
 
 def rounded(problem: Problem, values: Point, digits: int = DIGITS) -> Point:
     """Return five physical numbers with so many digits, on their bounds if they reach them.
+
+    A corner that follows them is rounded to as many as `corner_of` has.
 
     Parameters
     ----------
@@ -23,7 +26,8 @@ def rounded(problem: Problem, values: Point, digits: int = DIGITS) -> Point:
     Point
         Within the bounds.
     """
-    return tuple(_rounded(value, bounds, digits) for value, bounds in zip(values, ranges(problem), strict=True))
+    known = tuple(_rounded(value, bounds, digits) for value, bounds in zip(values, ranges(problem), strict=False))
+    return (*known, *map(in_decimals, values[len(known) :]))
 
 
 def _rounded(value: float, bounds: Range, digits: int) -> float:

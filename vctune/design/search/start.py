@@ -33,6 +33,7 @@ class Start:
     missed : the most serious constraint that it misses there
     violation : amount of the violation, comparable among designs that violate the same constraint; for
         `Missed.COUPLING` and `Missed.SENSITIVITY` the logarithm of a ratio; 0 if nothing is violated
+    corner : corner of the multiplier for walls; None if it is unknown
     """
 
     gains: Gains
@@ -40,6 +41,7 @@ class Start:
     error: float
     missed: Missed = Missed.NOTHING
     violation: float = 0.0
+    corner: float | None = None
 
     @property
     def admissible(self) -> bool:

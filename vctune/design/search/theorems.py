@@ -16,7 +16,7 @@ from vctune.model.loop.limits import EndLimit, high_frequency_limit, lags, low_f
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import UNITS
 from vctune.model.problem import Problem
-from vctune.proof.claims.polynomials import is_rational
+from vctune.proof.claims.llewellyn.polynomials import is_rational
 
 LEAST_POSITION = 5e-324
 """The smallest K_p > 0: with an integrator the limits at omega = 0 are others than without, however weak it is."""

@@ -21,13 +21,15 @@ from vctune.analysis.demands import (
     weighted_square,
 )
 from vctune.analysis.extrema import Floats, Minima, local_minima
-from vctune.analysis.in_hands import least_ratios, ratio_at, windows
+from vctune.analysis.hardest_hands import tightest_at_wall
+from vctune.analysis.in_hands import RatioInHand, least_ratios, least_ratios_in_hands, ratio_at, windows
 from vctune.design.prepared import Posed
 from vctune.design.search.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, constraint_points
 from vctune.design.search.worst import loudest, worst_inside
-from vctune.design.variables import Point, design_of
+from vctune.design.variables import CORNER, Point, design_of
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
+from vctune.model.worlds import WorldsMet
 
 TRACKED_FROM = 0.8
 """Share of its limit from which on the peak of |S| is tracked. More would leave out a peak that the next answer brings
@@ -85,7 +87,8 @@ def violations(
     if posed.hand_cases:
         met = {case.device.modelled: case for case in (*loops, *posed.hand_cases)}
         parts += [_in_hands(case, gains, coupling, tightening) for case in met.values()]
-        parts.append(_at_points(refuted, posed.problem, gains, coupling, tightening))
+        parts += [_at_walls(case, values, tightening) for case in met.values()]
+        parts.append(_at_points(refuted, posed.problem, values, tightening))
     parts += [_peaks(case, there, tightening) for case, there in zip(loops, peaks, strict=True)]
     if posed.problem.uncertainty is not None and posed.problem.uncertainty.unmodelled:
         known = posed.problem.uncertainty
@@ -126,18 +129,65 @@ def _in_hands(problem: Problem, gains: Gains, coupling: AnyCoupling, tightening:
     """Find the points where the ratio fails in the hands of a problem."""
     worst = least_ratios(problem, gains, coupling)
     if problem.worlds_met is not None:
-        worst = [*worst, *windows(problem, gains, coupling, worst)]
+        worst = [*worst, *windows(problem, gains, coupling, worst, problem.worlds_met)]
     points = [ConstraintPoint(each.omega, problem.device, each.hand) for each in worst]
     return _short(points, [each.ratio for each in worst], problem.stability.safety_factor, tightening)
 
 
-def _at_points(
-    points: Sequence[ConstraintPoint], problem: Problem, gains: Gains, coupling: AnyCoupling, tightening: float
-) -> Violations:
+def _at_walls(problem: Problem, values: Point, tightening: float) -> Violations:
+    """Find where the condition of walls fails in the hands of a problem; nowhere if it has none."""
+    met = walls_met(problem, values)
+    if met is None or problem.hands_met is None:
+        return Violations()
+    gains, coupling = design_of(values)
+    worst = least_ratios_in_hands(problem.device, problem.hands_met, gains, coupling, met)
+    worst = [*worst, *windows(problem, gains, coupling, worst, met)]
+    points = [_point_at_walls(problem, values, each, met) for each in worst]
+    return _short(points, [each.ratio for each in worst], problem.stability.safety_factor, tightening)
+
+
+def tightest_at_walls(problem: Problem, values: Point) -> list[ConstraintPoint]:
+    """Return the points at which the condition of walls has least room; none without walls.
+
+    Parameters
+    ----------
+    problem : of one device, dimensionless
+    values : a design and its corner
+    """
+    met = walls_met(problem, values)
+    if met is None or problem.hands_met is None:
+        return []
+    worst = least_ratios_in_hands(problem.device, problem.hands_met, *design_of(values), met)
+    return [_point_at_walls(problem, values, each, met) for each in worst]
+
+
+def walls_met(problem: Problem, values: Point) -> WorldsMet | None:
+    """Return the environments with walls, and the corner of a design; None without walls.
+
+    Parameters
+    ----------
+    problem : in the units of the design
+    values : the design's numbers
+    """
+    if problem.worlds is None or len(values) <= CORNER:
+        return None
+    return WorldsMet(replace(problem.worlds, corner=values[CORNER]), problem.stability.safety_factor)
+
+
+def _point_at_walls(problem: Problem, values: Point, at: RatioInHand, met: WorldsMet) -> ConstraintPoint:
+    wall = tightest_at_wall(problem.device, *design_of(values), at.omega, at.hand, met)
+    return ConstraintPoint(at.omega, problem.device, at.hand, wall)
+
+
+def _at_points(points: Sequence[ConstraintPoint], problem: Problem, values: Point, tightening: float) -> Violations:
     """Find at which points, those in a hand, the ratio fails."""
-    held = [point for point in points if point.hand is not None]
-    met = problem.worlds_met
-    ratios = [ratio_at(point.device, gains, coupling, point.omega, point.hand, met) for point in held if point.hand]
+    held, law = [point for point in points if point.hand is not None], design_of(values)
+    linear, walls = problem.worlds_met, walls_met(problem, values)
+    ratios = [
+        ratio_at(point.device, *law, point.omega, point.hand, linear if point.wall is None else walls)
+        for point in held
+        if point.hand
+    ]
     return _short(held, ratios, problem.stability.safety_factor, tightening)
 
 

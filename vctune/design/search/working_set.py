@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from vctune.analysis.extrema import Floats
+from vctune.analysis.hardest_hands import AtWall
 from vctune.analysis.stability import Cut
 from vctune.model.device import Device
 from vctune.model.device import stacked as stacked_devices
@@ -17,11 +18,15 @@ from vctune.proof.claims.registry import Quantity
 
 @dataclass(frozen=True, slots=True)
 class ConstraintPoint:
-    """A point at which a constraint is imposed: a frequency, rad/s, a device, and for some constraints a hand."""
+    """A point at which a constraint is imposed: a frequency, rad/s, a device, and for some constraints a hand.
+
+    For walls it has a share of the coupling and a stepping rule; for linear environments `wall` is None.
+    """
 
     omega: float
     device: Device
     hand: Hand | None = None
+    wall: AtWall | None = None
 
 
 def constraint_points(device: Device, omega: Iterable[float]) -> list[ConstraintPoint]:
@@ -107,6 +112,7 @@ class WorkingSet:
                     point.omega * stretch,
                     changed(point.device).in_units(1.0, time),
                     point.hand and held(point.hand).in_units(1.0, time),
+                    point.wall,
                 )
                 for point in points
             ]

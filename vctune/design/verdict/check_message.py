@@ -31,8 +31,10 @@ def check_message(
     if judgement.status is Status.CERTIFIED:
         return _proved(judgement)
     worst = f"{judgement.ratio_name} {judgement.min_ratio:.6g} at {judgement.worst / (2 * pi):.6g} Hz"
-    if judgement.in_hand is not None and judgement.in_hand.ratio == judgement.min_ratio:
-        worst += f" in the hand of {judgement.in_hand.hand.in_words(UNITS[judgement.tightest.units])}"
+    for held in (judgement.in_hand, judgement.in_walls):
+        if held is not None and held.ratio == judgement.min_ratio:
+            worst += f" in the hand of {held.hand.in_words(UNITS[judgement.tightest.units])}"
+            break
     remedies = [_whole(together)] if together else []
     remedies += [_remedy(repairs, changed)] if repairs is not None else []
     return "; ".join([*judgement.open_claims, judgement.reserve_missed or worst, *remedies])

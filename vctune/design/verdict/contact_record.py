@@ -95,7 +95,8 @@ def _stiffest(
     posed = pose(problem)
     softer = Hands(hands.low, replace(hands.high, stiffness=stiffest))
     design = Design(posed.demands.device, judgement.gains, judgement.coupling)
-    found = certify(design, replace(posed.demands, hands=softer), posed.box)
+    worlds = judgement.certificate.demands.worlds
+    found = certify(design, replace(posed.demands, hands=softer, worlds=worlds), posed.box)
     return stiffest, "proved" if found.verdict is Verdict.PROVED else "undecided"
 
 

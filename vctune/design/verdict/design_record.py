@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from functools import cache
-from importlib.metadata import version
 from math import degrees, inf, log10, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -37,6 +35,7 @@ from vctune.document.records.certificate_json import (
     HandsRecord,
     InnerLoopRecord,
     NyquistRecord,
+    WallsRecord,
     WholeSampleRecord,
     WithoutOperatorRecord,
     WorldRecord,
@@ -61,14 +60,14 @@ from vctune.document.records.price_json import PriceRecord
 from vctune.document.text.codes import Note
 from vctune.model.display import ADMITTANCE
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.numbers.frequency import finite_hertz
+from vctune.model.numbers.frequency import finite_hertz, hertz
 from vctune.model.problem import Problem
 from vctune.proof.claims.registry import IN_HANDS, claims_about
 from vctune.proof.claims.sampled_poles import spectral_radius
 from vctune.proof.claims.whole_samples import delay_in_samples
 from vctune.proof.engine.interval import Verdict, worst_verdict
 from vctune.running import out_of_time, unlimited
-from vctune.version import __version__
+from vctune.version import versions
 
 if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
@@ -86,7 +85,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
     ----------
     file : the problem and its text
     solved : its result
-    ipopt : IPOPT's version if it took part (`vctune.design.nlp.nlp.ipopt_version`)
+    ipopt : IPOPT's version if it took part (`vctune.design.nlp.ipopt_version.ipopt_version`)
 
     Returns
     -------
@@ -161,18 +160,6 @@ def _recorded(
 
 def _alternative(each: Alternative) -> AlternativeRecord:
     return AlternativeRecord(**{name: value for name, value in asdict(each).items() if value is not None})
-
-
-@cache
-def versions(ipopt: str | None) -> dict[str, str | None]:
-    """Return the versions that determine a result; IPOPT's is None if it took no part."""
-    return {
-        "vctune": __version__,
-        "casadi": version("casadi"),
-        "ipopt": ipopt,
-        "numpy": version("numpy"),
-        "python-flint": version("python-flint"),
-    }
 
 
 def at_bound(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[str]:
@@ -309,6 +296,17 @@ def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
     world = binding_world(device, *law, held.hand, held.omega, factor, problem.worlds)
     if world is not None:
         also["worst_world"] = WorldRecord(mass=world.mass, stiffness=world.stiffness)
+    if (walls := judgement.in_walls) is not None and (corner := judgement.corner) is not None:
+        proved = outcomes["walls"]
+        also["walls"] = WallsRecord(
+            verdict=proved.verdict.value,
+            corner_hz=hertz(corner),
+            min_ratio=walls.ratio,
+            worst_hz=finite_hertz(walls.omega),
+            worst_hand=HandRecord(**asdict(walls.hand)),
+            boxes=proved.boxes,
+            **_display(problem),
+        )
     return {
         "hands": HandsRecord(
             verdict=outcome.verdict.value,

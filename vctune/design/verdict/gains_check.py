@@ -186,7 +186,8 @@ def _judged(
     """Judge designs."""
     progress(f"proving {', '.join(source.path.name for source, _ in given)}")
     began = perf_counter()
-    judgements = judge_all(file.problem, [(design.gains, design.coupling) for _, design in given])
+    designs = [(design.gains, design.coupling) for _, design in given]
+    judgements = judge_all(file.problem, designs, [design.corner for _, design in given])
     proving = (perf_counter() - began) / max(len(given), 1)
     checks = []
     for (source, design), judgement in zip(given, judgements, strict=True):

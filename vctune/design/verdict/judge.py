@@ -17,12 +17,15 @@ from vctune.analysis.demands import (
     transparency_error,
 )
 from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand, least_ratios_in_any_hand, least_ratios_in_hands
-from vctune.design.prepared import Posed, compared, pose
+from vctune.analysis.in_walls import corner_of
+from vctune.analysis.responses.loop import Loop
+from vctune.design.prepared import Posed, compared, pose, with_corner
 from vctune.design.search.worst import worst_inside
 from vctune.markup import html_facts, span
 from vctune.model.device import Device
 from vctune.model.display import Display
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
+from vctune.model.hands import Hand
 from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.numbers.frequency import hertz
 from vctune.model.numbers.keys import labelled
@@ -70,6 +73,7 @@ class Judgement:
 
     Attributes
     ----------
+    device : the nominal device
     gains, coupling : the design
     transparency : its error and the three terms, on the nominal device
     error : the objective: that error, or the greatest at the vertices of a box of devices
@@ -78,11 +82,13 @@ class Judgement:
     tightest : the device on which it is least, of the nominal one and those of a box
     in_hand : the least Re Z_c / R in the hands of the claim, and its hand; None without such hands
     in_any_hand : the least Re(1/Z_c)/R of an impedance display in any passive hand, if any is required
+    in_walls : the same as `in_hand` for the condition that proves walls; None if no walls are required
     peak_sensitivity, worst_sensitivity : greatest |S| of these devices up to Nyquist and where, rad/s
     certificate : the proved claims
     cut : whether the time limit ended its proof, or left devices of a box unlooked at in hands
     """
 
+    device: Device
     gains: Gains
     coupling: AnyCoupling
     transparency: TransparencyError
@@ -96,12 +102,19 @@ class Judgement:
     certificate: Certificate
     in_hand: RatioInHand | None = None
     in_any_hand: RatioInAnyHand | None = None
+    in_walls: RatioInHand | None = None
     cut: bool = False
 
     @property
     def status(self) -> Status:
         """The certificate's verdict as a status."""
         return STATUS_OF[self.certificate.verdict]
+
+    @property
+    def corner(self) -> float | None:
+        """w_c of the multiplier that proves walls, rad/s; None without walls."""
+        worlds = self.certificate.demands.worlds
+        return None if worlds is None else worlds.corner
 
     @property
     def kind(self) -> Display:
@@ -136,6 +149,18 @@ class Judgement:
             **({"greatest |S|": self.peak_sensitivity} if kind.own_loop else {}),
             "proved band, Hz": span(self.certificate.proved_band_hz),
         }
+
+    def loop(self, hand: Hand | None = None) -> Loop:
+        """Return the sampled loop of the nominal device with this design, for arrays, state space and python-control.
+
+        Parameters
+        ----------
+        hand : at the handle; None for a device let go
+        """
+        return Loop(self.device, self.gains, self.coupling, hand)
+
+    def __repr__(self) -> str:
+        return f"Judgement({self.status.value}, error {self.transparency.error:.4g}, {self.gains}, {self.coupling})"
 
     def _repr_html_(self) -> str:
         return html_facts(f"design: {self.status.value}", self.facts)
@@ -208,19 +233,23 @@ def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
     Judgement
         Certificate, status, transparency and margins, in SI units and rad/s. The time limit cuts the proof alone.
     """
+    posed = with_best_corner(posed, gains, coupling)
     with time_limit(PROVING * seconds_left()):
         certificate = certify(Design(posed.demands.device, gains, coupling), posed.demands, posed.box)
     return _judgement(posed, gains, coupling, certificate)
 
 
 @np.errstate(all="ignore")
-def judge_all(problem: Problem, designs: Sequence[tuple[Gains, AnyCoupling]]) -> list[Judgement]:
+def judge_all(
+    problem: Problem, designs: Sequence[tuple[Gains, AnyCoupling]], corners: Sequence[float | None] | None = None
+) -> list[Judgement]:
     """Judge several designs against a problem's constraints, as `judge` does, with their proofs made together.
 
     Parameters
     ----------
     problem : problem with every default filled in, SI units
     designs : gains and couplings, plain floats, SI units
+    corners : of the multiplier for the walls of each, rad/s; None for the best one, as is None for all of them
 
     Returns
     -------
@@ -228,9 +257,26 @@ def judge_all(problem: Problem, designs: Sequence[tuple[Gains, AnyCoupling]]) ->
         In the order of the designs.
     """
     posed = pose(problem)
+    if posed.demands.worlds is not None and posed.demands.worlds.walls:  # each has a multiplier of its own
+        each = zip(designs, corners or [None] * len(designs), strict=True)
+        return [judge_posed(posed if known is None else with_corner(posed, known), *law) for law, known in each]
     with time_limit(PROVING * seconds_left()):
         certificates = certify_all([Design(problem.device, *design) for design in designs], posed.demands, posed.box)
     return [_judgement(posed, *design, certificate) for design, certificate in zip(designs, certificates, strict=True)]
+
+
+def with_best_corner(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Posed:
+    """Return a posed problem with a corner of the multiplier for its walls, if it has any and states none.
+
+    Parameters
+    ----------
+    posed : in SI units
+    gains, coupling : a design, plain floats
+    """
+    worlds = posed.demands.worlds
+    if worlds is None or not worlds.walls or worlds.corner is not None:
+        return posed
+    return with_corner(posed, corner_of(posed.problem, gains, coupling))
 
 
 def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: Certificate) -> Judgement:
@@ -246,17 +292,24 @@ def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: C
 
 
 class _InHands(NamedTuple):
-    """A device, and its least ratios in the hands of the claim and in any passive one."""
+    """A device, and its least ratios in the hands of the claim, in any passive one and with walls."""
 
     device: Device
     held: RatioInHand | None
     any_hand: RatioInAnyHand | None
+    walls: RatioInHand | None
 
 
 def _in_hands(demands: Demands, device: Device, gains: Gains, coupling: AnyCoupling) -> _InHands:
     hands, met = demands.hands, demands.worlds_met
     held = least_ratios_in_hands(device, hands, gains, coupling, met)[0] if hands is not None else None
-    return _InHands(device, held, least_ratios_in_any_hand(device, gains, coupling)[0] if demands.any_hand else None)
+    walls = demands.walls_met
+    return _InHands(
+        device,
+        held,
+        least_ratios_in_any_hand(device, gains, coupling)[0] if demands.any_hand else None,
+        least_ratios_in_hands(device, hands, gains, coupling, walls)[0] if hands is not None and walls else None,
+    )
 
 
 def _estimated(
@@ -280,10 +333,16 @@ def _estimated(
         in_any_hand, device = min(of_any, key=lambda pair: pair[0].ratio)
         if in_any_hand.ratio < min_ratio:
             min_ratio, worst, tightest = in_any_hand.ratio, in_any_hand.omega, device
+    in_walls = None
+    if of_walls := [(at.walls, at.device) for at in in_hands if at.walls is not None]:
+        in_walls, device = min(of_walls, key=lambda pair: pair[0].ratio)
+        if in_walls.ratio < min_ratio:
+            min_ratio, worst, tightest = in_walls.ratio, in_walls.omega, device
     sensitivity = min((sensitivity_maxima(case, gains) for case in cases), key=lambda found: float(found.value[0]))
     transparency, differing = transparency_error(posed.problem, gains, coupling), compared(posed)
     error = posed.error(gains, coupling) if len(posed.objective) > 1 else transparency.error
     return Judgement(
+        device=posed.problem.device,
         gains=gains,
         coupling=coupling,
         transparency=transparency,
@@ -297,6 +356,7 @@ def _estimated(
         certificate=certificate,
         in_hand=held,
         in_any_hand=in_any_hand,
+        in_walls=in_walls,
     )
 
 

@@ -45,6 +45,8 @@ def active(solved: Solved) -> list[ActiveRecord]:
     where += [("|1 - S| r < 1 of the unmodelled dynamics", at) for at in posed.unmodelled]
     where += [
         (f"{coupled} >= safety_factor R in {'any passive' if at.hand is None else 'a'} hand", at)
+        if at.wall is None
+        else ("walls in a hand", at)
         for at in posed.in_hand
     ]
     for at in posed.tracked_peaks:

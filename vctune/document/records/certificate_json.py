@@ -196,6 +196,17 @@ class WorldRecord(Part):
         return Row("binding world", "none", f"nothing rendered{place}")
 
 
+class WallsRecord(DisplayPart):
+    """What is proved of every wall of a box of environments, beside the linear ones."""
+
+    verdict: Annotated[Proof, Shown("every wall", "by the multiplier with its corner at {corner_hz} Hz")]
+    corner_hz: float
+    min_ratio: Annotated[Number, Shown("least with walls", "at {worst_hz} Hz in the hand of {worst_hand}")]
+    worst_hz: Number
+    worst_hand: HandRecord
+    boxes: int
+
+
 class HandsRecord(DisplayPart):
     """The claims about every hand of a box, in the sampled loop at every frequency."""
 
@@ -207,19 +218,22 @@ class HandsRecord(DisplayPart):
     boxes: int
     worlds: dict[str, Pair] | None = None
     worst_world: WorldRecord | None = None
+    walls: WallsRecord | None = None
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the rows, with the binding environment."""
         yield from super().rows(units)
         if self.worst_world is not None:
             yield self.worst_world.row(self.worst_hz, units)
+        yield from self.walls.rows(units) if self.walls else ()
 
     def environments(self, units: Units) -> str:
         """Return the environments of the claim in words."""
         if self.worlds is None:
             return ENVIRONMENTS
         ends = {name: [inf if end is None else end for end in pair] for name, pair in self.worlds.items()}
-        box = Worlds(*(World(**{name: pair[k] for name, pair in ends.items()}) for k in (0, 1)))
+        low, high = (World(**{name: pair[k] for name, pair in ends.items()}) for k in (0, 1))
+        box = Worlds(low, high, self.walls is not None)
         return f"with every environment of {box.in_words(units)}"
 
     @property

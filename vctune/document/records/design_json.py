@@ -218,6 +218,19 @@ class DesignRecord(Document):
         return found
 
     @property
+    def limits(self) -> list[str]:
+        """The active constraints, the dearest first, each with the frequencies where it is active."""
+        prices: dict[str, float] = {}
+        places: dict[str, list[str]] = {}
+        for each in self.active:
+            prices[each.demand] = prices.get(each.demand, 0.0) + each.multiplier
+            at = [] if each.hz is None else [text(each.hz, 4)]
+            places[each.demand] = list(dict.fromkeys([*places.get(each.demand, []), *at]))
+        dearest = sorted(prices, key=lambda demand: -prices[demand])
+        shown = {demand: " and ".join(", ".join(places[demand]).rsplit(", ", 1)) for demand in dearest}
+        return [f"{demand} at {hz} Hz" if hz else demand for demand, hz in shown.items()]
+
+    @property
     def design(self) -> tuple[Gains, AnyCoupling] | None:
         """Gains and coupling; None if there is no design."""
         return None if self.gains is None or self.coupling is None else (self.gains.plain, self.coupling.plain)

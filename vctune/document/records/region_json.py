@@ -104,7 +104,8 @@ class CheckedProblemRecord(Part):
 class RegionDocument(Document):
     """The plane of gains and its cells, in SI units: the object of region.json.
 
-    If it was `interrupted`, skipped cells are undecided.
+    If it was `interrupted`, skipped cells are undecided. In `others` the
+    infinite damping of a rigid coupling is null.
     """
 
     SCHEMA = "vctune/region/1"
@@ -112,7 +113,7 @@ class RegionDocument(Document):
     problem: ProblemRecord
     demands: DemandsRecord | None = None
     axes: AxesRecord
-    others: dict[str, float | dict[str, float]] = Field(default_factory=dict)
+    others: dict[str, float | dict[str, float] | None] = Field(default_factory=dict)
     areas: dict[str, float] = Field(default_factory=dict)
     interrupted: bool = False
     designs: list[DesignPoint]

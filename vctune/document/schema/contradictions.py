@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import floor, inf, isfinite
+from math import floor, inf, isfinite, pi
 from typing import Any
 
 from vctune.document.schema.device_contradictions import MAX_DELAY_SAMPLES, impossible_parts
@@ -99,6 +99,29 @@ def _unproved_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
         )
     if isinstance(uncertainty, dict) and uncertainty.get("unmodelled"):
         yield ("uncertainty", "unmodelled"), "is not proved with [environment]; leave one of them out"
+    yield from _unproved_walls(raw)
+
+
+def _unproved_walls(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    """Return what the condition of walls cannot be posed with."""
+    table, corner = raw["environment"], number_at(raw, "environment", "corner_hz")
+    if table.get("walls") is not True:
+        if corner is not None:
+            yield ("environment", "corner_hz"), "is that of walls, which are not asked for; write walls = true"
+        return
+    most, least = number_at(raw, "environment", "stiffness", "max"), number_at(raw, "environment", "stiffness", "min")
+    if most is None or most == inf:
+        yield (
+            ("environment", "walls"),
+            "needs a stiffest wall; state stiffness.max, or leave out [environment]: every passive environment is met "
+            "then, walls of any stiffness among them",
+        )
+    elif most == (least or 0.0):
+        yield ("environment", "walls"), f"needs a range of stiffness, not {most:g} alone; a wall has two slopes"
+    sample_time = number_at(raw, "device", "sample_time")
+    if corner and sample_time and sample_time > 0 and corner * pi * sample_time > 1:
+        highest = float(f"{1 / (pi * sample_time) * (1 - 5e-7):.6g}")
+        yield ("environment", "corner_hz"), f"{corner:g} Hz is above 1/(pi sample_time); write at most {highest:g}"
 
 
 def _is_infinite(raw: dict[str, Any], table: str, edge: int) -> bool:

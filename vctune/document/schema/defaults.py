@@ -166,7 +166,8 @@ def _worlds(table: WorldsTable | None) -> Worlds | None:
         return None
     low = World(table.mass.min, table.damping.min, table.stiffness.min)
     most = [inf if each.max is None else each.max for each in (table.mass, table.stiffness)]
-    found = Worlds(low, World(most[0], inf, most[1]))
+    corner = None if table.corner_hz is None else 2 * pi * table.corner_hz
+    found = Worlds(low, World(most[0], inf, most[1]), table.walls, corner)
     return None if found == EVERY_WORLD else found
 
 

@@ -18,7 +18,7 @@ QUANTITIES = {
     "position": ("zero", "from", "to", "position_resolution"),
     "speed": ("stribeck_velocity", "speed"),
     "time": ("sample_time", "delay"),
-    "frequency": ("band_hz", "bandwidth_hz", "filter_hz", "frequency_hz"),
+    "frequency": ("band_hz", "bandwidth_hz", "filter_hz", "frequency_hz", "corner_hz"),
 }
 """Which keys are which quantity (`vctune.model.numbers.units`), whatever table they stand in."""
 BY_KEY = OF_VARIABLES | {f"operator.{name}": quantity for name, quantity in OF_HAND.items()}

@@ -54,8 +54,10 @@ def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | No
     worlds, units = problem.worlds, problem.units
     if worlds is None:
         return None
-    if environment.wall:
+    if environment.wall and not worlds.walls:
         return "a wall that comes and goes", "wall"
+    if environment.wall and environment.damping > 0:
+        return "a wall with a damper, which acts on one side,", "damping"
     if environment.mass > 0 and environment.rule == "backward":
         return "a mass by backward Euler", "rule"
     for name, unit in (("mass", units.mass), ("damping", units.damping), ("stiffness", units.stiffness)):

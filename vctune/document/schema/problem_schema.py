@@ -98,6 +98,15 @@ class WorldsTable(Table):
     mass: WorldMassTable = Field(default_factory=WorldMassTable)
     damping: WorldDampingTable = Field(default_factory=WorldDampingTable)
     stiffness: WorldStiffnessTable = Field(default_factory=WorldStiffnessTable)
+    walls: bool = Field(
+        False,
+        strict=True,
+        description="Whether springs may be walls: a force that depends on the position alone and rises with slopes of "
+        "the range of stiffness, one-sided or piecewise linear, anywhere. They do not move; no damper is one-sided.",
+    )
+    corner_hz: Positive | None = Field(
+        None, description="Corner of the multiplier that proves the walls, Hz. Default: the one with the most room."
+    )
 
 
 class GainsTable(Table):
@@ -255,6 +264,7 @@ class OriginTable(Table):
         description="Digest of the problem with every default, without comments, name, description and experiments.",
     )
     numbers: Text | None = Field(None, description="The numbers of the solved design, in their order.")
+    corner_hz: Positive | None = Field(None, description="Corner of the multiplier that proved the walls, Hz.")
 
 
 class GainsDocument(Table):

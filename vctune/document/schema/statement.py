@@ -96,6 +96,8 @@ def _worlds(worlds: Worlds) -> dict[str, Any]:
         "mass": {"min": low.mass, "max": high.mass},
         "damping": {"min": low.damping},
         "stiffness": {"min": low.stiffness, "max": high.stiffness},
+        **({"walls": True} if worlds.walls else {}),
+        **({"corner_hz": _edge(worlds.corner)} if worlds.corner is not None else {}),
     }
 
 

@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Callable, Iterator
 from difflib import get_close_matches
+from functools import cache, partial
 from math import isnan
 from typing import Any, NamedTuple, TypeVar, get_args
 
@@ -84,7 +85,12 @@ def examined(model: type[Document], raw: dict[str, Any], check: Check) -> tuple[
         return model.model_validate(raw), between
     except ValidationError as error:
         explained = {fault.path for fault in between}
-        alone = [_fault(model, details) for details in error.errors(include_url=False)]
+
+        @cache
+        def means(table: KeyPath, name: str) -> bool:
+            return all(at != (*table, name) for at, _ in check(_with(raw, (*table, name))))
+
+        alone = [_fault(model, details, means) for details in error.errors(include_url=False)]
         return None, [fault for fault in alone if fault.code != "unknown-key" or fault.path not in explained] + between
 
 
@@ -127,12 +133,15 @@ def dotted(path: KeyPath) -> str:
     return _short(text)
 
 
-def _fault(model: type[BaseModel], details: Any) -> Fault:
+def _fault(model: type[BaseModel], details: Any, means: Callable[[KeyPath, str], bool]) -> Fault:
     path = untagged(details["loc"])
     value, context, kind = details["input"], details.get("ctx", {}), details["type"]
     if kind == "extra_forbidden":
         moved = MOVED.get(path[-2:])
-        return Fault(path, moved, "moved-key") if moved else Fault(path, _unknown(model, details["loc"]), "unknown-key")
+        if moved:
+            return Fault(path, moved, "moved-key")
+
+        return Fault(path, _unknown(model, details["loc"], partial(means, path[:-1])), "unknown-key")
     if isinstance(value, float) and isnan(value):
         return Fault(path, "nan is not a number; write a number", "wrong-type")
     if kind == "missing":
@@ -261,16 +270,28 @@ def _tables_in(annotation: Any, tag: str | None = None) -> list[type[BaseModel]]
     return [table for part in parts for table in _tables_in(part, tag)]
 
 
-def _unknown(model: type[BaseModel], path: KeyPath) -> str:
+def _with(raw: Any, path: KeyPath) -> Any:
+    """Return tables with some number at a path."""
+    if not path:
+        return 0.1
+    if isinstance(raw, list):
+        return [_with(each, path[1:]) if place == path[0] else each for place, each in enumerate(raw)]
+    table = raw if isinstance(raw, dict) else {}
+    return {**table, path[0]: _with(table.get(path[0]), path[1:])}
+
+
+def _unknown(model: type[BaseModel], path: KeyPath, has_a_meaning: Callable[[str], bool]) -> str:
     """Return the message on an unknown key: the probable intention, or where it belongs.
 
     Parameters
     ----------
     model : class of the document
     path : path of the key, with the tags of the forms on its way
+    has_a_meaning : whether a key of its table has one beside the others that are stated
     """
     table = _table_at(model, path[:-1])
     known = [field.alias or name for name, field in table.model_fields.items()] if table else ["min", "max"]
+    known = [name for name in known if has_a_meaning(name)]
     called = CALLED.get(str(path[-1]), str(path[-1]).replace("torque", "force"))
     if called != path[-1] and called in known:
         return f"unknown key; of a rotary device too it is called {called}"

@@ -84,6 +84,7 @@ Code = Literal[
     "remark-unused",
     "remark-weak-delay",
     "ros-no-damping",
+    "ros-other-law",
     "ros-parameter",
     "ros-rotation",
     "ros-slow-filter",

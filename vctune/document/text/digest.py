@@ -33,9 +33,16 @@ def problem_digest(problem: Problem) -> str:
         del stated["device"]["units"]
     if problem.worlds is None:
         del stated["worlds"]
+    else:
+        stated["worlds"] = _without_defaults(stated["worlds"])
     if problem.hands_met is None:
         del stated["hands"], stated["stability"]["criterion"]
     return digest(stated)
+
+
+def _without_defaults(worlds: dict[str, Any]) -> dict[str, Any]:
+    """Return environments without walls that are not asked for and a corner that is not stated."""
+    return {key: value for key, value in worlds.items() if value not in (False, None)}
 
 
 def experiments_digest(experiments: Sequence[Experiment]) -> str:

@@ -241,7 +241,7 @@ def filter_rows(
     if order == 1:
         rows[out][out] = -corner
         return corner
-    a = ops.sqrt(corner * corner / 2)
+    a = corner * ops.sqrt(0 * corner + 0.5)  # the root of a square would be wide where the corner is
     rows[out][out], rows[out][rate] = -a, a
     rows[rate][out], rows[rate][rate] = -a, -a
     return 2 * a

@@ -46,6 +46,19 @@ class Arithmetic(Protocol):
             In their unit.
         """
 
+    def reciprocal(self, re: Number, im: Number) -> tuple[Number, Number]:
+        """Return 1/(re + j im), which is as tight as the number is relative to its size.
+
+        Parameters
+        ----------
+        re, im : parts of a complex number that is not 0
+
+        Returns
+        -------
+        tuple of two numbers
+            The real and the imaginary part.
+        """
+
     def exp(self, x: Number) -> Number: ...
     def sin(self, x: Number) -> Number: ...
     def cos(self, x: Number) -> Number: ...
@@ -102,6 +115,19 @@ class Arithmetic(Protocol):
     def within(self, radius: Number) -> Number:
         """Return the numbers between -radius and radius, enclosed; 0 outside."""
 
+    def middle(self, x: Number) -> Number:
+        """Return a number within x that has no width.
+
+        Parameters
+        ----------
+        x : real number of the arithmetic
+
+        Returns
+        -------
+        Number
+            Of the shape of x; plain numbers are their own middle.
+        """
+
     def magnitude(self, x: Number) -> float:
         """Return a number that no |x|, of all elements, exceeds; of plain numbers about that."""
 
@@ -152,6 +178,22 @@ def sinc_curvature_series(x2: Number) -> Number:
     return total / 6
 
 
+def by_conjugate(re: Number, im: Number) -> tuple[Number, Number]:
+    """Return 1/(re + j im) by its conjugate: of numbers without width as tight as any other form.
+
+    Parameters
+    ----------
+    re, im : of a complex number that is not 0
+
+    Returns
+    -------
+    tuple of two numbers
+        The real and the imaginary part.
+    """
+    square = re * re + im * im
+    return re / square, -im / square
+
+
 class _FloatArithmetic:
     """Double precision, elementwise over NumPy arrays."""
 
@@ -176,6 +218,7 @@ class _FloatArithmetic:
 
     sqrt = staticmethod(np.sqrt)
     exp = staticmethod(np.exp)
+    reciprocal = staticmethod(by_conjugate)
 
     @staticmethod
     def modulus(re: Number, im: Number) -> Number:
@@ -221,6 +264,10 @@ class _FloatArithmetic:
     @staticmethod
     def within(radius: Number) -> Number:
         return 0.0
+
+    @staticmethod
+    def middle(x: Number) -> Number:
+        return x
 
     @staticmethod
     def magnitude(x: Number) -> float:

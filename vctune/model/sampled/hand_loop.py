@@ -55,22 +55,20 @@ class LoopInHand(NamedTuple):
 
 
 class CommandInHand(NamedTuple):
-    """The impedance that the environment sees of a servo in a hand, Z_seen = seen/(2 j s size), free of gains.
+    """The impedance that the environment sees of a servo in a hand, Z_seen = seen/(2 j s), free of gains.
 
     Attributes
     ----------
-    size : > 0
     seen : regular at theta = 0
     blur : amount by which -odd/2 may be greater in a disc of responses, `Servo.radii`; 0 without one
     """
 
-    size: Number
     seen: EvenOdd
     blur: Number = 0
 
     def closed(self, _gains: Gains) -> EvenOdd:
         """Return F, which has no loop in it."""
-        return EvenOdd(self.size, 0, self.seen.square)
+        return EvenOdd(1, 0, self.seen.square)
 
     def numerator(self, _gains: Gains) -> EvenOdd:
         """Return P."""
@@ -98,7 +96,7 @@ def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLo
     if isinstance(plant, ServoInHand):
         seen, half = seen_of_servo(plant.plant, plant.hand, theta, ops), ops.sin(theta / 2)
         blur = blur_of(plant.plant, seen, theta, ops)
-        return CommandInHand(seen.size, EvenOdd(seen.even, seen.odd, half * half), blur)
+        return CommandInHand(EvenOdd(seen.even, seen.odd, half * half), blur)
     at, T = circle(theta, ops), plant.sample_time
     d = EvenOdd(2 * at.square, 2 * at.cos, at.square)
 
@@ -292,7 +290,7 @@ def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
         R = lost/size, N s/m; for an impedance display R/s^2, m/(N s).
     """
     if isinstance(loop, CommandInHand):
-        return Required(loop.blur - 0.5 * loop.seen.odd, loop.size)
+        return Required(loop.blur - 0.5 * loop.seen.odd, 1)
     F, P = loop.closed(gains), loop.numerator(gains)
     return Required(-0.5 * (P.odd * F.even - P.even * F.odd), F.abs2())
 
@@ -307,7 +305,7 @@ def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> Seen:
     """
     required = required_in_hand(loop, gains)
     if isinstance(loop, CommandInHand):
-        return Seen(required.lost, 0.5 * loop.seen.even, loop.size)
+        return Seen(required.lost, 0.5 * loop.seen.even, 1)
     F, P = loop.closed(gains), loop.numerator(gains)
     return Seen(required.lost, 0.5 * (P.even * F.even + F.square * (P.odd * F.odd)), required.size)
 

@@ -164,7 +164,7 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
         own = SensedDelay(delays.loop, delays.loop_fractional)
         return ServoInHand(servo_plant(device, SensedDelay(delays.felt, delays.felt_fractional, own), ops), hand)
     T, estimate = device.sample_time, device.velocity
-    parts = _mechanism(device, hand, ops)
+    parts = mechanism_in_hand(device, hand, ops)
     at = {name: index for index, name in enumerate(parts.names)}
     over = _over_inertia(parts, at)
     rounded = half_coth(over, ops)
@@ -210,8 +210,15 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
     )
 
 
-def _mechanism(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
-    """Return the states of device and hand; the hand's force on the handle is -(M a + B v + K x)."""
+def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
+    """Return the states of device and hand; the hand's force on the handle is -(M a + B v + K x).
+
+    Parameters
+    ----------
+    device : device in SI units, no servo
+    hand : M, B and K at the handle
+    ops : arithmetic of both
+    """
     T, m, sensor = device.sample_time, device.mass, device.sensing
     one = 0 * T + 1  # in the arithmetic, so that what it is divided by is enclosed
     carried, held, grip = hand.mass / m, hand.damping * T / m, hand.stiffness * (T * T) / m

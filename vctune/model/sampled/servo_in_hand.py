@@ -3,18 +3,19 @@ section 17).
 
 The motion follows the command alone, and the sensed force of a hand is linear in it:
 
-    Z_seen = M G_a + B G_v + K G_x = e^(-j mu theta) (e + j s c o)/(2 j s D),   R = -Re Z_seen,
+    Z_seen = M G_a + B G_v + K G_x = (even + j s odd)/(2 j s),   R = -Re Z_seen = -odd/2.
 
-times cos(theta/2) for a position command, with e and o polynomials of y = s^2 that are linear in the hand. Hence
+With the letters of `vctune.model.sampled.servo_plant` and d = 1 - w = 2 j s e^(-j theta/2),
 
-    R = (e sin(mu theta)/s - o c cos(mu theta))/(2 D).
+    Z_seen = w^(N+1) (K T (1 - delta + delta w)/d + B - K T l - (B, M/T, K T) (q_0, q_1, q_-1)),
 
-The firmware's own spring adds its stiffness times the G_x of a servo without force sensor to Z_seen.
+times cos(theta/2) e^(-j theta/2) for a position command. A filter a/(1 - b w), b = 1 - a, of the sensed samples is
+a/(a + b d); before 1/d it is 1 - b d/(a + b d). What the firmware's own spring is seen as, its stiffness times the G_x
+of a servo without force sensor, adds to Z_seen.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,9 +25,10 @@ from vctune.model.device import Device
 from vctune.model.hand_arrays import stacked
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
-from vctune.model.numbers.matrices import Vector, add, dot
+from vctune.model.numbers.matrices import Vector, add, nothing, times
+from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.circle import Circle, circle
-from vctune.model.sampled.servo_plant import Numerator, Pull, ServoPlant, sensed_delay, servo_plant
+from vctune.model.sampled.servo_plant import Pull, ServoPlant, sensed_delay, servo_plant
 
 Floats = NDArray[np.float64]
 Radii = tuple[tuple[float, float], ...]
@@ -38,16 +40,15 @@ BEYOND = 1e9
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """Z_seen = (even + j s odd)/(2 j s size) at an angle.
+    """Z_seen = (even + j s odd)/(2 j s) at an angle.
 
     Attributes
     ----------
-    even, odd, size : regular at theta = 0; size > 0
+    even, odd : regular at theta = 0
     """
 
     even: Number
     odd: Number
-    size: Number
 
 
 def seen_of_servo(plant: ServoPlant, hand: Hand, theta: Number, ops: Arithmetic) -> Seen:
@@ -65,20 +66,14 @@ def seen_of_servo(plant: ServoPlant, hand: Hand, theta: Number, ops: Arithmetic)
     Returns
     -------
     Seen
-        The three parts of Z_seen, of the shape of theta and the hand together.
+        Both parts of Z_seen, of the shape of theta and the hand together.
     """
     at = circle(theta, ops)
     seen = _seen_at(plant, hand, at)
-    return seen if plant.pull is None else _both(seen, _seen_at(plant.pull.plant, _pulling(plant.pull), at))
-
-
-def _seen_at(plant: ServoPlant, hand: Hand, at: Circle) -> Seen:
-    """Return the part of Z_seen that a hand makes through the force sensor."""
-    even, odd, size = _at_once(plant, hand, at)
-    cos, sine = at.turned(plant.turns)
-    found = cos * even + at.square * (sine * odd), cos * odd - sine * even
-    even, odd = (at.cos * x for x in found) if plant.interpolated else found
-    return Seen(even, odd, size)
+    if plant.pull is None:
+        return seen
+    other = _seen_at(plant.pull.plant, _pulling(plant.pull), at)
+    return Seen(seen.even + other.even, seen.odd + other.odd)
 
 
 def _pulling(pull: Pull) -> Hand:
@@ -86,14 +81,74 @@ def _pulling(pull: Pull) -> Hand:
     return Hand(0, 0, pull.stiffness)
 
 
-def _both(one: Seen, other: Seen) -> Seen:
-    """Return the sum of two parts of Z_seen."""
-    even, odd = one.even * other.size + other.even * one.size, one.odd * other.size + other.odd * one.size
-    return Seen(even, odd, one.size * other.size)
+def _seen_at(plant: ServoPlant, hand: Hand, at: Circle) -> Seen:
+    """Return the part of Z_seen that a hand makes through the force sensor."""
+    s, c, y = at.sin, at.cos, at.square
+    spring = times(hand.stiffness, plant.sample_time)
+    # K T (1 - delta + delta w), w = 1 - 2 y - 2 j s c
+    step = 1 - 2 * (plant.older * y), -2 * (plant.older * c)
+    rest = _regular(plant, hand, spring, at)
+    if plant.share is not None:
+        back = 1 - plant.share
+        passed = _reciprocal(Pair(plant.share + 2 * back * y, 2 * back * (s * c)), at.ops)
+        rest = (rest.scaled(plant.share) + Pair(step[0], s * step[1]).scaled(-(back * spring))) * passed
+    # 2 j s e^(-j theta/2) times what is regular
+    turned = rest * Pair(c, -s)
+    even, odd = step[0] * spring - 2 * (s * turned.im), step[1] * spring + 2 * turned.re
+    cos, sine = at.turned(plant.turns)
+    even, odd = cos * even + y * (sine * odd), cos * odd - sine * even
+    return Seen(c * even, c * odd) if plant.interpolated else Seen(even, odd)
+
+
+def _regular(plant: ServoPlant, hand: Hand, spring: Number, at: Circle) -> Pair:
+    """Return what of Z_seen/w^(N+1) is regular at theta = 0; the spring is K T."""
+    late: Number = 0
+    for x in plant.lags:
+        late = add(late, x)
+    w, d = Pair(1 - 2 * at.square, -2 * (at.sin * at.cos)), Pair(2 * at.square, 2 * (at.sin * at.cos))
+    carried = times(hand.mass, 1 / plant.sample_time)
+    total = Pair(add(hand.damping, -times(spring, late)), 0)
+    for first, (p, h, lag, driven) in enumerate(
+        zip(_driven(plant, d, at.ops), plant.held, plant.lags, plant.driven, strict=True)
+    ):
+        moved = add(times(spring, lag), 0 if first else -hand.damping)
+        if not nothing(moved):
+            total = total + (Pair(h, 0) + (w * p).scaled(-1)).scaled(moved)
+        total = total + (d * p).scaled(times(-carried, driven))
+    return total
+
+
+def _driven(plant: ServoPlant, d: Pair, ops: Arithmetic) -> list[Pair]:
+    """Return p: the servo's states follow nothing, the sensor's follow the servo's."""
+    first = len(plant.held) - plant.order
+    servo, sensor = plant.below[first:], plant.below[:first]
+    moved = _solved(servo[0][first:], [Pair(h, 0) for h in plant.held[first:]], d, ops)
+    felt = [Pair(h, 0) for h in plant.held[:first]]
+    if not felt:
+        return moved
+    for place, row in enumerate(sensor):
+        for g, state in zip(row[first:], moved, strict=True):
+            felt[place] = felt[place] + (state * d).scaled(-g)
+    return [*_solved(sensor[0][:first], felt, d, ops), *moved]
+
+
+def _solved(below: Vector, right: list[Pair], d: Pair, ops: Arithmetic) -> list[Pair]:
+    """Return (w + d g)^-1 of a vector; g is a number x, or ((x, y), (-y, x)), which is x + j y and x - j y."""
+    along = d.scaled(below[0] - 1).plus(1)
+    if len(right) == 1:
+        return [right[0] * _reciprocal(along, ops)]
+    across, (a, b) = Pair(-(d.im * below[1]), d.re * below[1]), right
+    one = Pair(a.re + b.im, a.im - b.re) * _reciprocal(along + across, ops)
+    other = Pair(a.re - b.im, a.im + b.re) * _reciprocal(along + across.scaled(-1), ops)
+    return [(one + other).scaled(0.5), Pair(0.5 * (other.im - one.im), 0.5 * (one.re - other.re))]
+
+
+def _reciprocal(x: Pair, ops: Arithmetic) -> Pair:
+    return Pair(*ops.reciprocal(x.re, x.im))
 
 
 def blur_of(plant: ServoPlant, seen: Seen, theta: Number, ops: Arithmetic) -> Number:
-    """Return the greatest increase of -odd/2 while Z_seen moves within its disc: r |Z_seen| size.
+    """Return the greatest increase of -odd/2 while Z_seen moves within its disc: r |Z_seen|.
 
     Parameters
     ----------
@@ -105,34 +160,12 @@ def blur_of(plant: ServoPlant, seen: Seen, theta: Number, ops: Arithmetic) -> Nu
     Returns
     -------
     Number
-        N s/m times `Seen.size`, of the shape of theta; 0 without a disc.
+        N s/m, of the shape of theta; 0 without a disc.
     """
     if not plant.radii:
         return 0
     around = ops.modulus(seen.even, ops.sin(theta / 2) * seen.odd)
     return _blur(plant.radii, plant.sample_time, theta, ops) * around
-
-
-def _at_once(plant: ServoPlant, hand: Hand, at: Circle) -> tuple[Number, Number, Number]:
-    """Return e, c o and D in a hand."""
-    numbers = hand.mass, hand.damping, hand.stiffness
-    powers = [at.square]
-    while len(powers) < max(len(plant.size), len(plant.position.even)) - 1:
-        half = len(powers) // 2
-        powers.append(powers[half] * powers[len(powers) - 1 - half])
-
-    def in_hand(of: Callable[[Numerator], Vector]) -> Number:
-        numerators = zip(*(of(part) for part in (plant.acceleration, plant.velocity, plant.position)), strict=True)
-        return _polynomial([dot(numbers, each) for each in numerators], powers)
-
-    even, odd = in_hand(lambda part: part.even), in_hand(lambda part: part.odd)
-    return even, at.cos * odd, _polynomial(plant.size, powers)
-
-
-def _polynomial(coefficients: Sequence[Number], powers: Sequence[Number]) -> Number:
-    """Return the sum of a_k y^k, of y, y^2, ... at least as many."""
-    first, *others = coefficients
-    return add(first, dot(others, powers[: len(others)]))
 
 
 def _blur(radii: Radii, sample_time: Number, theta: Number, ops: Arithmetic) -> Number:
@@ -159,7 +192,7 @@ class Demand:
     def in_each(self, theta: Floats) -> Floats:
         """Return R at angles of shape (n,) in each vertex, N s/m, of shape (v, n)."""
         seen = seen_of_servo(self.plant, self.vertices, theta, FLOATS)
-        return np.asarray((blur_of(self.plant, seen, theta, FLOATS) - 0.5 * seen.odd) / seen.size)
+        return np.asarray(blur_of(self.plant, seen, theta, FLOATS) - 0.5 * seen.odd)
 
     def at(self, theta: Floats) -> Floats:
         """Return R at angles, N s/m, of their shape."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import astuple, dataclass
 from functools import partial
+from math import inf
 
 import numpy as np
 from flint import ctx
@@ -35,6 +36,7 @@ from vctune.model.sampled.plant_in_hand import (
     delays_of,
     plant_in_hand,
 )
+from vctune.model.sampled.servo_plant import ServoPlant
 from vctune.model.sampled.velocity_loop import sampled_plant, split_delay
 from vctune.model.worlds import World, Worlds, WorldsMet
 from vctune.proof.claims.margins_of_claims import (
@@ -50,6 +52,7 @@ from vctune.proof.claims.margins_of_claims import (
     high_margin,
     limp_hand_margin,
     limp_margins_in_worlds,
+    limp_strip_of_walls,
     loop_gain_margin,
     low_margin,
     margins_in_worlds,
@@ -57,8 +60,11 @@ from vctune.proof.claims.margins_of_claims import (
     resistance_margin,
     sensitivity_margin,
     sensitivity_sufficient_margin,
+    strip_of_walls,
     unmodelled_margin,
+    whenever_margin,
 )
+from vctune.proof.claims.walls import COUPLING_SHARE, limp_walls_margin, walls_margins
 from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, device_ball, enclosure_of
 from vctune.proof.enclosures.array_intervals import Enclosure, decimal
 from vctune.proof.enclosures.jets import ENCLOSURES as OPS
@@ -74,10 +80,7 @@ AT_REST = (FREQUENCY, STIFFNESS)
 
 WORLD_ENDS = tuple(tuple(f"{key}.{end}" for key in WORLD) for end in ("min", "max"))
 """Names of the rows of boxes of environments: the least mass, damping and stiffness, and the greatest."""
-COUPLING_SHARE = "share of the coupling"
-"""Name of the row of the shares of a coupling, of its admittance on an impedance display."""
-
-
+NO_HAND = Hand(0, 0, 0)
 OFFSET, SLOPE = "offset of the bound", "slope of the bound"
 """Names of the rows of a straight line that bounds R in all hands (`vctune.proof.claims.envelope`)."""
 
@@ -203,7 +206,9 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
     )
 
 
-def hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS) -> Margins:
+def hands_margins(
+    demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS, lead: float = 0.0
+) -> Margins:
     """Return the margins, of which one must be positive in every hand, of theta and of values with those of `HAND`.
 
     Parameters
@@ -212,6 +217,7 @@ def hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, 
     uncertain : numbers of the device that the margins take from among their values
     delays : whole samples, the same for all of them
     ops : arithmetic of theta and the values
+    lead : of walls, 0 by the trapezoidal rule, 1 by backward Euler
 
     Returns
     -------
@@ -229,8 +235,16 @@ def hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays, 
 
     if demands.worlds is None:
         return lambda theta, v: (hand_margin(in_hand(v), design(v), theta, factor, ops),)
-    worlds = demands.worlds.converted(decimal)
-    names = posed(demands.worlds, demands.factor, inverse=demands.device.kind.inverse)
+    plain, worlds = demands.worlds, demands.worlds.converted(decimal)
+    if plain.corner is not None:
+
+        def with_walls(theta: Number, v: Values) -> tuple[Number, ...]:
+            stated, met = Design(device(v), gains_of(v), coupling_of(v)), WorldsMet(worlds, factor)
+            strip = strip_of_walls(in_hand(v), stated, theta, v.get(COUPLING_SHARE, 1), met, ops)
+            return walls_margins(strip, met, plain, lead, stated.device.sample_time, theta, ops)
+
+        return with_walls
+    names = posed(plain, demands.factor, inverse=demands.device.kind.inverse)
 
     def margins(theta: Number, v: Values) -> tuple[Number, ...]:
         met, share = WorldsMet(worlds_of(v, worlds), factor), v.get(COUPLING_SHARE, decimal(1.0))
@@ -254,6 +268,34 @@ def worlds_of(values: Values, otherwise: Worlds) -> Worlds:
         for names, numbers in zip(WORLD_ENDS, ends, strict=True)
     )
     return Worlds(least, most)
+
+
+def whenever_margins(
+    demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS
+) -> Margin:
+    """Return the margin that proves as much before a servo, however many whole samples late it is.
+
+    Parameters
+    ----------
+    demands : what is to be met
+    uncertain : numbers of the device that the margin takes from among its values
+    delays : any whole samples
+    ops : arithmetic of theta and the values
+
+    Returns
+    -------
+    Margin
+        As of `hands_margins`; only for theta > 0.
+    """
+    in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
+    device = _uncertain_device(demands.device, uncertain)
+
+    def margin(theta: Number, v: Values) -> Number:
+        plant = in_hand(v)
+        assert isinstance(plant, ServoInHand)
+        return whenever_margin(plant, Design(device(v), gains_of(v), coupling_of(v)), theta, factor, ops)
+
+    return margin
 
 
 def bounded_in_hands(device: Device, ops: ArrayArithmetic = OPS) -> Margin:
@@ -306,7 +348,9 @@ def _above_bound(demands: Demands) -> Margin:
     return margin
 
 
-def limp_hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> tuple[Margin, ...]:
+def limp_hands_margins(
+    demands: Demands, uncertain: tuple[str, ...], delays: Delays, lead: float = 0.0
+) -> tuple[Margin, ...]:
     """Return the margins of `hands_margins` next to theta = 0, a hand without stiffness and K_p = 0.
 
     They are of theta and of values with those of `HAND` and with `SHARES`, each between 0 and 1. Margins that decide
@@ -317,6 +361,7 @@ def limp_hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Del
     demands : the constraints
     uncertain : numbers of the device that the margins take from among their values
     delays : whole samples, the same for all of them
+    lead : as of `hands_margins`
     """
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
@@ -332,6 +377,14 @@ def limp_hands_margins(demands: Demands, uncertain: tuple[str, ...], delays: Del
     if demands.worlds is None:
         return (lambda theta, v: limp_hand_margin(*at(theta, v), factor, OPS),)
     worlds = demands.worlds.converted(decimal)
+    if demands.worlds.corner is not None:
+
+        def with_walls(theta: Number, v: Values) -> Number:
+            met = WorldsMet(worlds, factor)
+            strip = limp_strip_of_walls(*at(theta, v), v.get(COUPLING_SHARE, 1), met, OPS)
+            return limp_walls_margin(strip, met, lead, device(v).sample_time, theta, OPS)
+
+        return (with_walls,) if demands.worlds.high.mass < inf else ()
 
     def margin(name: str, theta: Number, v: Values) -> Number:
         met = WorldsMet(worlds_of(v, worlds), factor)
@@ -377,10 +430,19 @@ def _plant_in_hand(
 
     if nominal.servo is not None and not uncertain:  # sampled once, in balls, which leave enclosures of half a digit
         with ctx.workprec(PRECISION):
-            known = plant_in_hand(device_ball(nominal), Hand(0, 0, 0), delays, BALLS)
+            known = plant_in_hand(device_ball(nominal), NO_HAND, delays, BALLS)
         assert isinstance(known, ServoInHand)
         servo = known.plant.converted(enclosure_of)
         return lambda v: ServoInHand(servo, Hand.of(v))
+
+    if nominal.servo is not None:  # no hand moves it
+
+        def servo_of(*numbers: Number) -> ServoPlant:
+            found = plant_in_hand(exact.with_numbers(dict(zip(uncertain, numbers, strict=True))), NO_HAND, delays, ops)
+            assert isinstance(found, ServoInHand)
+            return found.plant
+
+        return lambda v: ServoInHand(shared(servo_of, [v[name] for name in rows[len(HAND) :]]), Hand.of(v))
 
     def plant(*numbers: Number) -> AnyPlantInHand:
         values = dict(zip(rows, numbers, strict=True))

@@ -14,11 +14,11 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.keys import keys_of
 from vctune.model.problem import Demands
 from vctune.proof.claims.array_claims import Claims, claims_of
-from vctune.proof.claims.conditions import EXTENSION_BOXES, LOWEST_EDGE
 from vctune.proof.claims.encirclements import model_curve_end
+from vctune.proof.claims.llewellyn.conditions import EXTENSION_BOXES, LOWEST_EDGE
+from vctune.proof.claims.llewellyn.polynomials import is_rational
 from vctune.proof.claims.margins_of_claims import HALF_TURN, Design, outwards, resistance_apart
 from vctune.proof.claims.model_poles import NEAR
-from vctune.proof.claims.polynomials import is_rational
 from vctune.proof.device_box import DeviceBox
 from vctune.proof.enclosures.array_intervals import Enclosure, Floats, between, decimal, decimal_or_inf
 from vctune.proof.enclosures.jets import ENCLOSURES

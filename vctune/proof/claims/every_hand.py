@@ -6,10 +6,10 @@ is on the unit circle; in one hand none is outside, and from there to any other 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import partial
-from math import ceil, floor, pi
+from math import ceil, floor, nextafter, pi
 
 import numpy as np
 from flint import arb
@@ -21,17 +21,18 @@ from vctune.model.hands import STIFFNESS, Hand, Hands
 from vctune.model.numbers.keys import keys_of
 from vctune.model.parts import DELAYS
 from vctune.model.problem import Demands
+from vctune.model.sampled.loop_in_walls import LEADS
 from vctune.model.sampled.loop_in_worlds import posed, sum_of
 from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
 from vctune.model.sampled.velocity_loop import SNAP
 from vctune.model.worlds import WorldsMet
 from vctune.proof.claims.array_claims import (
     AT_REST,
-    COUPLING_SHARE,
     SHARES,
     any_hand_margins,
     hands_margins,
     limp_hands_margins,
+    whenever_margins,
 )
 from vctune.proof.claims.margins_of_claims import (
     HALF_TURN,
@@ -44,10 +45,18 @@ from vctune.proof.claims.margins_of_claims import (
 )
 from vctune.proof.claims.resonant_hands import AROUND, RATIO, Resonance, resonance
 from vctune.proof.claims.sampled_poles import in_rad_per_s
+from vctune.proof.claims.walls import COUPLING_SHARE, fails_with_a_wall
 from vctune.proof.claims.whole_samples import NEXT_TO
-from vctune.proof.device_box import DeviceBox, in_longer_hands, moved_as_one
+from vctune.proof.device_box import (
+    DeviceBox,
+    in_both_delays,
+    in_longer_hands,
+    in_one_delay,
+    late_as_one,
+    moved_as_one,
+)
 from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball, device_ball, gains_ball
-from vctune.proof.enclosures.array_intervals import Floats, decimal_or_inf
+from vctune.proof.enclosures.array_intervals import Flags, Floats, decimal_or_inf
 from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.proof.enclosures.taylor_functions import TAYLOR
 from vctune.proof.engine.box_tests import alone, next_to_zero, positive
@@ -64,6 +73,11 @@ MAX_BOXES = 400_000
 EASY_BOXES = 20_000
 """Boxes after which hands near a sharp resonance get boxes of their own; if the constraint leaves room there, some
 hundred suffice. If they do not, half or twice as many cost half or twice as much: some seconds."""
+MANY_PARTS = 3
+"""Parts of a box of delays from which on what holds however late a servo is is looked at first; of fewer there may be
+none whose delay is a whole sample."""
+EASY_PARTS = 4_000
+"""Boxes after which an interval of angles is left to each part by itself. Half and twice it: as long."""
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
 """How far from an end of the angles, as a share of pi, a witness is looked for. Fewer: growth that takes longer to see;
 more: none that is seen."""
@@ -90,6 +104,8 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     assert demands.hands is not None
     if box is not None and (parts := moved_as_one(box)):
         return _moved_as_one(design, demands, demands.hands, box, parts)
+    if box is not None and late_as_one(box):
+        return _late_as_one(design, demands, box)
     looped = design.device.kind.senses_force and design.device.kind.own_loop
     if looped:
         if not design.gains.closed:
@@ -100,8 +116,8 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     if stable.verdict is not Verdict.PROVED:
         return stable
     asked = Asked(design, demands, box)
-    near = resonance(design, demands.hands) if looped else None
-    found = _decided(asked, asked.ends(), asked.tests, EASY_BOXES if near else MAX_BOXES)
+    near = resonance(design, demands.hands) if looped and not asked.walls else None
+    found = _decided(asked, asked.ends(), asked.tests, EASY_BOXES if near else MAX_BOXES, whenever=asked.whenever)
     if near and found.verdict is Verdict.UNDECIDED:
         left_to_it = partial(asked.tests, near=near)
         found, tried = _decided(asked, asked.ends(), left_to_it, MAX_BOXES), found.boxes
@@ -164,8 +180,26 @@ class Asked:
     @property
     def shared(self) -> bool:
         """Whether each share of the coupling has margins of its own."""
-        by_itself = self.design.device.kind.inverse and self.demands.worlds is not None
-        return by_itself and self.demands.factor > 1
+        of_spring = self.design.device.kind.inverse and self.demands.worlds is not None
+        return (of_spring or self.walls) and self.demands.factor > 1
+
+    @property
+    def walls(self) -> bool:
+        """Whether environments may be walls."""
+        return self.demands.worlds is not None and self.demands.worlds.corner is not None
+
+    @property
+    def whenever(self) -> Callable[[Part, Values], Test] | None:
+        """A test that proves as much of parts with any whole samples; None if there is none."""
+        servo = self.design.device.servo
+        if servo is None or servo.stiffness is not None or self.demands.worlds is not None:
+            return None
+
+        def test(part: Part, fixed: Values) -> Test:
+            of = partial(whenever_margins, self.demands, self.uncertain, part.delays)
+            return positive_by_polynomials(of(TAYLOR), fixed, part.spans, positive(of(ENCLOSURES), fixed))
+
+        return test
 
     def ends(self) -> Ends:
         """Return the least and the greatest number of each row but the angle."""
@@ -173,8 +207,8 @@ class Asked:
         # what a servo asks is convex in the hand; which environments it meets is not
         of_servo = self.design.device.servo is not None and self.demands.worlds is None
         corners = self.demands.hands.corners if of_servo else None
-        shares = (1 / self.demands.factor * (1 - SNAP), 1.0) if self.shared else None
-        return _ends(self.demands.hands, self.box, self.uncertain, corners, limp=self.limp, shares=shares)
+        reserve = self.demands.factor if self.shared else None
+        return _ends(self.demands.hands, self.box, self.uncertain, corners, limp=self.limp, reserve=reserve)
 
     def tests(self, part: Part, fixed: Values, near: Resonance | None = None) -> list[Test]:
         """Return the tests that prove it on a part of the boxes.
@@ -185,11 +219,14 @@ class Asked:
         fixed : values that are no rows
         near : hands next to resonance, to be left out; None for all hands
         """
-        test = _of_margins(self.demands, self.uncertain, part, fixed)
-        if self.limp:
-            limp = limp_hands_margins(self.demands, self.uncertain, part.delays)
-            test = next_to_zero(AT_REST, limp, fixed, test)
-        return [near.left_to_it(test, self.names) if near else test]
+        return [self._test(part, fixed, near, lead) for lead in (LEADS if self.walls else LEADS[:1])]
+
+    def _test(self, part: Part, fixed: Values, near: Resonance | None, lead: float) -> Test:
+        test = _of_margins(self.demands, self.uncertain, part, fixed, lead=lead)
+        at_rest = limp_hands_margins(self.demands, self.uncertain, part.delays, lead) if self.limp else ()
+        if at_rest:
+            test = next_to_zero(AT_REST, at_rest, fixed, test)
+        return near.left_to_it(test, self.names) if near else test
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -198,18 +235,21 @@ class Asked:
 
 
 def _of_margins(
-    demands: Demands, uncertain: tuple[str, ...], part: Part, fixed: Values, near: Resonance | None = None
+    demands: Demands,
+    uncertain: tuple[str, ...],
+    part: Part,
+    fixed: Values,
+    near: Resonance | None = None,
+    lead: float = 0.0,
 ) -> Test:
     """Return the test of the margins, of which one must be positive, in hands next to resonance or in all."""
-    both = [hands_margins(demands, uncertain, part.delays, ops) for ops in (ENCLOSURES, TAYLOR)]
+    both = [hands_margins(demands, uncertain, part.delays, ops, lead) for ops in (ENCLOSURES, TAYLOR)]
     slopes, polynomials = (near.margins(each) for each in both) if near else both
-    spans, servo = part.spans, demands.device.servo
+    spans = part.spans
     if demands.worlds is not None:
-        return any_positive(polynomials, slopes, fixed, spans)
+        return any_positive(polynomials, slopes if demands.worlds.corner is None else None, fixed, spans)
     sloping, curved = (alone(each) for each in (slopes, polynomials))
     by_slopes = positive(sloping, fixed)
-    if servo is not None and servo.radii:  # a modulus has slopes, and no polynomial
-        return by_slopes
     return positive_by_polynomials(curved, fixed, spans, by_slopes)
 
 
@@ -240,13 +280,28 @@ def _moved_as_one(design: Design, demands: Demands, hands: Hands, box: DeviceBox
         key: min(value + (getattr(found.hand, key) - own[key]), box.high.number(key)) for key, value in least.items()
     }
     hand, device = replace(found.hand, **own), (found.device or one.device).with_numbers(beyond)
-    theta = None if found.witness is None else min(found.witness * device.sample_time, pi)
+    return _judged_again(found, replace(design, device=device), demands, hand)
+
+
+def _late_as_one(design: Design, demands: Demands, box: DeviceBox) -> Outcome:
+    """Prove the same of one delay of both."""
+    one = in_one_delay(box)
+    found = prove_hands(replace(design, device=one.nominal), replace(demands, device=one.nominal), one)
+    if found.hand is None or found.device is None or found.verdict is Verdict.PROVED:
+        return found
+    device = in_both_delays(box, found.device)
+    return _judged_again(found, replace(design, device=device), demands, found.hand)
+
+
+def _judged_again(found: Outcome, design: Design, demands: Demands, hand: Hand) -> Outcome:
+    """Return what is not proved with the device and the hand that it is about, refuted if these are."""
+    theta = None if found.witness is None else min(found.witness * design.device.sample_time, pi)
     fails = theta is not None and any(
-        _fails_at(replace(design, device=device), replace(demands, factor=factor), hand, theta)
-        for factor in {demands.factor, 1.0}
+        _fails_at(design, replace(demands, factor=factor), hand, theta) for factor in {demands.factor, 1.0}
     )
     refuted = found.verdict is Verdict.REFUTED and fails
-    return replace(found, verdict=Verdict.REFUTED if refuted else Verdict.UNDECIDED, hand=hand, device=device)
+    verdict = Verdict.REFUTED if refuted else Verdict.UNDECIDED
+    return replace(found, verdict=verdict, hand=hand, device=design.device)
 
 
 def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
@@ -298,6 +353,7 @@ def _decided(
     tests: Callable[[Part, Values], list[Test]],
     max_boxes: int,
     near: Resonance | None = None,
+    whenever: Callable[[Part, Values], Test] | None = None,
 ) -> Outcome:
     """Prove margins of theta, the hand's numbers and the device's numbers positive over all of them.
 
@@ -308,40 +364,43 @@ def _decided(
     tests : of a part of the boxes, and of the values that are no rows
     max_boxes : of each part, before it is left open
     near : where the hands are those next to resonance
+    whenever : a test that proves as much of parts with any whole samples
     """
     names, boxes = tuple(ends), 0
-    for part, test in parts_of(asked.design, ends, tests):
-        found = prove(
-            test,
-            boxes_over(part, names, near),
-            1,
-            halved=[True] * (1 + len(names)),
-            max_halvings=MAX_HALVINGS,
-            max_boxes=max_boxes,
-            at_ends=True,
-            few=FEW,
-        )
-        boxes += int(found.boxes[0])
-        if not found.proved[0]:
-            point = found.open[:, 0] if np.isnan(found.failing[0, 0]) else found.failing[:, 0]
-            return _in_doubt(asked.design, asked.demands, asked.uncertain, names, part, point, boxes, near)
+    parts, fixed = parts_of(asked.design, ends), fixed_of(asked.design)
+    left: slice | Flags = slice(None)
+    if whenever is not None and len(parts) >= MANY_PARTS:
+        left, boxes = _left_of_parts(whenever(parts[1], fixed), boxes_over(parts[1], names, near))
+    for part in parts:
+        for test in tests(part, fixed):
+            found = prove(
+                part.within(test, names),
+                boxes_over(part, names, near).subset(left),
+                1,
+                halved=[True] * (1 + len(names)),
+                max_halvings=MAX_HALVINGS,
+                max_boxes=max_boxes,
+                at_ends=True,
+                few=FEW,
+            )
+            boxes += int(found.boxes[0])
+            if not found.proved[0]:
+                point = found.open[:, 0] if np.isnan(found.failing[0, 0]) else found.failing[:, 0]
+                return _in_doubt(asked.design, asked.demands, asked.uncertain, names, part, point, boxes, near)
     return Outcome(Verdict.PROVED, boxes)
 
 
-def parts_of(design: Design, ends: Ends, tests: Callable[[Part, Values], list[Test]]) -> Iterator[tuple[Part, Test]]:
-    """Yield the parts of a design's boxes by the whole samples of their delays, with each test to be proved there.
+def parts_of(design: Design, ends: Ends) -> list[Part]:
+    """Return the parts of a design's boxes by the whole samples of their delays.
 
     Parameters
     ----------
     design : its numbers are not rows
     ends : least and greatest number of each row but the angle
-    tests : function of a part of the boxes, and of the values that are not rows
     """
     names = tuple(ends)
     edges = (np.array([pair[end] for pair in ends.values()]) if ends else np.empty((0, 1)) for end in (0, 1))
-    for part in _parts(design.device, names, *edges):
-        for test in tests(part, fixed_of(design)):
-            yield part, part.within(test, names)
+    return _parts(design.device, names, *edges)
 
 
 def fixed_of(design: Design) -> Values:
@@ -363,6 +422,32 @@ def boxes_over(part: Part, names: tuple[str, ...], near: Resonance | None = None
     return replace(boxes, owner=np.zeros_like(boxes.owner))
 
 
+def _left_of_parts(test: Test, boxes: Boxes) -> tuple[Flags, int]:
+    """Return which boxes of each part are left to prove, and how many were looked at: the others hold in all parts.
+
+    Parameters
+    ----------
+    test : of angles > 0 and a part whose delays are those of a whole sample
+    boxes : of that part
+    """
+    own, left = np.arange(len(boxes)), np.ones(len(boxes), bool)
+    beyond = np.flatnonzero(boxes.low[0] > 0)
+    apart = replace(boxes.subset(beyond), owner=own[: len(beyond)])
+    found = prove(
+        test,
+        apart,
+        len(beyond),
+        halved=[True] * len(boxes.names),
+        max_halvings=MAX_HALVINGS,
+        max_boxes=EASY_PARTS,
+        at_ends=True,
+        few=FEW,
+        only_whole=True,
+    )
+    left[beyond] = ~found.proved
+    return left, int(found.boxes.sum())
+
+
 def _in_doubt(
     design: Design,
     demands: Demands,
@@ -382,9 +467,10 @@ def _in_doubt(
     values, theta = dict(zip(names, within, strict=True)), min(float(point[0]), pi)
     device = design.device.with_numbers({key: values[row_of(key)] for key in uncertain})
     hand = near.hand(theta, values) if near else Hand.of(values) if STIFFNESS in values else None
+    share = values.get(COUPLING_SHARE, 1.0)
 
     def fails(theta: float) -> bool:
-        return _fails_at(replace(design, device=device), demands, hand, theta)
+        return _fails_at(replace(design, device=device), demands, hand, theta, share)
 
     refuted = fails(theta)
     if refuted and theta in (0.0, pi):  # no spring and no mass makes a loop grow at an end, but next to it
@@ -461,6 +547,8 @@ def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) ->
     if not rows:
         return [Part(low, high, known, T, 0.0)]
     other = sum(delay for name, delay in others.items() if name not in rows)
+    if device.servo is not None and device.servo.stiffness is None and len(rows) == 1:
+        return _parts_of_sum(rows.popitem()[1], low, high, known, T, other)
     parts, row = [], rows.get(own)
     loops = [known.loop] if row is None else _whole(low[row, 0], high[row, 0], T, last=True)
     for loop in loops:
@@ -471,6 +559,17 @@ def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) ->
         for felt in _whole(shortest, longest, T, last=loop == loops[-1]):
             delays = Delays(loop, row is not None or known.loop_fractional, felt, felt_fractional=True)
             parts.append(Part(least, most, delays, T, other))
+    return parts
+
+
+def _parts_of_sum(row: int, low: Floats, high: Floats, known: Delays, T: float, other: float) -> list[Part]:
+    """Return the parts of a box of servos, of which only the sum of both delays counts, one of them in a row."""
+    parts = []
+    for felt in _whole(low[row, 0] + other, high[row, 0] + other, T, last=True):
+        least, most = low.copy(), high.copy()
+        least[row], most[row] = max(low[row, 0], felt * T - other), min(high[row, 0], (felt + 1) * T - other)
+        delays = replace(known, felt=felt, felt_fractional=True)
+        parts.append(Part(least, np.maximum(least, most), delays, T, other))
     return parts
 
 
@@ -507,8 +606,10 @@ def prove_poles_in(device: Device, hand: Hand, gains: Gains, held: SpringDamper 
     return Outcome(Verdict.PROVED if abs(angle) < pi / 2 else Verdict.REFUTED, outcome.boxes)
 
 
-def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float) -> bool:
+def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float, share: float = 1.0) -> bool:
     """Return whether every margin in a hand, or in any, is negative at one angle, in balls."""
+    if hand is not None and demands.walls_met is not None:
+        return 0 < theta < pi and fails_with_a_wall(design, demands, hand, theta, share)
     exact, delays, at, factor = design_ball(design), delays_of(design.device), arb(theta), ball(demands.factor)
     if hand is None:
         delay = LoopDelay(delays.loop, delays.loop_fractional)
@@ -527,11 +628,12 @@ def _ends(
     corners: Sequence[Hand] | None = None,
     *,
     limp: bool = False,
-    shares: tuple[float, float] | None = None,
+    reserve: float | None = None,
 ) -> Ends:
     """Return the ends of the numbers of hand, if the claim is about hands, of the shares, and of the device.
 
-    If the vertices of the hands suffice, each has a column.
+    With a reserve g, the share of the coupling is a row too, from 1/g to 1. If the vertices of the hands suffice, each
+    has a column.
     """
     low, high = ([], []) if hands is None else ([hands.low], [hands.high])
     if corners is not None:
@@ -540,8 +642,8 @@ def _ends(
     ends = {key: (least[key], most[key]) for key in least}
     if limp:
         ends |= {SHARES[0]: (np.zeros(1), np.zeros(1)), SHARES[1]: (np.zeros(1), np.ones(1))}  # no integrator
-    if shares is not None:
-        ends |= {COUPLING_SHARE: (np.array(shares[:1]), np.array(shares[1:]))}
+    if reserve is not None:
+        ends[COUPLING_SHARE] = np.array([nextafter(1 / reserve, 0.0)]), np.ones(1)
     if box is not None:
         of = ((key, box.low.number(key), box.high.number(key)) for key in uncertain)
         ends |= {row_of(key): (np.full(max(len(low), 1), a), np.full(max(len(low), 1), b)) for key, a, b in of}

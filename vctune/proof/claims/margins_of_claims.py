@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, nextafter, pi
 
 from vctune.model.coupling import coupling_impedance
@@ -16,6 +16,7 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import (
+    CommandInHand,
     NextToRest,
     loop_in_hand,
     offered_at_spring,
@@ -25,17 +26,19 @@ from vctune.model.sampled.hand_loop import (
     seen_in_hand,
     seen_in_limp_hand,
 )
-from vctune.model.sampled.impedance_display import ForceInHand
+from vctune.model.sampled.impedance_display import ForceInHand, Required
 from vctune.model.sampled.let_go import Plant, return_difference
+from vctune.model.sampled.loop_in_walls import Strip, strip_in_walls
 from vctune.model.sampled.loop_in_worlds import (
     Disjuncts,
     DisjunctsOfForce,
+    Seen,
     disjuncts,
     disjuncts_of_force,
     limp_disjuncts,
     offered_at,
 )
-from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand
+from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand, ServoInHand
 from vctune.model.sampled.velocity_loop import difference_slope
 from vctune.model.worlds import WorldsMet
 
@@ -271,6 +274,32 @@ def hand_margin(plant: AnyPlantInHand, design: Design, theta: Number, factor: Nu
     return room(design.coupling, design.device, required, factor, theta, ops)
 
 
+def whenever_margin(plant: ServoInHand, design: Design, theta: Number, factor: Number, ops: Arithmetic) -> Number:
+    """Return 2 s (Re Z_c - factor |Z_seen|), with a disc around it, before a servo: however late it is, whole samples.
+
+    Where it is positive `hand_margin` is too.
+
+    Parameters
+    ----------
+    plant : the servo in the hand, over a sample, with any whole samples of delay
+    design : device, gains and coupling in numbers of the arithmetic
+    theta : omega T, rad, in (0, pi]
+    factor : least Re Z_c / R
+    ops : arithmetic of the other arguments
+
+    Returns
+    -------
+    Number
+        N s/m, of the shape of theta.
+    """
+    turned = replace(plant, plant=replace(plant.plant, turns=0.0))
+    loop, twice = loop_in_hand(turned, theta, ops), 2 * ops.sin(theta / 2)
+    assert isinstance(loop, CommandInHand)
+    around = ops.modulus(loop.seen.even, 0.5 * (twice * loop.seen.odd))
+    rest = room(design.coupling, design.device, Required(loop.blur, 1), factor, theta, ops)
+    return twice * rest - factor * around
+
+
 def limp_hand_margin(
     plant: PlantInHand, design: Design, theta: Number, rest: NextToRest, factor: Number, ops: Arithmetic
 ) -> Number:
@@ -328,6 +357,39 @@ def limp_margins_in_worlds(
     """
     seen, T = seen_in_limp_hand(plant, design.gains.velocity, theta, rest, ops), design.device.sample_time
     return limp_disjuncts(offered_at(design.series, T, theta, ops), met.worlds, T, seen, met.factor, theta, ops)
+
+
+def strip_of_walls(
+    plant: AnyPlantInHand, design: Design, theta: Number, share: Number, met: WorldsMet, ops: Arithmetic
+) -> Strip:
+    """Return where the condition of walls is to be met in a hand, with a share of the coupling (section 19).
+
+    Parameters
+    ----------
+    plant : the device in the hand
+    design : in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    share : of the coupling, from 1/safety_factor to 1
+    met : the environments, with the corner, in numbers of the arithmetic
+    ops : arithmetic of all of these
+    """
+    seen, T = seen_in_hand(loop_in_hand(plant, theta, ops), design.gains), design.device.sample_time
+    return strip_in_walls(offered_at(design.series, T, theta, ops), met.worlds, T, seen, share, theta, ops)
+
+
+def limp_strip_of_walls(
+    plant: PlantInHand, design: Design, theta: Number, rest: NextToRest, share: Number, met: WorldsMet, ops: Arithmetic
+) -> Strip:
+    """Return `strip_of_walls` over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
+
+    Parameters
+    ----------
+    plant, design, theta, rest, ops : see `limp_hand_margin`
+    share, met : see `strip_of_walls`
+    """
+    seen, T = seen_in_limp_hand(plant, design.gains.velocity, theta, rest, ops), design.device.sample_time
+    whole = Seen(seen.lost, ops.sin(theta / 2) * seen.swing, seen.size)
+    return strip_in_walls(offered_at(design.series, T, theta, ops), met.worlds, T, whole, share, theta, ops)
 
 
 def any_hand_margin(

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from vctune.model.problem import Demands
     from vctune.proof.device_box import DeviceBox
 
-ClaimId = Literal["passive", "sensitivity", "stable_model", "stable", "unmodelled", "any_hand", "hands", "worlds"]
+ClaimId = Literal[
+    "passive", "sensitivity", "stable_model", "stable", "unmodelled", "any_hand", "hands", "worlds", "walls"
+]
 Quantity = Literal["ratio", "in_hand", "sensitivity", "unmodelled", "poles"]
 
 
@@ -167,13 +169,32 @@ CLAIMS: dict[ClaimId, Claim] = {
             ),
             asked=lambda demands, _: demands.hands is not None and demands.worlds is not None,
         ),
+        Claim(
+            id="walls",
+            sentence=(
+                "stable in every hand with every fixed wall, one-sided or piecewise linear, of slopes k_1 to k_2: "
+                "Re M (1/P + 1/(k_2 - k_1)) > 0 up to Nyquist; not with walls that move or one-sided dampers"
+            ),
+            quantity="in_hand",
+            margin="proof.claims.walls.walls_margins",
+            witness="a frequency up to Nyquist and a hand of `[operator]`",
+            label="every hand with every wall of the box",
+            explain=(
+                "The multiplier of Zames and Falb. The device is stable in each hand of `[operator]` with each wall: a "
+                "force that depends on the position alone and rises with slopes of the range `environment.stiffness`, "
+                "one-sided or piecewise linear, anywhere, stepped by the trapezoidal rule or by backward Euler, beside "
+                "a mass and a damper of `[environment]`. The walls do not move, and no damper is one-sided. Where the "
+                "condition fails nothing is known: it does not say that a wall makes the device unstable."
+            ),
+            asked=lambda demands, _: demands.hands is not None and demands.worlds is not None and demands.worlds.walls,
+        ),
     )
 }
 """The claims in the order of a certificate."""
 
 
-IN_HANDS: tuple[ClaimId, ...] = ("hands", "worlds")
-"""Claims about the hands of a box; a certificate makes one of them."""
+IN_HANDS: tuple[ClaimId, ...] = ("hands", "worlds", "walls")
+"""Claims about the hands of a box; a certificate makes one of the first two, and the last beside the second."""
 
 
 def claims_about(*quantities: Quantity) -> tuple[ClaimId, ...]:

@@ -16,7 +16,7 @@ from vctune.model.hands import HAND
 from vctune.model.problem import Demands
 from vctune.model.sampled.plant_in_hand import delays_of
 from vctune.model.worlds import World, Worlds
-from vctune.proof.claims.array_claims import COUPLING_SHARE, WORLD_ENDS, hands_margins
+from vctune.proof.claims.array_claims import WORLD_ENDS, hands_margins
 from vctune.proof.claims.every_hand import (
     MAX_HALVINGS,
     Asked,
@@ -27,7 +27,8 @@ from vctune.proof.claims.every_hand import (
     prove_stable_in_middle,
 )
 from vctune.proof.claims.margins_of_claims import Design
-from vctune.proof.device_box import DeviceBox, in_longer_hands, moved_as_one
+from vctune.proof.claims.walls import COUPLING_SHARE
+from vctune.proof.device_box import DeviceBox, in_longer_hands, in_one_delay, late_as_one, moved_as_one
 from vctune.proof.enclosures.array_intervals import Flags, Floats
 from vctune.proof.engine.box_tests import Margins, positive
 from vctune.proof.engine.boxes import FREQUENCY, Boxes, Integers, Values
@@ -148,12 +149,21 @@ def open_in_hands(design: Design, demands: Demands, box: DeviceBox | None, dampi
         design = replace(design, device=design.device.with_numbers(least))
         box, longer = in_longer_hands(box, hands, parts)
         demands = replace(demands, device=demands.device.with_numbers(least), hands=longer)
+    if box is not None and late_as_one(box):
+        box = in_one_delay(box)
+        design, demands = replace(design, device=box.nominal), replace(demands, device=box.nominal)
     asked = Asked(design, demands, box)
     if prove_stable_in_middle(design, demands).verdict is not Verdict.PROVED:
         return OpenInHands(asked, stable=False, parts=())
     found = tuple(
-        (part, left_open(test, boxes_over(part, asked.names), max_boxes=MAX_BOXES, share=FAILING))
-        for part, test in parts_of(design, asked.ends(), asked.tests)
+        (
+            part,
+            left_open(
+                part.within(test, asked.names), boxes_over(part, asked.names), max_boxes=MAX_BOXES, share=FAILING
+            ),
+        )
+        for part in parts_of(design, asked.ends())
+        for test in asked.tests(part, fixed_of(design))
     )
     return OpenInHands(asked, stable=True, parts=found)
 

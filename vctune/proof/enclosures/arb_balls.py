@@ -13,7 +13,7 @@ from flint import acb, arb, arb_series
 
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains
-from vctune.model.numbers.arithmetic import Arithmetic, Number, sinc_curvature_series
+from vctune.model.numbers.arithmetic import Arithmetic, Number, by_conjugate, sinc_curvature_series
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.array_intervals import SWELL, TINY, UNIT, Enclosure
 from vctune.proof.enclosures.jets import interpolated_over
@@ -31,6 +31,7 @@ class _BallArithmetic:
 
     precision = 2.0**-PRECISION
     arrays = None
+    reciprocal = staticmethod(by_conjugate)
 
     @property
     def pi(self) -> Number:
@@ -101,6 +102,10 @@ class _BallArithmetic:
     @staticmethod
     def within(radius: Number) -> Number:
         return arb(0, radius)
+
+    @staticmethod
+    def middle(x: Number) -> Number:
+        return x
 
     @staticmethod
     def magnitude(x: Number) -> float:

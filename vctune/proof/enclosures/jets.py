@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.model.numbers.arithmetic import FLOATS, ArrayArithmetic, Number
-from vctune.proof.enclosures.array_intervals import TINY, UNIT, Enclosure, between, matmul, selected, stacked
+from vctune.model.numbers.arithmetic import FLOATS, ArrayArithmetic, Number, by_conjugate
+from vctune.proof.enclosures.array_intervals import TINY, UNIT, Enclosure, between, matmul, raised, selected, stacked
 
 LIBRARY_ERROR = 8 * UNIT
 """Bound on the error of NumPy's sin, cos, exp and expm1 in double precision: 8 units in the last place.
@@ -253,6 +253,21 @@ class _EnclosureArithmetic:
         return Jet(size, slopes) if slopes else size
 
     @staticmethod
+    def reciprocal(re: Number, im: Number) -> tuple[Number, Number]:
+        parts = [x.value if isinstance(x, Jet) else x for x in (re, im)]
+        a, b = reciprocal_over(*parts)
+        if not isinstance(re, Jet) and not isinstance(im, Jet):
+            return a, b
+        along, across = b * b - a * a, -2 * (a * b)  # -1/x^2
+        real: Slopes = ()
+        imaginary: Slopes = ()
+        if isinstance(re, Jet):
+            real, imaginary = _scaled(re.slopes, along), _scaled(re.slopes, across)
+        if isinstance(im, Jet):
+            real, imaginary = _sums(real, _scaled(im.slopes, -across)), _sums(imaginary, _scaled(im.slopes, along))
+        return Jet(a, real), Jet(b, imaginary)
+
+    @staticmethod
     def exp(x: Number) -> Number:
         if isinstance(x, Jet):
             value = ENCLOSURES.exp(x.value)
@@ -311,6 +326,11 @@ class _EnclosureArithmetic:
         return Enclosure(0.0, radius)
 
     @staticmethod
+    def middle(x: Number) -> Number:
+        value = x.value if isinstance(x, Jet) else x
+        return Enclosure(value.mid) if isinstance(value, Enclosure) else value
+
+    @staticmethod
     def magnitude(x: Number) -> float:
         value = x.value if isinstance(x, Jet) else x
         if not isinstance(value, Enclosure):
@@ -319,6 +339,29 @@ class _EnclosureArithmetic:
 
 
 ENCLOSURES: ArrayArithmetic = _EnclosureArithmetic()
+
+
+def reciprocal_over(re: Enclosure, im: Enclosure) -> tuple[Enclosure, Enclosure]:
+    """Return 1/x of complex numbers x, as tight as x is relative to its size.
+
+    With x = (1 + e)/c and any number c, |1/x - c| is |c e/(1 + e)|. By the conjugate over the square 1/x would be as
+    wide as three numbers that have nothing to do with each other.
+
+    Parameters
+    ----------
+    re, im : enclosures of both parts
+
+    Returns
+    -------
+    tuple of two Enclosures
+        Of both parts; nan where x may be 0.
+    """
+    a, b = by_conjugate(*(np.asarray(part.mid, float) for part in (re, im)))
+    one, other = Enclosure(a), Enclosure(b)
+    off = ENCLOSURES.modulus(re * one - im * other - 1, re * other + im * one)
+    most = (off.mid + off.rad) * (1 + 4 * UNIT)
+    rad = raised(np.hypot(a, b) * most / np.where(most < 1, 1 - most, np.nan), 1)
+    return Enclosure(a, rad), Enclosure(b, rad)
 
 
 def interpolated_over(x: Enclosure, table: Table) -> Enclosure:

@@ -113,7 +113,8 @@ class Taylor:
         """Return 1/x; unbounded where x may be 0."""
         gap = np.abs(self.poly[0]) - self.enclosed().rad
         one, least = 1 / self.poly[0], np.where(gap > 0, gap, np.nan)
-        return self.mapped((one, -one * one, one**3), 6 / least**4, UNIT * np.abs(one))
+        # 1/(m + e) = 1/m - e/m^2 + e^2/m^3 - e^3/(m^3 (m + e))
+        return self.mapped((one, -one * one, one**3), 6 * np.abs(one) ** 3 / least, UNIT * np.abs(one))
 
     def mapped(self, series: tuple[Floats, Floats, Floats], third: Any, error: Any) -> Taylor:
         """Return f(x) of this number x, to second order with an enclosed remainder.
@@ -121,7 +122,7 @@ class Taylor:
         Parameters
         ----------
         series : f, f' and f''/2 at the middle of x
-        third : bound of |f'''| over all values of x
+        third : bound of |f'''| over all values of x, or of six times what is left out over the cube of e
         error : absolute rounding error of the three numbers of `series`; the latter two may be off by `HIGHER_ERROR`
             relatively, too
 

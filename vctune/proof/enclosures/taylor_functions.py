@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import factorial
+from itertools import pairwise
+from math import factorial, log
 
 import numpy as np
 
-from vctune.model.numbers.arithmetic import FLOATS, ArrayArithmetic, Number
-from vctune.proof.enclosures.array_intervals import UNIT, Floats
+from vctune.model.numbers.arithmetic import FLOATS, ArrayArithmetic, Number, by_conjugate
+from vctune.proof.enclosures.array_intervals import TINY, UNIT, Enclosure, Floats
 from vctune.proof.enclosures.jets import ENCLOSURES, LIBRARY_ERROR, Table
-from vctune.proof.enclosures.taylor import Taylor, stacked
+from vctune.proof.enclosures.taylor import SWOLLEN, Taylor, stacked
 
 SINC_TERMS = 12
 """Terms of the series of sinc' and sinc'' below 1; their remainder is below 1e-20. Half leave 1e-9; twice are no
 better."""
+ASTRIDE = 1e-12
+"""By how much, relative, an interval may reach over a point of a table and still count as on one side of it: next to
+that point both powers are the same up to `POWER_ERROR`. Half and twice it: no box is cut nearer than a rounding."""
+POWER_ERROR = 8e-12
+"""Bound on the relative error of a table's power and of its value, for each unit of the power and of the logarithm
+between two points: roundings and `ASTRIDE`. Half would do, twice as well."""
 
 
 def _sinc(x: Floats) -> tuple[Floats, Floats, Floats]:
@@ -31,6 +38,54 @@ def _sinc(x: Floats) -> tuple[Floats, Floats, Floats]:
 
 def _ranged(x: Number) -> Number:
     return x.enclosed() if isinstance(x, Taylor) else x
+
+
+def _narrower(x: Taylor, over: Enclosure, of: Taylor) -> Taylor:
+    """Return a number where something is known of it and less is left out than its range is wide, else that range.
+
+    The range is due to the rows that what it is a function of varies with.
+    """
+    known = x.rest.sum(axis=0) <= over.rad
+    shares = of.sizes.linear + of.sizes.quad + of.rest[:-1]
+    total = shares.sum(axis=0)
+    poly, rest = np.where(known, x.poly, 0.0), np.where(known, x.rest, 0.0)
+    poly[0] = np.where(known, poly[0], over.mid)
+    due = total > TINY
+    rest[:-1] += np.where(known | ~due, 0.0, shares * (over.rad / np.maximum(total, TINY)))
+    rest[-1] += np.where(known | due, 0.0, over.rad)
+    return Taylor(x.rows, poly, rest * SWOLLEN)
+
+
+def _reciprocal(re: Number, im: Number) -> tuple[Taylor, Taylor]:
+    """Return 1/x of a complex number x = (1 + e)/c, which is c (1 - e + e^2 - e^3/(1 + e))."""
+    a, b = by_conjugate(*(x.poly[0] if isinstance(x, Taylor) else np.asarray(x.mid, float) for x in (re, im)))
+    off_re, off_im = re * a - im * b - 1, re * b + im * a
+    most = np.hypot(*(np.abs(off.enclosed().mid) + off.enclosed().rad for off in (off_re, off_im))) * (1 + 8 * UNIT)
+    left_out = most**3 / np.where(most < 1, 1 - most, np.nan) * (1 + 8 * UNIT)
+    one, other = off_re * off_re - off_im * off_im - off_re + 1, 2 * (off_re * off_im) - off_im
+    shares = sum(off.sizes.linear + off.sizes.quad for off in (off_re, off_im))
+    total = shares.sum(axis=0)
+    for part in (one, other):
+        part.rest[:-1] += np.where(total > TINY, shares * (left_out / np.maximum(total, TINY)), 0.0) * SWOLLEN
+        part.rest[-1] += np.where(total > TINY, 0.0, left_out)
+    return one * a - other * b, one * b + other * a
+
+
+def _power(x: Taylor, table: Table) -> Taylor:
+    """Return a table's values over x by the power of x that it is there; nothing is known at more than one power."""
+    mid, over = x.poly[0], x.enclosed()
+    edges = np.array([at for at, _ in table])
+    powers = np.array([0.0, *(log(d / b) / log(c / a) for (a, b), (c, d) in pairwise(table)), 0.0])
+    place = np.searchsorted(edges, mid)
+    low, high = (np.append(np.insert(edges, 0, 0.0), np.inf)[place + k] for k in (0, 1))
+    least, most = over.mid - over.rad, over.mid + over.rad
+    alone = (least > 0) & (least >= low * (1 - ASTRIDE)) & (most <= high * (1 + ASTRIDE))
+    p, value = powers[place], FLOATS.interpolated(mid, table)
+    third = np.abs(p * (p - 1) * (p - 2)) * np.maximum((least / mid) ** (p - 3), (most / mid) ** (p - 3))
+    third = np.where(alone, third * value / mid**3 * (1 + POWER_ERROR), np.nan)
+    apart = min([1.0, *(log(c / a) for a, c in pairwise(edges))])
+    error = POWER_ERROR * value * (1 + np.abs(powers).max()) / apart
+    return x.mapped((value, p * value / mid, 0.5 * p * (p - 1) * value / mid**2), third, error)
 
 
 class _TaylorArithmetic:
@@ -93,7 +148,15 @@ class _TaylorArithmetic:
 
     @staticmethod
     def modulus(re: Number, im: Number) -> Number:
-        return ENCLOSURES.modulus(_ranged(re), _ranged(im))
+        over = ENCLOSURES.modulus(_ranged(re), _ranged(im))
+        square = re * re + im * im
+        return _narrower(TAYLOR.sqrt(square), over, square) if isinstance(square, Taylor) else over
+
+    @staticmethod
+    def reciprocal(re: Number, im: Number) -> tuple[Number, Number]:
+        if not isinstance(re, Taylor) and not isinstance(im, Taylor):
+            return ENCLOSURES.reciprocal(re, im)
+        return _reciprocal(re, im)
 
     @staticmethod
     def sinc_curvature(x: Number) -> Number:
@@ -113,7 +176,12 @@ class _TaylorArithmetic:
 
     @staticmethod
     def interpolated(x: Number, table: Table) -> Number:
-        return ENCLOSURES.interpolated(_ranged(x), table)
+        over = ENCLOSURES.interpolated(_ranged(x), table)
+        return _narrower(_power(x, table), over, x) if isinstance(x, Taylor) else over
+
+    @staticmethod
+    def middle(x: Number) -> Number:
+        return Enclosure(x.poly[0]) if isinstance(x, Taylor) else ENCLOSURES.middle(x)
 
     @staticmethod
     def magnitude(x: Number) -> float:

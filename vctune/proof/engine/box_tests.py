@@ -311,8 +311,7 @@ def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Boun
     n, count = len(boxes), len(rows)
     side, reach = np.zeros((count, n)), np.zeros((count, n))
     direct: Enclosure = over_box.value if isinstance(over_box, Jet) else over_box
-    rad = np.stack([np.broadcast_to(row.rad, n) for row in rows])
-    middle = np.stack([row.mid for row in rows])
+    rad, middle = halves_and_middles(rows, n)
     for row, slope in zip(np.flatnonzero(varied), over_box.slopes if isinstance(over_box, Jet) else (), strict=False):
         if slope is not None:
             side[row] = 1.0 * slope.negative() - slope.positive()
@@ -336,6 +335,22 @@ def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Boun
     value = np.broadcast_to(least.mid, n)
     room = room_left(value, value - bound, reach.sum(axis=0))
     return _Bounded(bound, Decided(proved, fails, point, cost, known, side, room), reach)
+
+
+def halves_and_middles(rows: Rows, n: int) -> tuple[Floats, Floats]:
+    """Return half the widths and the middles of n boxes; a row that is infinite throughout has no width.
+
+    Parameters
+    ----------
+    rows : enclosures, or an infinite float
+    n : number of boxes
+    """
+    known = [row if isinstance(row, Enclosure) else Enclosure(row) for row in rows]
+    half, middle = (
+        np.stack([np.broadcast_to(part, n) for part in parts])
+        for parts in zip(*((x.rad, x.mid) for x in known), strict=True)
+    )
+    return half, middle
 
 
 def room_left(value: Floats, uncertain: Floats, reach: Floats) -> Floats:

@@ -12,7 +12,16 @@ from vctune.proof.enclosures.array_intervals import UNIT, Enclosure, Flags, Floa
 from vctune.proof.enclosures.box_minimum import least_over_boxes
 from vctune.proof.enclosures.jets import Jet, variables
 from vctune.proof.enclosures.taylor import variables as polynomials
-from vctune.proof.engine.box_tests import FROM_ZERO, Margin, Margins, Rows, lowest, nearest, room_left
+from vctune.proof.engine.box_tests import (
+    FROM_ZERO,
+    Margin,
+    Margins,
+    Rows,
+    halves_and_middles,
+    lowest,
+    nearest,
+    room_left,
+)
 from vctune.proof.engine.boxes import Boxes, Values
 from vctune.proof.engine.branching import Decided, Test
 from vctune.running import check_time
@@ -82,7 +91,7 @@ def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slo
     return test
 
 
-def any_positive(margins: Margins, slopes: Margins, fixed: Values, spans: Floats) -> Test:
+def any_positive(margins: Margins, slopes: Margins | None, fixed: Values, spans: Floats) -> Test:
     """Return the test that at each point one of several margins is positive.
 
     A box is proved if one of them is throughout, and fails where all of them are negative at one point. Any other is
@@ -92,7 +101,7 @@ def any_positive(margins: Margins, slopes: Margins, fixed: Values, spans: Floats
     Parameters
     ----------
     margins : of a frequency and of values, over `vctune.proof.enclosures.taylor`
-    slopes : the same over jets
+    slopes : the same over jets; None for margins that differ from box to box
     fixed : the values that are not among a box's rows
     spans : of the whole range of each row but the frequency, shape (rows - 1, 1)
     """
@@ -109,7 +118,7 @@ def any_positive(margins: Margins, slopes: Margins, fixed: Values, spans: Floats
             there = replace(boxes.subset(left), low=best.point[:, left], high=best.point[:, left])
             best.fails[left] = np.all([number.enclosed().negative() for number in of(there)], axis=0)
         left = np.flatnonzero(~best.proved & ~best.fails)
-        if left.size > FEW:
+        if slopes is not None and left.size > FEW:
             part = boxes.subset(left)
             proved, side = _any_by_slopes(lambda rows: slopes(rows[0], part.named(rows, fixed)), part)
             best.proved[left], best.side[:, left] = proved, side
@@ -161,7 +170,7 @@ def _any_by_slopes(margins: Callable[[Rows], tuple[Number, ...]], boxes: Boxes) 
     rows, varied, n = boxes.rows(), boxes.varied(), len(boxes)
     numbers = margins(variables(rows, varied))
     side = _common_sides(numbers, boxes)
-    rad, middle = np.stack([np.broadcast_to(row.rad, n) for row in rows]), np.stack([row.mid for row in rows])
+    rad, middle = halves_and_middles(rows, n)
     point = middle + side * rad
     at_point = [
         Enclosure(p, 2 * UNIT * (np.abs(p) + r)) if varies else row

@@ -5,7 +5,7 @@ See paper eqs. 10, 11, 17; model/README.md, sections 2 to 8.
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass
 from math import pi, sqrt
 
 import numpy as np
@@ -13,19 +13,15 @@ import numpy as np
 from vctune.analysis.demands import error_terms, response, stability_ratio, weighted_square
 from vctune.analysis.extrema import Floats
 from vctune.analysis.feel import felt_impedance
-from vctune.analysis.resonance import with_resonance
-from vctune.analysis.sampled_loop import Complex, loop_gain
+from vctune.analysis.resonance import round_at_resonance
+from vctune.analysis.sampled_loop import Complex
 from vctune.model.coupling import coupling_impedance
-from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 
 POINTS = 400
-NARROWER = 6.0
-"""Factor by which a resonance is sampled more finely than its width. Half shows corners, twice is twice as long a
-file."""
 UNMOVED = 1e-6
 """Share of a command below which a servo stands still, as at Nyquist with interpolation; the hand then feels a rigid
 handle. Half and twice show the same curves."""
@@ -41,14 +37,6 @@ class Llewellyn:
     coupling: Floats
     required: Floats
     ratio: Floats
-
-
-@dataclass(frozen=True, slots=True)
-class Nyquist:
-    """The sampled loop L = K_v G_v + K_p G_x over hz up to the Nyquist frequency."""
-
-    hz: Floats
-    L: Complex
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +57,7 @@ def frequencies(problem: Problem) -> Floats:
     low = min(band.min for band in bands if band.min > 0) / (2 * pi)
     high = max(band.max for band in bands if np.isfinite(band.max)) / (2 * pi)
     hz = np.geomspace(low / 10, min(high * 10, nyquist * (1 - 1e-9)), POINTS)
-    return _closer(problem.device, hz)
+    return round_at_resonance(problem.device, hz)
 
 
 def llewellyn(problem: Problem, gains: Gains, coupling: Coupling) -> Llewellyn:
@@ -89,19 +77,6 @@ def llewellyn(problem: Problem, gains: Gains, coupling: Coupling) -> Llewellyn:
     return Llewellyn(
         hz, coupling_impedance(coupling, omega).re + 0 * omega, required, np.where(loop.resistance > 0, ratio, np.nan)
     )
-
-
-def nyquist(problem: Problem, gains: Gains) -> Nyquist:
-    """Return L on a fine logarithmic axis.
-
-    Parameters
-    ----------
-    problem : the device
-    gains : gains of the velocity loop
-    """
-    top = problem.nyquist / (2 * pi)
-    hz = _closer(problem.device, np.geomspace(top * 1e-5, top, 4 * POINTS))
-    return Nyquist(hz, loop_gain(problem.device, gains, 2 * pi * hz))
 
 
 def transparency(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Transparency:
@@ -164,11 +139,3 @@ def handle_impedance(
             np.full(hz.size, np.inf) if Z_e is None else np.abs(Z_e),
         )
     return hz, felt
-
-
-def _closer(device: Device, hz: Floats) -> Floats:
-    """Return frequencies with more of them around a structure's resonance, so that it is drawn as a smooth curve."""
-    if device.structure is None:
-        return hz
-    narrow = replace(device.structure, damping_ratio=device.structure.damping_ratio / NARROWER)
-    return with_resonance(replace(device, structure=narrow), 2 * pi * hz) / (2 * pi)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from math import cos, degrees, inf, log10, pi, sin
+from dataclasses import dataclass
+from math import inf, pi
 
 import numpy as np
 from matplotlib import rc_context
@@ -11,24 +11,23 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from vctune.analysis.feel import NO_LOOP, impedance_at_handle
-from vctune.analysis.margins import loop_margins
 from vctune.analysis.phases import sensor_miss
-from vctune.design.prepared import pose
 from vctune.document.records.design_json import BoxRecord, DesignRecord, OptimalityRecord
-from vctune.model.gains import AnyCoupling, Coupling, Gains, series_coupling
-from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.keys import KEYS, WORLD, labelled
 from vctune.model.problem import Band, Problem
-from vctune.report.figures.curves import (
-    Transparency,
-    handle_impedance,
-    llewellyn,
-    nyquist,
-    transparency,
-)
 from vctune.report.figures.diagram import loop_figure
 from vctune.report.figures.hands_figure import any_hand_figure, hands_figure
+from vctune.report.figures.panels import (
+    compared,
+    demanded,
+    draw_impedance,
+    draw_nyquist,
+    draw_part,
+    draw_ratio,
+    draw_required,
+    least_view,
+)
 from vctune.report.figures.region_figure import world_figure
 from vctune.report.figures.style import (
     BLUE,
@@ -38,14 +37,11 @@ from vctune.report.figures.style import (
     RED,
     STYLE,
     WIDTH,
-    around_one,
     canvas,
     decades,
-    frequency_axis,
     legend_above,
     shade,
     stamp,
-    time_text,
 )
 from vctune.report.page.summary import doubt
 from vctune.study.world_region import world_plane, world_region
@@ -103,31 +99,16 @@ def _rendered(design: Design) -> dict[str, Figure]:
 def _llewellyn(design: Design) -> Figure:
     problem, proof = design.problem, design.record.certificate
     assert proof is not None, "a design is judged"
-    coupling = series_coupling(design.coupling)
-    curves = llewellyn(problem, design.gains, coupling)
+    shown = problem, design.gains, design.coupling
+    curves = demanded(*shown)
     figure = canvas(WIDTH, 5.6, left=0.85, top=0.75, gaps=(0, 0.5))
     upper, lower = figure.subplots(2, 1, height_ratios=(3, 2))
-    upper.semilogy(curves.hz, curves.coupling, color=BLUE, label="Re Z_c")
-    upper.semilogy(curves.hz, curves.required, "--", color=ORANGE, label="required R")
-    upper.set_ylabel(problem.units.damping)
-    lower.plot(curves.hz, curves.ratio, color=BLUE, label="ratio Re Z_c / R")
-    if problem.device.operator is not None:
-        bare = llewellyn(replace(problem, device=problem.device.bare), design.gains, coupling)
-        upper.semilogy(bare.hz, bare.required, ":", color=ORANGE, label="R without operator")
-        lower.plot(bare.hz, bare.ratio, ":", color=BLUE, label="without operator")
-    for number, case in enumerate(pose(problem).cases[1:]):
-        there, label = llewellyn(case, design.gains, coupling), "of uncertain devices" if number == 0 else None
-        upper.semilogy(there.hz, there.required, "--", color=ORANGE, linewidth=0.6, label=label)
-        lower.plot(there.hz, there.ratio, color=BLUE, linewidth=0.6, label=label)
-    around_one(lower, problem.stability.safety_factor, proof.min_ratio, proof.worst_hz)
+    draw_required(upper, *shown, curves)
+    draw_ratio(lower, *shown, (proof.min_ratio, proof.worst_hz), curves)
     for axes in (upper, lower):
-        frequency_axis(axes, curves.hz[0], curves.hz[-1])
-        shade(axes, problem.stability.band, BLUE, "requested band")
         if proof.proved_band_hz:
             _edges(axes, proof.proved_band_hz)
     upper.set_xlabel("")
-    _asymptotes(design, upper)
-    decades(upper)
     legend_above(upper, 3)
     legend_above(lower, 2)
     return figure
@@ -139,56 +120,17 @@ def _edges(axes: Axes, proved: list[float | None]) -> None:
         axes.axvline(edge, color=GREEN, linewidth=1, linestyle="--", label=label)
 
 
-def _asymptotes(design: Design, axes: Axes) -> None:
-    """Draw the finite limits of R: omega -> 0 with K_p > 0, omega -> inf with hold "lag".
-
-    See model/README.md, section 6.
-    """
-    device, gains, coupling = design.problem.device, design.gains, series_coupling(design.coupling)
-    if gains.position > 0:
-        limit = low_frequency_limit(device, gains, coupling).required
-        if 0 < limit < inf:
-            axes.axhline(limit, color=ORANGE, linewidth=1, linestyle=":", label="R for ω → 0")
-    if device.hold == "lag" and device.delay == 0 and device.ideal and device.damping > 0 < gains.velocity:
-        limit = high_frequency_limit(device, gains, coupling).required
-        axes.axhline(limit, color=ORANGE, linewidth=1, linestyle="-.", label="R for ω → ∞")
-
-
 def _nyquist(design: Design) -> Figure:
-    problem, limit = design.problem, design.problem.stability.max_sensitivity
-    curve = nyquist(problem, design.gains)
-    margins = loop_margins(problem.device, design.gains)
-    left, right, up = -1.2 - 1 / limit, 1.1, 1.1
+    left, right, up = least_view(design.problem)
     width = WIDTH - 0.75 - 0.15
     figure = canvas(WIDTH, width * 2 * up / (right - left) + 0.5 + 0.75, left=0.75, top=0.75)
-    axes = figure.subplots()
-    axes.plot(curve.L.real, curve.L.imag, color=BLUE, label="L up to Nyquist")
-    angle = np.linspace(0, 2 * pi, 361)
-    axes.plot(np.cos(angle), np.sin(angle), color=GREY, linewidth=1, linestyle="--", label="unit circle")
-    axes.fill(
-        -1 + np.cos(angle) / limit, np.sin(angle) / limit,
-        facecolor="none", edgecolor=RED, hatch="///", linewidth=1, label=f"|S| above {limit:g}",
-    )  # fmt: skip
-    axes.plot(-1, 0, "+", color=RED, markersize=10, label="-1")
-    if margins.gain < inf:
-        axes.plot(-1 / margins.gain, 0, "o", color=ORANGE, label=f"gain margin {20 * log10(margins.gain):.3g} dB")
-    if margins.phase < inf:
-        delay, unit = time_text(margins.delay, 3)
-        label = f"phase {degrees(margins.phase):.3g}°, delay {delay} {unit}"
-        axes.plot(-cos(margins.phase), -sin(margins.phase), "s", color=GREEN, label=label)
-    axes.set(xlim=(left, right), ylim=(-up, up), aspect="equal", xlabel="Re L", ylabel="Im L")
-    legend_above(axes, 2)
+    draw_nyquist(figure.subplots(), design.problem, design.gains)
     return figure
 
 
 def _transparency(design: Design) -> Figure:
     problem = design.problem
-    cases = {"designed": (transparency(problem, design.gains, design.coupling), "-", 1.8)}
-    if problem.device.kind.banded:
-        cases |= {
-            "no coupling": (transparency(problem, design.gains, Coupling(1e-18, 1e-18, 0.0)), "--", 1.2),
-            "uncontrolled": (transparency(problem, Gains(0.0, 0.0), Coupling(1e-18, 1e-18, 0.0)), ":", 1.2),
-        }
+    cases = compared(problem, design.gains, design.coupling)
     names, terms = design.record.transparency, problem.device.kind.terms
     assert names is not None, "a design is judged"
     titles = {"admittance": names.free_motion, "tracking": names.missed, "coupling": names.given_way}
@@ -198,10 +140,7 @@ def _transparency(design: Design) -> Figure:
     panels = figure.subplots(rows, 2, squeeze=False)
     at = dict(zip(parts, panels.ravel(), strict=True))
     for part, axes in at.items():
-        for name, (curves, line, width) in cases.items():
-            _draw_part(axes, curves, part, name, line, width)
-        frequency_axis(axes, cases["designed"][0].hz[0], cases["designed"][0].hz[-1])
-        shade(axes, problem.transparency.band, BLUE, "transparency band")
+        draw_part(axes, problem, cases, part)
         axes.set_title(parts[part])
         axes.set_label(part)
     handles, labels = panels[0, 0].get_legend_handles_labels()
@@ -217,29 +156,12 @@ def _transparency(design: Design) -> Figure:
     return figure
 
 
-def _draw_part(axes: Axes, curves: Transparency, part: str, name: str, line: str, width: float) -> None:
-    values = getattr(curves, part)
-    if values.max() > 1e-12:
-        axes.semilogy(curves.hz, values, line, linewidth=width, color=BLUE if name == "designed" else GREY, label=name)
-
-
 def _impedance(design: Design) -> Figure:
-    problem = design.problem
-    hz, felt = handle_impedance(problem, design.gains, design.coupling)
-    columns, height, above = {"linear": (3, 4.9, 0.85), "rotary": (2, 5.25, 1.2)}[problem.device.units]
+    columns, height, above = {"linear": (3, 4.9, 0.85), "rotary": (2, 5.25, 1.2)}[design.problem.device.units]
     figure = canvas(WIDTH, height, left=0.85, top=above)  # the units of a rotary device are longer
     axes = figure.subplots()
-    for number, (name, (impedance, ideal)) in enumerate(felt.items()):
-        colour, every, dashes = (BLUE, GREEN, ORANGE, RED)[number], (0.025 * number, 0.1), ("", "--", "-.", "")[number]
-        axes.semilogy(hz, impedance, marker="os^D"[number], markevery=every, markersize=4, color=colour, label=name)
-        if np.isfinite(ideal).all() and ideal.max() > 0:
-            axes.semilogy(hz, ideal, color=colour, linewidth=1, linestyle=dashes, label=f"{name}, ideal")
-    if problem.device.servo is None:
-        bare = np.abs(impedance_at_handle(problem.device, NO_LOOP[0], 2 * pi * hz, None))
-        axes.semilogy(hz, bare, ":", color=GREY, linewidth=1.2, label="bare device")
-    frequency_axis(axes, hz[0], hz[-1])
+    draw_impedance(axes, design.problem, design.gains, design.coupling)
     _promised(axes, design)
-    axes.set_ylabel(f"|impedance at the handle|, {problem.units.damping}")
     decades(axes)
     legend_above(axes, columns)
     return figure

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from math import pi
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vctune.analysis.extrema import Floats
-from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands
+from vctune.analysis.in_hands import RatioInHand, least_ratios_in_any_hand, least_ratios_in_hands
 from vctune.analysis.loops_in_hands import loops_in_any_hand, loops_in_hands
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
@@ -51,6 +52,42 @@ WORST = 3
 """Number of hands with a curve of their own: of the lowest minima, not two of one hand."""
 
 
+class Met(NamedTuple):
+    """What a coupling offers and the hands of a box require, up to Nyquist.
+
+    Attributes
+    ----------
+    hz, theta : frequencies, Hz, and omega T, rad
+    offered : Re Z_c as it runs, or of an impedance display Re 1/Z_c over s^2
+    required : the greatest R of the hands
+    least : the least ratio in the hands, the lowest first
+    """
+
+    hz: Floats
+    theta: Floats
+    offered: Floats
+    required: Floats
+    least: list[RatioInHand]
+
+
+def met_in_hands(problem: Problem, gains: Gains, coupling: AnyCoupling, hands: Hands | None = None) -> Met:
+    """Return the curves that `draw_required_in_hands` and `draw_ratio_in_hands` draw.
+
+    Parameters
+    ----------
+    problem : the device
+    gains, coupling : the design
+    hands : to be met; None for the problem's
+    """
+    device, hands = problem.device, hands or problem.hands
+    where = loops_in_hands(device, hands, per_decade=CURVES)
+    some = where.theta > 0
+    theta = where.theta[some]
+    found = least_ratios_in_hands(device, hands, gains, coupling)
+    required = where.required(gains)[:, some].max(axis=0)
+    return Met(theta / (2 * pi * device.sample_time), theta, offered(coupling, device, theta, FLOATS), required, found)
+
+
 def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling) -> Figure:
     """Draw Re Z_c against the R of the worst hands, and a map of the share that they need over mass and stiffness.
 
@@ -67,40 +104,75 @@ def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoup
     columns, above = {"linear": (2, 0.8), "rotary": (1, 1.15)}[problem.device.units]  # whose units are longer
     figure = canvas(WIDTH, 6.4 + above, left=0.85, top=above, gaps=(0, 0.5))
     curves, ratio, plane = figure.subplots(3, 1, height_ratios=(5, 4, 4))
-    _curves(curves, ratio, problem, hands, gains, coupling)
+    met = met_in_hands(problem, gains, coupling, hands)
+    draw_required_in_hands(curves, problem, gains, coupling, met)
+    curves.set_xlabel("")
+    draw_ratio_in_hands(ratio, problem, gains, coupling, met)
+    legend_above(ratio, 2)
     legend_above(curves, columns)
     _map(figure, plane, problem, hands, gains, coupling)
     return figure
 
 
-def _curves(axes: Axes, lower: Axes, problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling) -> None:
-    device, units = problem.device, problem.units
-    where = loops_in_hands(device, hands, per_decade=CURVES)
-    some = where.theta > 0
-    hz = where.theta[some] / (2 * pi * device.sample_time)
-    required = where.required(gains)[:, some]
-    Z_c, greatest = offered(coupling, device, where.theta[some], FLOATS), required.max(axis=0)
-    scale, name = _shown_as(device, where.theta[some]), _name(device)
-    axes.semilogy(hz, scale * Z_c, color=BLUE, label=f"{name} as it runs")
-    axes.semilogy(hz, scale * _positive(greatest), color=ORANGE, label="greatest R, and in hands of:")
-    lower.plot(hz, Z_c / _positive(greatest), color=BLUE, label=f"{name} / R in the worst hand")
-    found = least_ratios_in_hands(device, hands, gains, coupling)
-    around_one(lower, problem.stability.safety_factor, found[0].ratio, hertz(found[0].omega))
-    shown: list[Hand] = []
-    for worst in found:
+def draw_required_in_hands(
+    axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling, met: Met | None = None
+) -> Axes:
+    """Draw Re Z_c of the coupling as it runs, the greatest R of the hands, and that of the worst ones, up to Nyquist.
+
+    Parameters
+    ----------
+    axes : Matplotlib's
+    problem : the device and its hands
+    gains, coupling : the design
+    met : its curves (`met_in_hands`); None to work them out
+
+    Returns
+    -------
+    Axes
+        The same.
+    """
+    met, device = met or met_in_hands(problem, gains, coupling), problem.device
+    scale, shown = _shown_as(device, met.theta), list[Hand]()
+    axes.semilogy(met.hz, scale * met.offered, color=BLUE, label=f"{_name(device)} as it runs")
+    axes.semilogy(met.hz, scale * _positive(met.required), color=ORANGE, label="greatest R, and in hands of:")
+    for worst in met.least:
         if worst.hand not in shown and len(shown) < WORST:
             shown.append(worst.hand)
-            one = loops_in_hands(device, Hands(worst.hand, worst.hand), per_decade=CURVES).required(gains)[0, some]
-            axes.semilogy(hz, scale * _positive(one), linewidth=0.9, color=(RED, INK, GREY)[len(shown) - 1],
-                          linestyle=("--", ":", "-.")[len(shown) - 1], label=worst.hand.in_words(units))  # fmt: skip
+            where = loops_in_hands(device, Hands(worst.hand, worst.hand), per_decade=CURVES)
+            one = where.required(gains)[0, where.theta > 0]
+            colour, line = ((RED, "--"), (INK, ":"), (GREY, "-."))[len(shown) - 1]
+            label = worst.hand.in_words(problem.units)
+            axes.semilogy(met.hz, scale * _positive(one), linewidth=0.9, color=colour, linestyle=line, label=label)
     axes.set_ylabel(_unit(device))
-    for each in (axes, lower):
-        frequency_axis(each, hz[0], hz[-1])
-    axes.set_xlabel("")
+    frequency_axis(axes, met.hz[0], met.hz[-1])
     low, high = axes.get_ylim()
     axes.set_ylim(max(low, SHALLOW * high), high)
     decades(axes)
-    legend_above(lower, 2)
+    return axes
+
+
+def draw_ratio_in_hands(
+    axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling, met: Met | None = None
+) -> Axes:
+    """Draw Re Z_c / R in the worst hand of each frequency, around 1, up to Nyquist.
+
+    Parameters
+    ----------
+    axes : Matplotlib's
+    problem : the device and its hands
+    gains, coupling : the design
+    met : its curves (`met_in_hands`); None to work them out
+
+    Returns
+    -------
+    Axes
+        The same.
+    """
+    met, name = met or met_in_hands(problem, gains, coupling), _name(problem.device)
+    axes.plot(met.hz, met.offered / _positive(met.required), color=BLUE, label=f"{name} / R in the worst hand")
+    around_one(axes, problem.stability.safety_factor, met.least[0].ratio, hertz(met.least[0].omega))
+    frequency_axis(axes, met.hz[0], met.hz[-1])
+    return axes
 
 
 def _map(figure: Figure, axes: Axes, problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling) -> None:

@@ -191,6 +191,16 @@ def _least_in_hands(known: Found) -> tuple[str, str]:
     return f"least {text(hands.min_ratio)}, {_hz(hands.worst_hz)}, in the hand of {hand}{world}", known.factor
 
 
+def _least_at_walls(known: Found) -> tuple[str, str]:
+    hands, units = known.proof.hands, known.problem.units
+    if hands is None or hands.walls is None:
+        return "", ""
+    walls = hands.walls
+    place = f"{_hz(walls.worst_hz)}, in the hand of {walls.worst_hand.in_words(units)}"
+    multiplier = f"multiplier with its corner at {text(walls.corner_hz)} Hz"
+    return f"least {text(walls.min_ratio)}, {place}; {multiplier}", known.factor
+
+
 def _world(world: WorldRecord, units: Units) -> str:
     """Return the binding environment."""
     row = world.row(None, units)
@@ -240,6 +250,7 @@ FOUND: dict[ClaimId, Callable[[Found], tuple[str, str]]] = {
     "any_hand": _least_in_any_hand,
     "hands": _least_in_hands,
     "worlds": _least_in_hands,
+    "walls": _least_at_walls,
 }
 """Functions that return the value found for a claim and its limit, for claims with a number to show."""
 
@@ -290,10 +301,18 @@ def assumptions(problem: Problem) -> list[str]:
             "loop, at every frequency, aliasing included. The claim does not cover a hand outside the box."
         )
     if problem.worlds is not None:
+        linear = problem.worlds.linear.in_words(problem.units)
         lines.append(
-            f"The environment is one of {problem.worlds.in_words(problem.units)}: a mass, a damper and a spring, "
-            "stepped by the trapezoidal rule, linear and unchanging. The claim covers neither a wall that comes and "
-            "goes nor an environment outside the box."
+            f"The environment is one of {linear}: a mass, a damper and a spring, stepped by the trapezoidal rule, "
+            + (
+                "that do not change. The spring may be a wall: a force that depends on the position alone and rises "
+                "with slopes within the range of stiffness, one-sided or piecewise linear, anywhere, stepped by the "
+                "trapezoidal rule or by backward Euler. The claim covers neither a wall that moves, nor a damper that "
+                "acts on one side, nor an environment outside the box."
+                if problem.worlds.walls
+                else "linear and unchanging. The claim covers neither a wall that comes and goes nor an environment "
+                "outside the box."
+            )
         )
         return [problem.units.translated(line) for line in lines]
     lines.append(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 from math import inf
 
+from vctune.model.coupling import trapezoidal
 from vctune.model.experiment import Environment
 from vctune.model.gains import AnyCoupling, Coupling, SpringDamper
 
@@ -41,14 +42,11 @@ def coupling_coefficients(
             "coupling_damping": coupling.damping,
             "resistance": float(resistance),
         }
-    if coupling.rigid:
-        step = 2 * exact(coupling.mass) / exact(sample_time)
-        return {"coupling_step": float(step), "coupling_decay": -1.0, "resistance": float(step + exact(coupling.drag))}
-    a = exact(sample_time) * exact(coupling.damping) / (2 * exact(coupling.mass))
-    step = exact(coupling.damping) / (1 + a)
+    damping = coupling.damping if coupling.rigid else exact(coupling.damping)
+    step, decay = trapezoidal(Coupling(damping, exact(coupling.mass), 0), exact(sample_time))
     return {
         "coupling_step": float(step),
-        "coupling_decay": float((1 - a) / (1 + a)),
+        "coupling_decay": float(decay),
         "resistance": float(step + exact(coupling.drag)),
     }
 

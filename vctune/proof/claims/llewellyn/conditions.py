@@ -1,6 +1,6 @@
 """Proof of Llewellyn's conditions on a band, and the widest band on which they hold.
 
-The ratio may be 0/0 near omega = 0. See model/README.md, sections 4 and 6; proof/README.md, section 3.
+See model/README.md, section 4; proof/README.md, section 3.
 """
 
 from __future__ import annotations
@@ -13,21 +13,20 @@ from math import pi
 from flint import arb
 
 from vctune.model.coupling import coupling_impedance
-from vctune.model.loop.limits import low_frequency_limit
 from vctune.model.numbers.arithmetic import Number
+from vctune.proof.claims.llewellyn.near_zero import low_end_verdict, prove_low_end
+from vctune.proof.claims.llewellyn.polynomials import conditions, is_rational, widest
+from vctune.proof.claims.llewellyn.polynomials import prove as prove_polynomials
 from vctune.proof.claims.margins_of_claims import (
     Design,
     conditions_margin,
-    low_margin,
     outwards,
     resistance_apart,
     resistance_margin,
 )
-from vctune.proof.claims.polynomials import conditions, is_rational, widest
-from vctune.proof.claims.polynomials import prove as prove_polynomials
-from vctune.proof.enclosures.arb_balls import BALLS, as_series, box, design_ball, design_series
+from vctune.proof.enclosures.arb_balls import BALLS, as_series, design_ball, design_series
 from vctune.proof.engine.band_edges import extend_band
-from vctune.proof.engine.interval import Outcome, Verdict, prove_boxes, prove_positive
+from vctune.proof.engine.interval import Outcome, Verdict, prove_positive
 
 EXTENSION_BOXES = 2_000
 """Boxes of a step beyond the band; a step that needs more is tried shorter. Half and twice it give the same band, where
@@ -35,13 +34,7 @@ the ratio falls below 1, except for the last printed digits."""
 LOWEST_EDGE = 1e-18
 """How far below the requested band a proof that does not reach 0 is carried, relative to its edge. A band that reaches
 0 is proved as such; below this the difference from one that does not has no meaning. Half and twice: the same."""
-SHRINK = 4.0
-"""Factor between two trial ends of the margin near 0. Half and twice it, in the logarithm, reach a little higher and
-lower; the frequencies above are proved by the ordinary margin in any case."""
-STEPS = 120
-"""Tries: down to 1e-72 of the first. Half would do for every device whose numbers are within twenty decades."""
-END_BOXES = 64
-"""Boxes of a try. Half and twice it shift the end by about one step."""
+
 
 Margin = Callable[[Number], Number]
 
@@ -166,51 +159,3 @@ def _lowest(design: Design, margins: list[Margin], low: float) -> float:
         if start is not None and (start >= low or _proved(margins, start, low)):
             return 0.0
     return extend_band(partial(_proved, margins), low, low * LOWEST_EDGE)
-
-
-def low_end_verdict(design: Design) -> Verdict:
-    """Compare the exact limits of Re Z_c and R for omega -> 0; undecided if they are equal."""
-    exact = design_ball(design)
-    limit = low_frequency_limit(exact.device, exact.gains, exact.series, BALLS)
-    if limit.coupling < limit.required:
-        return Verdict.REFUTED
-    return Verdict.PROVED if limit.coupling > limit.required else Verdict.UNDECIDED
-
-
-def prove_low_end(design: Design, factor: float, below: float) -> float | None:
-    """Find an omega_0 <= below such that Re G_hh > 0 and Re Z_c >= factor R are proved on (0, omega_0].
-
-    Parameters
-    ----------
-    design : taken as the decimals that it is written as
-    factor : least Re Z_c / R
-    below : first frequency to try, rad/s, > 0
-
-    Returns
-    -------
-    float or None
-        omega_0, rad/s; None if `STEPS` tries prove nothing.
-    """
-    exact, threshold = design_ball(design), arb(repr(factor))
-    if not design.gains.closed:  # no loop, R = 0
-        return below if design.device.least_damping > 0 else None
-
-    def met(omega: arb) -> bool:
-        apart = resistance_apart(design.device) and not resistance_margin(exact, omega, BALLS) > 0
-        return bool(not apart and low_margin(exact, omega, threshold, BALLS) > 0)
-
-    return _largest(met, below)
-
-
-def _largest(met: Callable[[arb], bool], start: float) -> float | None:
-    """Return the greatest start, start/4, start/16, ... such that the conditions are proved from 0 to there."""
-
-    def decide(low: float, high: float) -> Verdict:
-        return Verdict.PROVED if met(box(low, high)) else Verdict.UNDECIDED
-
-    edge = start
-    for _ in range(STEPS):
-        if prove_boxes(decide, 0.0, edge, END_BOXES).verdict is Verdict.PROVED:
-            return edge
-        edge /= SHRINK
-    return None

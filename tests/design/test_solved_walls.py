@@ -1,0 +1,137 @@
+"""Walls in problems: what is stated and refused, given gains, and a search (model/README.md, section 19)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf, pi
+from pathlib import Path
+
+import pytest
+from command import run
+from test_solved_worlds import EXPECTED, REFERENCE, WHEEL, fixed, reference
+
+from vctune import Coupling, Gains, solve
+from vctune.analysis.in_walls import corner_of
+from vctune.design.verdict.judge import judge
+from vctune.document.building import problem
+from vctune.document.schema.plausibility import doubts
+from vctune.document.schema.statement import statement
+from vctune.document.text.digest import problem_digest
+from vctune.document.text.errors import InputError
+from vctune.exit_codes import ExitCode
+from vctune.model.problem import Problem
+from vctune.model.worlds import World, Worlds
+from vctune.proof.engine.interval import Verdict
+
+BOX = {"mass": {"min": 0.02, "max": 5.0}, "stiffness": {"max": 2000.0}}
+STIFF = Gains(167.34044, 1e5), Coupling(97.0, 0.0417, 0.99)
+"""Gains that bear the walls of `walled`."""
+
+
+def walled(name: str = "world-tools", corner: float | None = None) -> Problem:
+    """Return a reference problem with walls."""
+    posed = reference(name)
+    assert posed.worlds is not None
+    return replace(posed, worlds=replace(posed.worlds, walls=True, corner=corner))
+
+
+def test_a_problem_states_its_walls() -> None:
+    """The statement reads back as the same problem; the digest knows walls and a stated corner, and nothing else."""
+    first = problem({**WHEEL, "environment": {**BOX, "walls": True, "corner_hz": 100.0}}).problem
+    assert first.worlds == Worlds(World(0.02, 0.0, 0.0), World(5.0, inf, 2000.0), True, 2 * pi * 100.0)
+    again = problem(statement(first)).problem
+    assert again.worlds == first.worlds
+    assert first.in_units(10.0, 1e-3).worlds.corner == pytest.approx(2 * pi * 0.1)
+    digests = [
+        problem_digest(problem({**WHEEL, "environment": {**BOX, **walls}}).problem)
+        for walls in ({}, {"walls": False}, {"walls": True}, {"walls": True, "corner_hz": 100.0})
+    ]
+    assert digests[0] == digests[1]
+    assert len(set(digests)) == 3
+
+
+@pytest.mark.parametrize(
+    ("tables", "said"),
+    [
+        ({"environment": {"mass": {"max": 5.0}, "walls": True}}, "needs a stiffest wall"),
+        ({"environment": {"stiffness": {"min": 5.0, "max": 5.0}, "walls": True}}, "needs a range of stiffness"),
+        ({"environment": {**BOX, "corner_hz": 10.0}}, "write walls = true"),
+        ({"environment": {**BOX, "walls": True, "corner_hz": 400.0}}, "write at most 318.31"),
+        ({"environment": {**BOX, "walls": 1}}, "environment.walls"),
+        ({"stability": {"criterion": "both"}}, "allows any passive hand"),
+        ({"device": {**WHEEL["device"], "display": "impedance"}}, "not of a box of them"),
+    ],
+)
+def test_what_is_not_proved_is_refused(tables: dict[str, object], said: str) -> None:
+    """With the reason and what to do."""
+    with pytest.raises(InputError, match=said):
+        problem({**WHEEL, "environment": {**BOX, "walls": True}, **tables})
+
+
+def test_an_experiment_at_a_wall_is_in_the_box() -> None:
+    """Unless a damper pushes with it."""
+
+    def doubted(**environment: object) -> bool:
+        box = {"mass": {"min": 0.0, "max": 5.0}, "stiffness": {"max": 2000.0}, "walls": True}
+        tables = {**WHEEL, "environment": box, "experiment": [{"name": "one", "environment": environment}]}
+        return any(note.code == "warn-environment" for note in doubts(problem(tables).problem))
+
+    assert not doubted(stiffness=1000.0, wall=True)
+    assert doubted(stiffness=1000.0, damping=5.0, wall=True)
+    assert doubted(stiffness=3000.0, wall=True)
+
+
+def test_given_gains_have_the_corner_with_most_room() -> None:
+    """Below it the condition fails, as with less of the coupling; the linear box is proved all the same."""
+    best = judge(walled(), *STIFF)
+    assert best.certificate.verdict is Verdict.PROVED
+    assert best.corner == corner_of(walled(), *STIFF)
+    assert best.in_walls.ratio > 1.05
+    low = judge(walled(corner=2 * pi * 30.0), *STIFF)
+    assert low.certificate.outcomes["worlds"].verdict is Verdict.PROVED
+    assert low.certificate.outcomes["walls"].verdict is Verdict.REFUTED
+    assert low.in_walls.ratio < 1.05
+
+
+def test_nothing_is_claimed_of_walls_where_the_linear_box_is_not_proved() -> None:
+    """The condition says nothing of a loop that is unstable without a wall."""
+    K_v, K_p, b_c, m_c, b_0 = EXPECTED["world-tools"]["x"]
+    outcomes = judge(walled(), Gains(K_v, min(K_p, 1e5)), Coupling(b_c, m_c, b_0)).certificate.outcomes
+    assert outcomes["worlds"].verdict is Verdict.REFUTED
+    assert outcomes["walls"].verdict is Verdict.UNDECIDED
+
+
+def test_a_gains_file_states_the_corner(tmp_path: Path) -> None:
+    """And a check is about that one: a low one fails where the best passes."""
+    text = fixed("world-tools", 1.2, tmp_path).read_text().replace("max = 2000.0 }", "max = 2000.0 }\nwalls = true")
+    wheel, gains = tmp_path / "wheel.toml", tmp_path / "gains.toml"
+    wheel.write_text(text)
+    stated = text[text.index("[gains]") : text.index("[transparency]")]
+    gains.write_text(stated)
+    passed = run("check", str(wheel), str(gains), cwd=tmp_path)
+    assert passed.returncode == ExitCode.OK
+    assert "walls among them" in passed.stdout
+    gains.write_text(f"{stated}[design]\ncorner_hz = 20.0\n")
+    failed = run("check", str(wheel), str(gains), "--time-limit", "5", cwd=tmp_path)
+    assert failed.returncode == ExitCode.FAILED
+    assert "one-sided or piecewise linear" in failed.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "most"), [("world-tools", 1.05), ("world-heavy-tools", 1.2)])
+def test_a_search_meets_walls(name: str, most: float) -> None:
+    """At little more error than the linear box: 5 % for tools from 20 g."""
+    found = solve(walled(name)).judgement
+    assert found.certificate.verdict is Verdict.PROVED
+    assert list(found.certificate.outcomes) == ["sensitivity", "stable", "worlds", "walls"]
+    assert found.error < most * solve(reference(name)).judgement.error
+
+
+def test_the_schema_of_a_record_has_walls(tmp_path: Path) -> None:
+    """A solved problem of fixed numbers says what is proved of walls, and with which corner."""
+    text = fixed("world-tools", 1.2, tmp_path).read_text().replace("max = 2000.0 }", "max = 2000.0 }\nwalls = true")
+    (tmp_path / "wheel.toml").write_text(text)
+    shown = run("solve", "wheel.toml", "--no-report", "--out", "here", cwd=tmp_path)
+    assert "every wall" in shown.stdout
+    assert "corner_hz = " in next((tmp_path / "here").rglob("gains.toml")).read_text()
+    assert REFERENCE.is_dir()

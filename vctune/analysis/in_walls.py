@@ -1,0 +1,63 @@
+"""The corner of the multiplier that proves walls, for a design that is given (model/README.md, section 19)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import log
+
+import numpy as np
+
+from vctune.analysis.hardest_hands import rooms_at_walls
+from vctune.analysis.loops_in_hands import loops_in_hands
+from vctune.model.gains import AnyCoupling, Gains, series_coupling
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.problem import Problem
+from vctune.model.sampled.loop_in_worlds import offered_at
+from vctune.model.worlds import WorldsMet
+
+HIGHEST = 1 - 1e-5
+"""Greatest corner in 2/T, where the multiplier is a difference: so far below 1 that six digits do not
+pass it. Half might, twice is as good."""
+LOWEST = 1e-4
+"""Least corner that is looked at, in 2/T: below all hands' frequencies. Ten times it and a tenth: the same corners."""
+CORNERS = 17
+"""Corners that are looked at first, evenly on a log scale; the room may have two maxima. Half and twice: the same."""
+FINER = 3
+"""How often the spacing about the best is then quartered: to 1 %. Half find corners that lose a hundredth of the room,
+twice the same as this."""
+SHARES, PER_DECADE = (0.0, 0.1, 1.0), 16
+"""Hands and angles that are looked at. Half miss what binds, twice lead to the same corner."""
+
+
+def corner_of(problem: Problem, gains: Gains, coupling: AnyCoupling) -> float:
+    """Return the corner with which the condition of walls has most room, rad/s, a decimal of six digits in hertz.
+
+    Parameters
+    ----------
+    problem : with walls, SI units
+    gains, coupling : a design, plain floats
+    """
+    device, worlds, hands = problem.device, problem.worlds, problem.hands_met
+    assert worlds is not None
+    assert hands is not None
+    most = 2 * HIGHEST / device.sample_time
+    where = loops_in_hands(device, hands, SHARES, PER_DECADE)
+    seen = where.seen(gains)
+    at = offered_at(series_coupling(coupling), device.sample_time, where.theta, FLOATS)
+
+    def lacks(log_corner: float) -> float:
+        met = WorldsMet(replace(worlds, corner=float(np.exp(log_corner))), problem.stability.safety_factor)
+        rooms = rooms_at_walls(seen, at, device.sample_time, where.theta, met)
+        return -min(float(np.nanmin(room)) for room in rooms.values())
+
+    tried = np.log(most) + np.linspace(log(LOWEST), 0.0, CORNERS)
+    for again in range(FINER + 1):
+        best = int(np.argmin([lacks(at) for at in tried]))
+        if again < FINER:
+            tried = np.linspace(tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)], 9)
+    return in_decimals(float(np.exp(tried[best])))
+
+
+def in_decimals(corner: float) -> float:
+    """Return about a corner, rad/s, whose frequency in hertz has six digits."""
+    return 2 * np.pi * float(f"{corner / (2 * np.pi):.6g}")

@@ -1,0 +1,1 @@
+"""The sampled loop as arrays and matrices, for other tools."""

@@ -1,0 +1,138 @@
+"""Discrete states by name: the next value of each is a sum of states and input."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.analysis.responses.transfer import StateSpace
+
+Row = dict[str, float]
+"""A sum of states and of the input: coefficients by name."""
+INPUT = "input"
+"""Name of the input in a row."""
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """A name and the unit it is in, such as "velocity" and "m/s"."""
+
+    name: str
+    unit: str
+
+    def __str__(self) -> str:
+        return f"{self.name}, {self.unit}"
+
+
+def total(terms: Iterable[tuple[float, Mapping[str, float]]]) -> Row:
+    """Return a weighted sum of rows, without what it has nothing of."""
+    found: Row = {}
+    for factor, row in terms:
+        for name, x in row.items():
+            found[name] = found.get(name, 0.0) + factor * x
+    return {name: x for name, x in found.items() if x != 0}
+
+
+def late(states: dict[str, Row], name: str, row: Row, samples: int) -> Row:
+    """Return a row as it was some samples ago, kept in states of its own.
+
+    Parameters
+    ----------
+    states : next value of each state; those that keep the row are added
+    name : what is kept
+    row : a sum of states and input
+    samples : how many, >= 0
+    """
+    for ago in range(1, samples + 1):
+        kept = f"{name}[k-{ago}]"
+        states.setdefault(kept, row)
+        row = {kept: 1.0}
+    return row
+
+
+def filtered(states: dict[str, Row], name: str, row: Row, share: float, order: int) -> Row:
+    """Return a row behind low-passes y += a (x - y) that follow one another.
+
+    Parameters
+    ----------
+    states : next value of each state; those of the low-passes are added
+    name : of what is filtered
+    row : x
+    share : a
+    order : how many
+    """
+    for number in range(1, order + 1):
+        kept = f"{name} low-pass {number}[k-1]"
+        row = total([(share, row), (1 - share, {kept: 1.0})])
+        states[kept] = row
+    return row
+
+
+def closed(states: Mapping[str, Row], command: Row) -> dict[str, Row]:
+    """Return states whose input is a sum of them and of another input.
+
+    Parameters
+    ----------
+    states : next value of each
+    command : what their input is
+    """
+    return {name: substituted(row, command) for name, row in states.items()}
+
+
+def substituted(row: Row, command: Row) -> Row:
+    """Return a row with a sum in the place of its input.
+
+    Parameters
+    ----------
+    row : a sum of states and of the input
+    command : what the input is
+    """
+    rest = {name: x for name, x in row.items() if name != INPUT}
+    return total([(1.0, rest), (row.get(INPUT, 0.0), command)])
+
+
+def matrices(
+    states: Mapping[str, Row], output: Row, units: Mapping[str, str], signals: tuple[Signal, Signal], sample_time: float
+) -> StateSpace:
+    """Return the matrices of the states that the input moves and on which the output depends.
+
+    Parameters
+    ----------
+    states : next value of each
+    output : the output now
+    units : of the states, by name
+    signals : input and output
+    sample_time : T, s
+    """
+    names = _between(states, output)
+    row = [np.array([states[name].get(other, 0.0) for other in (*names, INPUT)]) for name in names]
+    rows = np.array(row).reshape(len(names), len(names) + 1)
+    last: Floats = np.array([[output.get(other, 0.0) for other in (*names, INPUT)]])
+    return StateSpace(
+        A=rows[:, :-1],
+        B=rows[:, -1:],
+        C=last[:, :-1],
+        D=last[:, -1:],
+        sample_time=sample_time,
+        states=tuple(f"{name}, {units[name]}" for name in names),
+        inputs=(str(signals[0]),),
+        outputs=(str(signals[1]),),
+    )
+
+
+def _between(states: Mapping[str, Row], output: Row) -> list[str]:
+    """Return the states that the input reaches and that reach the output, in their order."""
+    seen: set[str] = set()
+    ahead = [name for name in output if name != INPUT]
+    while ahead:
+        name = ahead.pop()
+        if name not in seen:
+            seen.add(name)
+            ahead += [other for other in states[name] if other != INPUT]
+    moved = {INPUT}
+    while grown := {name for name, row in states.items() if name not in moved and moved & row.keys()}:
+        moved |= grown
+    return [name for name in states if name in seen & moved]

@@ -1,0 +1,183 @@
+"""A transfer function with its units, as arrays over frequency and as matrices; python-control takes both."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import pi
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.analysis.resonance import round_at_resonance
+from vctune.analysis.sampled_loop import Complex
+from vctune.markup import html_facts, html_table
+from vctune.model.device import Device
+
+if TYPE_CHECKING:
+    import control
+
+POINTS, DECADES = 1600, 5.0
+"""Of the frequencies that are drawn up to Nyquist. Half shows corners, twice is twice as long a file."""
+MOST_SHOWN = 20
+"""Rows that a notebook shows of a response."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Response:
+    """A transfer function at frequencies up to Nyquist.
+
+    Attributes
+    ----------
+    symbol : of the transfer function
+    omega : rad/s, increasing, shape (n,)
+    values : complex, in `unit`, shape (n,)
+    unit : of the values; "1" for a number
+    sample_time : T, s
+    """
+
+    symbol: str
+    omega: Floats
+    values: Complex
+    unit: str
+    sample_time: float
+
+    @property
+    def hz(self) -> Floats:
+        """The frequencies, Hz."""
+        return self.omega / (2 * pi)
+
+    def to_control(self) -> control.FrequencyResponseData:
+        """Return it as python-control's, with dt in s (the extra `control`).
+
+        It is smooth: python-control interpolates between the frequencies, so that `stability_margins` finds crossings.
+        """
+        import control
+
+        return control.FrequencyResponseData(
+            self.values, self.omega, dt=self.sample_time, smooth=self.omega.size > SPLINE, name=self.symbol
+        )
+
+    def __repr__(self) -> str:
+        return f"Response({self.symbol} [{self.unit}], {self.omega.size} frequencies{self._band})"
+
+    @property
+    def _band(self) -> str:
+        return f", {self.hz[0]:.4g} to {self.hz[-1]:.4g} Hz" if self.omega.size else ""
+
+    def _repr_html_(self) -> str:
+        shown = np.unique(np.linspace(0, self.omega.size - 1, min(self.omega.size, MOST_SHOWN)).astype(int))
+        rows = [
+            (float(self.hz[i]), float(np.abs(self.values[i])), float(np.angle(self.values[i], deg=True))) for i in shown
+        ]
+        caption = f"{self.symbol}: {shown.size} of {self.omega.size} frequencies"
+        return html_table(caption, rows, ("frequency, Hz", f"|{self.symbol}|, {self.unit}", "phase, deg"))
+
+
+SPLINE = 3
+"""Order of python-control's interpolation, which takes more points than that."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StateSpace:
+    """x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k].
+
+    Attributes
+    ----------
+    A, B, C, D : arrays of shape (n, n), (n, 1), (1, n) and (1, 1)
+    sample_time : T, s
+    states, inputs, outputs : names with units, such as "velocity, m/s"
+    """
+
+    A: Floats
+    B: Floats
+    C: Floats
+    D: Floats
+    sample_time: float
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    @property
+    def poles(self) -> Complex:
+        """The eigenvalues of A."""
+        return np.asarray(np.linalg.eigvals(self.A), np.complex128)
+
+    def at(self, z: Complex) -> Complex:
+        """Return C (z - A)^-1 B + D at points of the plane, of their shape."""
+        points = np.asarray(z, np.complex128)
+        left = points[..., None, None] * np.eye(len(self.states)) - self.A
+        return np.asarray((self.C @ np.linalg.solve(left, self.B.astype(complex)) + self.D)[..., 0, 0])
+
+    def to_control(self) -> control.StateSpace:
+        """Return it as python-control's, with dt in s (the extra `control`)."""
+        import control
+
+        named = {key: list(map(_plain, getattr(self, key))) for key in ("states", "inputs", "outputs")}
+        return control.StateSpace(
+            self.A, self.B, self.C, self.D, self.sample_time, remove_useless_states=False, **named
+        )
+
+    def __repr__(self) -> str:
+        return f"StateSpace({', '.join(self.inputs)} -> {', '.join(self.outputs)}, {len(self.states)} states)"
+
+    def _repr_html_(self) -> str:
+        numbers = np.block([[self.A, self.B], [self.C, self.D]]).tolist()
+        rows = [[name, *row] for name, row in zip((*self.states, *self.outputs), numbers, strict=True)]
+        return html_table(repr(self), rows, ("", *self.states, *self.inputs))
+
+
+def _plain(name: str) -> str:
+    """Return a name as python-control takes it: without unit and dots."""
+    return name.partition(", ")[0].replace(".", "_")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Transfer:
+    """A transfer function of the sampled loop.
+
+    Attributes
+    ----------
+    symbol : L, S, Z_c and the like
+    unit : of its values; "1" for a number
+    device : whose loop it is of, plain numbers
+    response : its values at omega T, rad, in (0, pi]
+    realised : makes its state space
+    """
+
+    symbol: str
+    unit: str
+    device: Device = field(repr=False)
+    response: Callable[[Floats], Complex] = field(repr=False)
+    realised: Callable[[], StateSpace] = field(repr=False)
+
+    def at(self, omega: Floats | None = None) -> Response:
+        """Return it as an array over frequency.
+
+        Parameters
+        ----------
+        omega : rad/s, 0 < omega <= pi/T, increasing; None for five decades up to the Nyquist frequency
+        """
+        grid = up_to_nyquist(self.device) if omega is None else np.atleast_1d(np.asarray(omega, float))
+        T = float(self.device.sample_time)
+        values = np.asarray(self.response(grid * T) + 0 * grid, np.complex128)
+        return Response(self.symbol, grid, values, self.unit, T)
+
+    @property
+    def state_space(self) -> StateSpace:
+        """It as matrices."""
+        return self.realised()
+
+    def to_control(self) -> control.StateSpace:
+        """Return its state space as python-control's, with dt in s (the extra `control`)."""
+        return self.state_space.to_control()
+
+    def _repr_html_(self) -> str:
+        return html_facts(self.symbol, {"unit": self.unit, "sample time, s": self.device.sample_time})
+
+
+def up_to_nyquist(device: Device) -> Floats:
+    """Return five decades of frequencies up to Nyquist, rad/s, with more of them around a structure's resonance."""
+    top = 0.5 / float(device.sample_time)
+    return 2 * pi * round_at_resonance(device, np.geomspace(top * 10.0**-DECADES, top, POINTS))

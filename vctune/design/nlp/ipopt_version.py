@@ -1,0 +1,25 @@
+"""Which IPOPT it is; imports nothing but what has to be asked."""
+
+from __future__ import annotations
+
+import re
+from contextlib import redirect_stdout
+from functools import lru_cache
+from io import StringIO
+from typing import Any
+
+import casadi as ca
+
+from vctune.interrupt import interrupt_deferred
+
+
+@lru_cache(maxsize=1)
+def ipopt_version() -> str:
+    """Return the version in IPOPT's banner, the only place where CasADi shows it."""
+    banner = StringIO()
+    x = ca.SX.sym("x")
+    quiet: dict[str, Any] = {"print_time": False, "ipopt.sb": "yes", "ipopt.print_level": 5, "ipopt.max_iter": 0}
+    with interrupt_deferred(), redirect_stdout(banner):
+        ca.nlpsol("banner", "ipopt", {"x": x, "f": x * x}, quiet)(x0=0)
+    found = re.search(r"Ipopt version (\d[\d.]*\d)", banner.getvalue())
+    return found[1] if found else "unknown"

@@ -1,0 +1,288 @@
+"""The sampled loop in a hand with every wall of a box of environments (model/README.md, section 19).
+
+A wall is a force phi, fixed and monotone with slopes from k_1 to k_2, of the position x_e + l (T/2) v_e, beside a mass
+and a damping of the box: l = 0 by the trapezoidal rule, l = 1 by backward Euler. With Y = y Z_c + Z_seen, s_d = j u,
+u = h t, h = 2/T, t = s/c, s = sin(theta/2), c = cos(theta/2), kappa = k_2 - k_1, and the multiplier
+(1 - z^-1)/(1 - a z^-1) of Zames and Falb, whose corner is w_c = h (1 - a)/(1 + a),
+
+    p = k_1 - m u^2 - u Im Y,   f = n p + p^2/kappa + C,   n = 1 - l w_c/h,
+    r = Re Y + b,               g = w r + u^2 r^2/kappa,   w = w_c + l h t^2 (1 + 2 k_1/kappa),
+
+E = f(p) + g(r) must be positive for all masses and dampings of the box; C = l k_1 (w_c/h + t^2 (1 + k_1/kappa)). Both
+are convex. So E is at least the sum of two tangents
+
+    f >= tau/c^2 p - kappa/4 (tau/c^2 - n)^2 + C,   g >= (w + 2 u^2 r_0/kappa) r - u^2 r_0^2/kappa,
+
+which are least at the greatest mass if tau > 0, at the least mass if tau < 0, and at the least damping if the slope in
+r is not negative. Tangents at the least values of f and g give E itself, any others a lower bound.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import Any, NamedTuple
+
+from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.sampled.loop_in_worlds import NOTHING, Disjuncts, Offered, Seen, sum_of
+from vctune.model.worlds import Worlds
+
+LEADS = (0.0, 1.0)
+"""l of the trapezoidal rule and of backward Euler: a wall may be stepped by either."""
+
+
+class Strip(NamedTuple):
+    """Where p and r are with the masses and dampings of a box, each as the terms that it is the sum of.
+
+    Attributes
+    ----------
+    low, high : c^2 |F|^2 p with the greatest and with the least mass; low is None without a greatest mass
+    excess : |F|^2 r with the least damping
+    size : |F|^2
+    """
+
+    low: tuple[Number, ...] | None
+    high: tuple[Number, ...]
+    excess: tuple[Number, ...]
+    size: Number
+
+
+class Tangent(NamedTuple):
+    """Where f and g are bounded from; any numbers, subject to their signs, give a lower bound.
+
+    Attributes
+    ----------
+    rising, falling : tau if it is positive and if it is negative, else 0
+    excess : r_0, with w c^2 kappa + 2 h^2 s^2 r_0 >= 0
+    """
+
+    rising: Number
+    falling: Number
+    excess: Number
+
+
+class Shares(NamedTuple):
+    """A lower bound of E times c^2 |F|^2 as f + g.
+
+    Attributes
+    ----------
+    flat : c^2 times that of f
+    rest : that of g
+    """
+
+    flat: Number
+    rest: Number
+
+
+def strip_in_walls(
+    offered: Offered, worlds: Worlds, sample_time: Number, seen: Seen, share: Number, theta: Number, ops: Arithmetic
+) -> Strip:
+    """Return where p and r are.
+
+    Parameters
+    ----------
+    offered : by the coupling
+    worlds : the box, in numbers of the arithmetic; a limit that is infinite is a plain float
+    sample_time : T, s
+    seen : of the loop in a hand
+    share : y of the coupling, from 1/safety_factor to 1
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of all of these
+    """
+    sin, cos, low, high = ops.sin(theta / 2), ops.cos(theta / 2), worlds.low, worlds.high
+    h, size = 2 / sample_time, seen.size
+    inertia = h * h * (sin * sin)
+    rest = (low.stiffness * (cos * cos) * size, h * cos * seen.swing, -(h * share * (sin * offered.reactance) * size))
+    kept = () if ops.is_zero(low.damping) else (low.damping * size,)
+    endless = isinstance(high.mass, float) and high.mass == inf
+    return Strip(
+        low=None if endless else (*rest, -(high.mass * inertia * size)),
+        high=(*rest, -(low.mass * inertia * size)),
+        excess=(share * offered.resistance * size, -seen.lost, *kept),
+        size=size,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Condition:
+    """The numbers of f and g at an angle, g over c^2.
+
+    Attributes
+    ----------
+    width : kappa
+    inertia : h^2 s^2
+    square : c^2
+    flat : n
+    corner : c^2 w
+    kept : c^2 C
+    """
+
+    width: Number
+    inertia: Number
+    square: Number
+    flat: Number
+    corner: Number
+    kept: Number
+
+
+def _condition(worlds: Worlds, lead: Number, sample_time: Number, theta: Number, ops: Arithmetic) -> _Condition:
+    assert worlds.corner is not None
+    sin, cos, h = ops.sin(theta / 2), ops.cos(theta / 2), 2 / sample_time
+    square, width, least = cos * cos, width_of(worlds), worlds.low.stiffness
+    if ops.is_zero(lead):
+        return _Condition(width, h * h * (sin * sin), square, 1.0, worlds.corner * square, 0.0)
+    share = worlds.corner * (sample_time * 0.5) * lead
+    return _Condition(
+        width=width,
+        inertia=h * h * (sin * sin),
+        square=square,
+        flat=1 - share,
+        corner=worlds.corner * square + lead * h * (sin * sin) * (1 + 2 * (least / width)),
+        kept=least * (share * square + lead * (sin * sin) * (1 + least / width)),
+    )
+
+
+def disjuncts_in_walls(
+    strip: Strip, worlds: Worlds, lead: Number, sample_time: Number, theta: Number, ops: Arithmetic
+) -> Disjuncts:
+    """Return margins as the terms that they are sums of: E is positive if and only if one of them is.
+
+    r suffices with p as it is; or p is above, or below, all that r as it is forbids.
+
+    Parameters
+    ----------
+    strip : of masses and dampings
+    worlds : the box, with the corner
+    lead : l, 0 or 1
+    sample_time : T, s
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of all of these, in which numbers have a sign
+    """
+    at = _condition(worlds, lead, sample_time, theta, ops)
+    u2, corner, half = at.inertia / at.square, at.corner / at.square * at.width / 2, at.flat * at.width / 2
+    scale, excess = at.square * strip.size, sum_of(strip.excess) / strip.size
+    off = _positive(-sum_of(strip.high) / scale - half, ops)
+    if strip.low is not None:
+        off = off + _positive(sum_of(strip.low) / scale + half, ops)
+    worst = half * half - at.width * (at.kept / at.square)
+    missing = worst - off * off
+    least = missing / (corner + _root(corner * corner + u2 * missing, ops))
+    rest = ops.where_positive(
+        u2 * excess + corner,
+        lambda: excess * (2 * corner + u2 * excess),
+        lambda: -(corner * corner / (u2 + NOTHING)),
+    )
+    needed = _root(worst - rest, ops)
+    return Disjuncts(
+        resistive=(*strip.excess, -(least * strip.size)),
+        above=None if strip.low is None else (*strip.low, (half - needed) * scale),
+        below=(*(-term for term in strip.high), -((half + needed) * scale)),
+        turned=None,
+    )
+
+
+def shares_of(
+    strip: Strip,
+    tangent: Tangent,
+    worlds: Worlds,
+    lead: Number,
+    sample_time: Number,
+    theta: Number,
+    ops: Arithmetic,
+) -> Shares:
+    """Return a lower bound of E by tangents.
+
+    Parameters
+    ----------
+    strip : of masses and dampings
+    tangent : where f and g are bounded from
+    worlds : the box, with the corner
+    lead : l, 0 or 1
+    sample_time : T, s
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of all of these
+    """
+    at = _condition(worlds, lead, sample_time, theta, ops)
+    off = tangent.rising + tangent.falling - at.flat * at.square
+    flat = tangent.falling * sum_of(strip.high) - strip.size * (at.width * 0.25) * (off * off)
+    if strip.low is not None:
+        flat = flat + tangent.rising * sum_of(strip.low)
+    slope = at.corner + at.inertia * (2 / at.width) * tangent.excess
+    rest = slope * sum_of(strip.excess) - at.inertia * (tangent.excess * tangent.excess / at.width) * strip.size
+    return Shares(flat + at.square * at.kept * strip.size, rest)
+
+
+def flattest(
+    strip: Strip, rest: Number, worlds: Worlds, lead: Number, sample_time: Number, theta: Number, ops: Arithmetic
+) -> Number:
+    """Return the lower bound of E times c^2 |F|^2 in which f has its least value, regular at theta = pi.
+
+    Parameters
+    ----------
+    strip, worlds, lead, sample_time, theta, ops : as of `shares_of`
+    rest : of its result
+    """
+    at = _condition(worlds, lead, sample_time, theta, ops)
+    return rest + strip.size * (at.kept - at.width * 0.25 * (at.flat * at.flat) * at.square)
+
+
+def tangent_at(
+    strip: Strip, worlds: Worlds, lead: Number, sample_time: Number, theta: Number, ops: Arithmetic
+) -> Tangent:
+    """Return the tangents at the least values of f and g, with which the bound is E.
+
+    Parameters
+    ----------
+    strip, worlds, lead, sample_time, theta, ops : as of `shares_of`, in numbers that have a sign
+    """
+    at = _condition(worlds, lead, sample_time, theta, ops)
+    level, least = at.flat * at.square, at.corner * at.width
+    falling = -_positive(-(level + 2 / at.width * (sum_of(strip.high) / strip.size)), ops)
+    rising = 0 * falling
+    if strip.low is not None:
+        rising = _positive(level + 2 / at.width * (sum_of(strip.low) / strip.size), ops)
+    excess = sum_of(strip.excess) / strip.size
+    bounded = ops.where_positive(
+        2 * at.inertia * excess + least, lambda: excess, lambda: -(least / (2 * at.inertia + NOTHING))
+    )
+    return Tangent(rising, falling, bounded)
+
+
+def tangent_of_one(
+    strip: Strip, worlds: Worlds, lead: Number, sample_time: Number, theta: Number, ops: Arithmetic
+) -> Tangent:
+    """Return the tangents with which the bound is E of a single mass and damping.
+
+    Parameters
+    ----------
+    strip : of one mass and one damping
+    worlds, lead, sample_time, theta, ops : as of `shares_of`
+    """
+    at = _condition(worlds, lead, sample_time, theta, ops)
+    slope = at.flat * at.square + 2 / at.width * (sum_of(strip.high) / strip.size)
+    return Tangent(0 * slope, slope, sum_of(strip.excess) / strip.size)
+
+
+def tangent_at_rest(worlds: Worlds, lead: Number, sample_time: Number, theta: Number, ops: Arithmetic) -> Tangent:
+    """Return the tangents at p = r = 0.
+
+    Parameters
+    ----------
+    worlds, lead, sample_time, theta, ops : as of `shares_of`
+    """
+    at = _condition(worlds, lead, sample_time, theta, ops)
+    return Tangent(at.flat * at.square, 0, 0)
+
+
+def width_of(worlds: Worlds) -> Any:
+    """Return k_2 - k_1, N/m."""
+    return worlds.high.stiffness - worlds.low.stiffness
+
+
+def _positive(x: Number, ops: Arithmetic) -> Number:
+    return ops.where_positive(x, lambda: x, lambda: 0 * x)
+
+
+def _root(x: Number, ops: Arithmetic) -> Number:
+    """Return the root of x, and about 0 of what is negative."""
+    return ops.sqrt(_positive(x, ops) + NOTHING)

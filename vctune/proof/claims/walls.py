@@ -1,0 +1,144 @@
+"""The condition of walls over boxes, by tangents that each box chooses for itself (model/README.md, section 19).
+
+Any tangents bound E from below, so that each box may have its own: those that are best in its middle. What one box
+proves by its tangents says nothing of a face of it, where others are best; such margins have no slopes to go by.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from flint import arb
+
+from vctune.model.hands import Hand
+from vctune.model.numbers.arithmetic import FLOATS, ArrayArithmetic, Number
+from vctune.model.problem import Demands
+from vctune.model.sampled.loop_in_walls import (
+    LEADS,
+    Strip,
+    Tangent,
+    flattest,
+    shares_of,
+    tangent_at,
+    tangent_at_rest,
+    tangent_of_one,
+    width_of,
+)
+from vctune.model.sampled.loop_in_worlds import sum_of
+from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.worlds import Worlds, WorldsMet
+from vctune.proof.claims.margins_of_claims import Design, strip_of_walls
+from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball
+from vctune.proof.enclosures.array_intervals import Enclosure, Floats
+from vctune.proof.enclosures.jets import Jet
+from vctune.proof.enclosures.taylor import Taylor
+
+COUPLING_SHARE = "share of the coupling"
+"""The share y of the coupling, from 1/safety_factor to 1."""
+INWARDS = 1 - 1e-9
+"""What keeps the slope of a tangent from being negative by rounding; half and twice as much off 1 are as good."""
+
+
+def walls_margins(
+    strip: Strip, met: WorldsMet, plain: Worlds, lead: float, sample_time: Number, theta: Number, ops: ArrayArithmetic
+) -> tuple[Number, ...]:
+    """Return margins of which one must be positive with every wall, over boxes.
+
+    The first has f at its least value and is regular at the Nyquist frequency, the second has the best tangents.
+
+    Parameters
+    ----------
+    strip : of masses and dampings
+    met : the environments, with the corner, in numbers of the arithmetic
+    plain : the environments in plain numbers
+    lead : 0 for walls by the trapezoidal rule, 1 by backward Euler
+    sample_time : T, s
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of all of these
+    """
+    T, here = _middle(sample_time), _middle(theta)
+    low = None if strip.low is None else tuple(map(_middle, strip.low))
+    in_middle = Strip(low, tuple(map(_middle, strip.high)), tuple(map(_middle, strip.excess)), _middle(strip.size))
+    with np.errstate(all="ignore"):
+        best = Tangent(*(np.nan_to_num(each) for each in tangent_at(in_middle, plain, lead, T, here, FLOATS)))
+    sin, cos = (_ends(each) for each in (ops.sin(theta / 2), ops.cos(theta / 2)))
+    assert plain.corner is not None
+    least = -plain.corner * width_of(plain) * np.maximum(cos[0], 0.0) ** 2 * T**2 / (8 * sin[1] ** 2) * INWARDS
+    chosen = Tangent(*map(Enclosure, (best.rising, best.falling, np.maximum(best.excess, least))))
+    found = shares_of(strip, chosen, met.worlds, lead, sample_time, theta, ops)
+    square = ops.cos(theta / 2) * ops.cos(theta / 2)
+    return flattest(strip, found.rest, met.worlds, lead, sample_time, theta, ops), found.flat + square * found.rest
+
+
+def limp_walls_margin(
+    strip: Strip, met: WorldsMet, lead: float, sample_time: Number, theta: Number, ops: ArrayArithmetic
+) -> Number:
+    """Return a margin for K_p = 0 next to theta = 0 and a hand without stiffness, with the tangents at p = r = 0.
+
+    Parameters
+    ----------
+    strip : over rho^2, with a greatest mass
+    met, lead, sample_time, theta, ops : as of `walls_margins`
+    """
+    tangent = tangent_at_rest(met.worlds, lead, sample_time, theta, ops)
+    found = shares_of(strip, tangent, met.worlds, lead, sample_time, theta, ops)
+    return found.flat + ops.cos(theta / 2) * ops.cos(theta / 2) * found.rest
+
+
+def fails_with_a_wall(design: Design, demands: Demands, hand: Hand, theta: float, share: float) -> bool:
+    """Return whether E is negative, in balls, with a mass and a damping of the box with which it is about least.
+
+    Parameters
+    ----------
+    design : plain numbers
+    demands : with the environments and their corner
+    hand : held with
+    theta : omega T, rad, inside of (0, pi)
+    share : of the coupling
+    """
+    plain, exact, at = demands.worlds, design_ball(design), arb(theta)
+    assert plain is not None
+    plant = plant_in_hand(exact.device, hand.mapped(ball), delays_of(design.device), BALLS)
+
+    def of(worlds: Worlds) -> tuple[Worlds, Strip]:
+        met = WorldsMet(worlds.converted(ball), ball(demands.factor))
+        return met.worlds, strip_of_walls(plant, exact, at, ball(share), met, BALLS)
+
+    def fails(lead: float) -> bool:
+        one = _worst_member(plain, lead, of(plain)[1], design.device.sample_time, theta)
+        worlds, strip = of(one)
+        T = exact.device.sample_time
+        tangent = tangent_of_one(strip, worlds, lead, T, at, BALLS)
+        found = shares_of(strip, tangent, worlds, lead, T, at, BALLS)
+        return bool(found.flat + (at / 2).cos() ** 2 * found.rest < 0)
+
+    return any(map(fails, LEADS))
+
+
+def _worst_member(worlds: Worlds, lead: float, strip: Strip, sample_time: float, theta: float) -> Worlds:
+    """Return the mass and the damping of a box with which E is about least, as a box of these alone."""
+    assert worlds.corner is not None
+    low, high, h, width = worlds.low, worlds.high, 2 / sample_time, width_of(worlds)
+    t2 = float(np.tan(theta / 2)) ** 2
+    p, r = (float(x / strip.size) for x in (sum_of(strip.high), sum_of(strip.excess)))
+    p *= 1 + t2
+    least = -width / 2 * (1 - lead * worlds.corner / h)
+    slope = worlds.corner + lead * h * t2 * (1 + 2 * low.stiffness / width)
+    mass = float(np.clip(low.mass + (p - least) / (h * h * t2), low.mass, high.mass))
+    damping = low.damping + max(-slope * width / (2 * h * h * t2) - r, 0.0)
+    return replace(worlds, low=replace(low, mass=mass, damping=damping), high=replace(high, mass=mass, damping=damping))
+
+
+def _middle(x: Number) -> Any:
+    """Return about the middle of each box."""
+    if isinstance(x, Taylor):
+        return x.poly[0]
+    return x.value.mid if isinstance(x, Jet) else x.mid if isinstance(x, Enclosure) else x
+
+
+def _ends(x: Number) -> tuple[Floats, Floats]:
+    """Return the least and the greatest value over each box, about."""
+    over = x.enclosed() if isinstance(x, Taylor) else x.value if isinstance(x, Jet) else x
+    return np.asarray(over.mid - over.rad), np.asarray(over.mid + over.rad)

@@ -1,0 +1,280 @@
+"""The panels of a design's figures, each drawn on given axes: those of a report, or your own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import cos, degrees, inf, log10, pi, sin
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from vctune.analysis.feel import NO_LOOP, impedance_at_handle
+from vctune.analysis.margins import loop_margins
+from vctune.analysis.responses.loop import Loop
+from vctune.design.prepared import pose
+from vctune.model.gains import AnyCoupling, Coupling, Gains, series_coupling
+from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
+from vctune.model.problem import Problem
+from vctune.report.figures.curves import Llewellyn, Transparency, handle_impedance, llewellyn, transparency
+from vctune.report.figures.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    RED,
+    around_one,
+    decades,
+    frequency_axis,
+    legend_above,
+    shade,
+    time_text,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Demanded:
+    """The curves of Re Z_c, R and their ratio on the stability band.
+
+    Attributes
+    ----------
+    own : of the device
+    bare : without its least operator; None where it has none
+    others : of the devices at the corners of its box
+    """
+
+    own: Llewellyn
+    bare: Llewellyn | None
+    others: list[Llewellyn]
+
+
+def demanded(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Demanded:
+    """Return the curves that `draw_required` and `draw_ratio` draw.
+
+    Parameters
+    ----------
+    problem : of an admittance display
+    gains, coupling : the design
+    """
+    virtual, bare = series_coupling(coupling), None
+    if problem.device.operator is not None:
+        bare = llewellyn(replace(problem, device=problem.device.bare), gains, virtual)
+    others = [llewellyn(case, gains, virtual) for case in pose(problem).cases[1:]]
+    return Demanded(llewellyn(problem, gains, virtual), bare, others)
+
+
+def draw_required(
+    axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling, curves: Demanded | None = None
+) -> Axes:
+    """Draw Re Z_c of the coupling and the R that any passive hand requires, over frequency.
+
+    Parameters
+    ----------
+    axes : Matplotlib's
+    problem : of an admittance display
+    gains, coupling : the design
+    curves : of both (`demanded`); None to work them out
+
+    Returns
+    -------
+    Axes
+        The same.
+    """
+    curves = curves or demanded(problem, gains, coupling)
+    own = curves.own
+    axes.semilogy(own.hz, own.coupling, color=BLUE, label="Re Z_c")
+    axes.semilogy(own.hz, own.required, "--", color=ORANGE, label="required R")
+    axes.set_ylabel(problem.units.damping)
+    if curves.bare is not None:
+        axes.semilogy(curves.bare.hz, curves.bare.required, ":", color=ORANGE, label="R without operator")
+    for number, there in enumerate(curves.others):
+        label = "of uncertain devices" if number == 0 else None
+        axes.semilogy(there.hz, there.required, "--", color=ORANGE, linewidth=0.6, label=label)
+    _on_band(axes, problem, own)
+    _asymptotes(axes, problem, gains, series_coupling(coupling))
+    decades(axes)
+    return axes
+
+
+def draw_ratio(
+    axes: Axes,
+    problem: Problem,
+    gains: Gains,
+    coupling: AnyCoupling,
+    least: tuple[float | None, float | None] = (None, None),
+    curves: Demanded | None = None,
+) -> Axes:
+    """Draw Re Z_c / R over frequency, around 1.
+
+    Parameters
+    ----------
+    axes : Matplotlib's
+    problem : of an admittance display
+    gains, coupling : the design
+    least : the least ratio and where it is, Hz, to be marked; None for no mark
+    curves : of both (`demanded`); None to work them out
+
+    Returns
+    -------
+    Axes
+        The same.
+    """
+    curves = curves or demanded(problem, gains, coupling)
+    axes.plot(curves.own.hz, curves.own.ratio, color=BLUE, label="ratio Re Z_c / R")
+    if curves.bare is not None:
+        axes.plot(curves.bare.hz, curves.bare.ratio, ":", color=BLUE, label="without operator")
+    for number, there in enumerate(curves.others):
+        label = "of uncertain devices" if number == 0 else None
+        axes.plot(there.hz, there.ratio, color=BLUE, linewidth=0.6, label=label)
+    around_one(axes, problem.stability.safety_factor, *least)
+    _on_band(axes, problem, curves.own)
+    return axes
+
+
+def _on_band(axes: Axes, problem: Problem, curves: Llewellyn) -> None:
+    frequency_axis(axes, curves.hz[0], curves.hz[-1])
+    shade(axes, problem.stability.band, BLUE, "requested band")
+
+
+def _asymptotes(axes: Axes, problem: Problem, gains: Gains, coupling: Coupling) -> None:
+    """Draw the finite limits of R: omega -> 0 with K_p > 0, omega -> inf with hold "lag".
+
+    See model/README.md, section 6.
+    """
+    device = problem.device
+    if gains.position > 0:
+        limit = low_frequency_limit(device, gains, coupling).required
+        if 0 < limit < inf:
+            axes.axhline(limit, color=ORANGE, linewidth=1, linestyle=":", label="R for ω → 0")
+    if device.hold == "lag" and device.delay == 0 and device.ideal and device.damping > 0 < gains.velocity:
+        limit = high_frequency_limit(device, gains, coupling).required
+        axes.axhline(limit, color=ORANGE, linewidth=1, linestyle="-.", label="R for ω → ∞")
+
+
+def least_view(problem: Problem) -> tuple[float, float, float]:
+    """Return the left and the right edge and half the height of what a picture of Nyquist has to show."""
+    return -1.2 - 1 / problem.stability.max_sensitivity, 1.1, 1.1
+
+
+def draw_nyquist(axes: Axes, problem: Problem, gains: Gains) -> Axes:
+    """Draw the sampled velocity loop L up to Nyquist, its margins, and where |S| is above its limit.
+
+    Parameters
+    ----------
+    axes : Matplotlib's
+    problem : with a velocity loop, of no servo
+    gains : of the loop
+
+    Returns
+    -------
+    Axes
+        The same.
+    """
+    limit, curve = problem.stability.max_sensitivity, Loop(problem.device, gains).L.at()
+    margins = loop_margins(problem.device, gains)
+    left, right, up = least_view(problem)
+    axes.plot(curve.values.real, curve.values.imag, color=BLUE, label="L up to Nyquist")
+    angle = np.linspace(0, 2 * pi, 361)
+    axes.plot(np.cos(angle), np.sin(angle), color=GREY, linewidth=1, linestyle="--", label="unit circle")
+    axes.fill(
+        -1 + np.cos(angle) / limit, np.sin(angle) / limit,
+        facecolor="none", edgecolor=RED, hatch="///", linewidth=1, label=f"|S| above {limit:g}",
+    )  # fmt: skip
+    axes.plot(-1, 0, "+", color=RED, markersize=10, label="-1")
+    if margins.gain < inf:
+        axes.plot(-1 / margins.gain, 0, "o", color=ORANGE, label=f"gain margin {20 * log10(margins.gain):.3g} dB")
+    if margins.phase < inf:
+        delay, unit = time_text(margins.delay, 3)
+        label = f"phase {degrees(margins.phase):.3g}°, delay {delay} {unit}"
+        axes.plot(-cos(margins.phase), -sin(margins.phase), "s", color=GREEN, label=label)
+    axes.set(xlim=(left, right), ylim=(-up, up), aspect="equal", xlabel="Re L", ylabel="Im L")
+    legend_above(axes, 2)
+    return axes
+
+
+def draw_error(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling, part: str = "error") -> Axes:
+    """Draw the transparency error of a design or one of its terms over frequency, and without coupling or loop.
+
+    Parameters
+    ----------
+    axes : Matplotlib's
+    problem : the device and its band
+    gains, coupling : the design
+    part : "error", or a term: "admittance", "tracking" or "coupling"
+
+    Returns
+    -------
+    Axes
+        The same.
+    """
+    draw_part(axes, problem, compared(problem, gains, coupling), part)
+    axes.set_ylabel("transparency error" if part == "error" else f"term of the error: {part}")
+    return axes
+
+
+Cases = dict[str, tuple[Transparency, str, float]]
+"""Curves with their line and its width, by name."""
+
+
+def compared(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Cases:
+    """Return the transparency of a design, and what it is compared with: no coupling, no loop.
+
+    Parameters
+    ----------
+    problem : the device and its band
+    gains, coupling : the design
+    """
+    cases: Cases = {"designed": (transparency(problem, gains, coupling), "-", 1.8)}
+    if problem.device.kind.banded:
+        nothing = Coupling(1e-18, 1e-18, 0.0)
+        cases |= {
+            "no coupling": (transparency(problem, gains, nothing), "--", 1.2),
+            "uncontrolled": (transparency(problem, Gains(0.0, 0.0), nothing), ":", 1.2),
+        }
+    return cases
+
+
+def draw_part(axes: Axes, problem: Problem, cases: Cases, part: str) -> None:
+    """Draw one part of the transparency of some cases.
+
+    Parameters
+    ----------
+    axes : Matplotlib's
+    problem : whose band is shaded
+    cases : curves to be drawn
+    part : name of the part
+    """
+    for name, (curves, line, width) in cases.items():
+        values, colour = getattr(curves, part), BLUE if name == "designed" else GREY
+        if values.max() > 1e-12:
+            axes.semilogy(curves.hz, values, line, linewidth=width, color=colour, label=name)
+    hz = cases["designed"][0].hz
+    frequency_axis(axes, hz[0], hz[-1])
+    shade(axes, problem.transparency.band, BLUE, "transparency band")
+
+
+def draw_impedance(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling) -> Axes:
+    """Draw what the hand feels of some environments, beside the ideal, over frequency.
+
+    Parameters
+    ----------
+    axes : Matplotlib's
+    problem : the device and its bands
+    gains, coupling : the design
+
+    Returns
+    -------
+    Axes
+        The same.
+    """
+    hz, felt = handle_impedance(problem, gains, coupling)
+    for number, (name, (impedance, ideal)) in enumerate(felt.items()):
+        colour, every, dashes = (BLUE, GREEN, ORANGE, RED)[number], (0.025 * number, 0.1), ("", "--", "-.", "")[number]
+        axes.semilogy(hz, impedance, marker="os^D"[number], markevery=every, markersize=4, color=colour, label=name)
+        if np.isfinite(ideal).all() and ideal.max() > 0:
+            axes.semilogy(hz, ideal, color=colour, linewidth=1, linestyle=dashes, label=f"{name}, ideal")
+    if problem.device.servo is None:
+        bare = np.abs(impedance_at_handle(problem.device, NO_LOOP[0], 2 * pi * hz, None))
+        axes.semilogy(hz, bare, ":", color=GREY, linewidth=1.2, label="bare device")
+    frequency_axis(axes, hz[0], hz[-1])
+    axes.set_ylabel(f"|impedance at the handle|, {problem.units.damping}")
+    return axes
