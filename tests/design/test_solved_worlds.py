@@ -13,8 +13,10 @@ from command import run
 from vctune.analysis.binding import binding_world
 from vctune.analysis.destabilising import growing_in_worlds, reaction
 from vctune.api.solving import solve
+from vctune.design.rendered import rendered_record
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.building import problem
+from vctune.document.file_doubts import file_doubts
 from vctune.document.reading import read_problem
 from vctune.document.schema.plausibility import doubts
 from vctune.document.schema.statement import statement
@@ -127,6 +129,19 @@ def test_experiments_outside_the_box_are_doubted() -> None:
     assert doubted(stiffness=1000.0, wall=True)
 
 
+def test_the_doubt_about_an_experiment_names_its_place(tmp_path: Path) -> None:
+    """File, line and key; of a key that is not written, the line of its table."""
+    device = (
+        "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n[environment]\nmass = { min = 0.02, max = 5.0 }\n"
+    )
+    free = '[[experiment]]\nname = "free"\n[[experiment]]\nname = "heavy"\n[experiment.environment]\n'
+    path = tmp_path / "doubted.toml"
+    path.write_text(f'{device}{free}mass = 6.0\nrule = "trapezoid"\n')
+    first, second = file_doubts(read_problem(path))
+    assert first.text.startswith(f"{path}:7: experiment[0].environment.mass: ")
+    assert second.text.startswith(f"{path}:12: experiment[1].environment.mass: ")
+
+
 def fixed(name: str, share: float, folder: Path) -> Path:
     """Write a reference problem that fixes a share of the coupling of the expected design."""
     K_v, K_p, b_c, m_c, b_0 = EXPECTED[name]["x"]
@@ -152,6 +167,24 @@ def test_check_says_which_environments_and_which_one_binds(tmp_path: Path) -> No
     assert record["worlds"] == {"mass": [0.02, 5.0], "damping": [0.0, None], "stiffness": [0.0, 2000.0]}
     assert 0.02 <= record["worst_world"]["mass"] <= 5.0
     assert 0.0 <= record["worst_world"]["stiffness"] <= 2000.0
+
+
+def test_the_stiffest_wall_and_the_lightest_tool_are_beyond_the_box_of_a_design_with_room(tmp_path: Path) -> None:
+    """And are proved: as the box they pass; half as much again does not."""
+    posed = read_problem(fixed("world-tools", 1.2, tmp_path)).problem
+    judgement = judge(posed, *posed.fixed_design)
+    found = rendered_record(posed, judgement)
+    assert found is not None and found.stiffest_wall is not None and found.lightest_tool is not None
+    assert found.stiffest_wall > 2000 and found.lightest_tool < 0.02
+    low, high = World(0.02, 0.0, 0.0), World(5.0, inf, found.stiffest_wall)
+    for worlds, passes in (
+        (Worlds(low, high), True),
+        (Worlds(replace(low, mass=found.lightest_tool), replace(high, stiffness=2000.0)), True),
+        (Worlds(low, replace(high, stiffness=1.5 * found.stiffest_wall)), False),
+        (Worlds(replace(low, mass=found.lightest_tool / 1.5), replace(high, stiffness=2000.0)), False),
+    ):
+        outcome = judge(replace(posed, worlds=worlds), *posed.fixed_design).certificate.outcomes["worlds"]
+        assert (outcome.verdict is Verdict.PROVED) is passes
 
 
 def test_a_refuted_design_grows_with_an_environment_of_the_box(tmp_path: Path) -> None:

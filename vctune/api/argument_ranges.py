@@ -6,7 +6,7 @@ from typing import Literal
 
 from vctune.document.ros import AXES as AXES
 from vctune.document.text.toml import STDIN as STDIN
-from vctune.model.numbers.keys import KEYS, SPRING_KEYS
+from vctune.model.numbers.keys import KEYS, SPRING_KEYS, WORLD
 
 Format = Literal["c", "fmu", "json", "ros2"]
 """Formats of an export."""
@@ -16,3 +16,5 @@ RESOLUTIONS = (1 / 2048, 1 / 8)
 """Least and greatest side of a region's smallest cell, as a share of the plane's."""
 VARIABLES = (*KEYS, *SPRING_KEYS[3:])
 """The design variables, by their keys."""
+AXES_OF_REGIONS = (*VARIABLES, *WORLD)
+"""What a region can be over: design variables, or numbers of the environments that given gains bear."""

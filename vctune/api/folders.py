@@ -20,7 +20,7 @@ OWNER_FILE = "problem-file.txt"
 """Holds the path of the problem file that the folder is of, relative to the folder, so that both may move together."""
 OF_DESIGN = ("firmware", "in-the-loop", "simulation.json", "traces.npz")
 """Results of other commands for a design in its folder."""
-OF_PROBLEM = ("region.json", "region.svg", "front")
+OF_PROBLEM = ("region.json", "region.svg", "z-width.json", "z-width.svg", "front")
 """Results of other commands for a problem, independent of its design."""
 
 

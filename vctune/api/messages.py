@@ -13,6 +13,7 @@ from vctune.document.text.errors import printable as printable
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from vctune.document.reading import ProblemFile
     from vctune.document.text.codes import Note
     from vctune.model.problem import Problem
 
@@ -25,11 +26,13 @@ def versions() -> dict[str, str | None]:
     return of(ipopt_version())
 
 
-def doubts(problem: Problem) -> Iterator[Note]:
-    """Return probable mistakes of units in a problem."""
+def doubts(stated: Problem | ProblemFile) -> Iterator[Note]:
+    """Return probable mistakes in a problem, with their places if there is a file."""
+    from vctune.document.file_doubts import file_doubts
     from vctune.document.schema.plausibility import doubts as of
+    from vctune.model.problem import Problem
 
-    return of(problem)
+    return of(stated) if isinstance(stated, Problem) else file_doubts(stated)
 
 
 def schema_of(kind: str) -> dict[str, Any]:

@@ -16,23 +16,27 @@ from vctune.design.search.optimum import Progress
 from vctune.design.solve import solve
 from vctune.design.variables import keys_for
 from vctune.design.verdict.judge import Status
-from vctune.document.building import ProblemSource
+from vctune.document.building import DesignSource, ProblemSource
+from vctune.document.building import design_for as design_for
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import ProblemFile
 from vctune.document.records.region_json import read_region
 from vctune.document.text.errors import InputError, Mistake
 from vctune.document.text.output_files import previous, write_together
 from vctune.markup import html_facts
-from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.gains import AnyCoupling
+from vctune.model.numbers.keys import WORLD
 from vctune.model.problem import Problem
 from vctune.running import OutOfTimeError, seconds_left, unlimited
 from vctune.running import time_limit as limited
 from vctune.study.plane import plane, plane_errors
 from vctune.study.region import Kind, Region
 from vctune.study.region import region as divide
-from vctune.study.region_record import region_record
+from vctune.study.region_record import Design, region_record
+from vctune.study.world_region import world_plane, world_plane_errors, world_region
 
-REGION_FILE, PICTURE = "region.json", "region.svg"
+REGION_FILES, WORLD_FILES = ("region.json", "region.svg"), ("z-width.json", "z-width.svg")
+"""The record and the picture of a plane of design variables, and of one of environments."""
 SOLVING = 0.5
 """The share of a time limit that solving takes at most, whose design a region shows and does not need."""
 DRAWING = 1.5
@@ -45,18 +49,20 @@ late."""
 
 @dataclass(frozen=True, slots=True)
 class AdmissibleGains:
-    """The plane of two design variables, with the verdict on each cell.
+    """The plane of two design variables, or of environments, with the verdict on each cell.
 
     Attributes
     ----------
     file : the problem
     region : the cells; `interrupted` if the search was stopped
-    solved : the problem's best design, if it has one
+    solved : the problem's best design, if it has one; None if the search did not need it
+    design : the gains and the coupling whose environments the cells are; None for a plane of design variables
     """
 
     file: ProblemFile
     region: Region
-    solved: Solved
+    solved: Solved | None
+    design: Design | None = None
 
     @property
     def areas(self) -> dict[str, float]:
@@ -64,24 +70,27 @@ class AdmissibleGains:
         return {kind.name.lower(): self.region.area(kind) for kind in (Kind.FEASIBLE, Kind.INFEASIBLE, Kind.UNDECIDED)}
 
     @property
-    def designs(self) -> list[tuple[Gains, AnyCoupling]]:
-        """Designs that are certified on their own."""
+    def designs(self) -> list[Design]:
+        """Designs that are certified on their own, or the one whose environments these are."""
+        if self.design is not None or self.solved is None:
+            return [self.design] if self.design else []
         best = self.solved.judgement
         certified = best is not None and self.solved.status is Status.CERTIFIED
         return [(best.gains, best.coupling)] if best is not None and certified else []
 
     @property
     def status(self) -> Status:
-        """Certified if there are feasible gains, infeasible if there are none, undecided if neither is proved."""
+        """Certified if a cell or a design is feasible, infeasible if none is, undecided if neither is proved."""
         kinds = self.region.kinds
-        if (kinds == Kind.FEASIBLE).any() or self.designs:
+        if (kinds == Kind.FEASIBLE).any() or (self.designs and self.design is None):
             return Status.CERTIFIED
-        impossible = self.solved.status is Status.INFEASIBLE or (kinds == Kind.INFEASIBLE).all()
+        refused = self.solved is not None and self.solved.status is Status.INFEASIBLE
+        impossible = refused or (kinds == Kind.INFEASIBLE).all()
         return Status.INFEASIBLE if impossible else Status.UNDECIDED
 
     def record(self) -> dict[str, Any]:
         """Return the object of region.json."""
-        return region_record(self.file, self.region, self.designs).to_json()
+        return region_record(self.file, self.region, self.designs, rendered=self.design is not None).to_json()
 
     def _repr_html_(self) -> str:
         shares = {f"{kind}, %": 100 * share for kind, share in self.areas.items()}
@@ -92,6 +101,8 @@ def region(
     problem: ProblemSource,
     x: str | None = None,
     y: str | None = None,
+    gains: DesignSource | None = None,
+    coupling: AnyCoupling | None = None,
     *,
     resolution: float = 1 / 256,
     solved: Solved | None = None,
@@ -99,13 +110,15 @@ def region(
     stopped: Callable[[], bool] = lambda: False,
     progress: Progress = lambda stage: None,
 ) -> AdmissibleGains:
-    """Find the set of gains that meet a problem's constraints, cell by cell.
+    """Find the set of gains that meet a problem's constraints, or of environments that given gains render, by cells.
 
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
     x, y : dotted keys of two variables that are free; None for K_v and K_p, or of an impedance display b_c and k_c. If
-        others are free, feasible means that some of their values within their bounds suffice
+        others are free, feasible means that some of their values within their bounds suffice. Numbers of an environment
+        give the environments that may be rendered in every hand of the problem
+    gains, coupling : the design that renders the environments, or its file; None for the problem's own
     resolution : side of the smallest cell as a share of the plane's, 1/2048 to 1/8
     solved : the result of `solve` for the problem; None to solve it first
     time_limit : s, after which the function returns the result so far
@@ -119,7 +132,7 @@ def region(
     Raises
     ------
     InputError
-        If the problem is invalid, or x and y span no plane.
+        If the problem is invalid, x and y span no plane, or there is no design that could render environments.
     """
     file = problem_of(problem)
     x, y = axes_of(file.problem, x, y)
@@ -128,12 +141,30 @@ def region(
     if not finest <= resolution <= coarsest:
         message = f"{resolution:g} is out of range: must be from 1/{1 / finest:g} to 1/{1 / coarsest:g}"
         raise InputError.of("resolution", "bad-option", message)
-    across = plane(file.problem, x, y, ceil(-log2(resolution)))
+    levels, of_worlds = ceil(-log2(resolution)), x in WORLD
+    if gains is not None and not of_worlds:
+        message = f"a design is given, and {x} is one of its numbers; leave it out, or name numbers of an environment"
+        raise InputError.of("region", "bad-option", message)
     with limited(time_limit):
-        solved = solved or best_design(file.problem, progress)
+        given = None if gains is None else design_for(file, gains, coupling)
+        design = None if given is None else (given.gains, given.coupling)
+        if design is None:
+            solved = solved or best_design(file.problem, progress)
         with limited(max(seconds_left() - DRAWING, seconds_left() / 2)):
-            cells = divide(file.problem, across, across.coarsest_squares(), progress, stopped)
-        return AdmissibleGains(file, cells, solved)
+            if not of_worlds:
+                across = plane(file.problem, x, y, levels)
+                cells = divide(file.problem, across, across.coarsest_squares(), progress, stopped)
+                return AdmissibleGains(file, cells, solved)
+            design = design or _best(file, solved)
+            across = world_plane(file.problem, x, y, levels)
+            return AdmissibleGains(file, world_region(file.problem, *design, across, progress, stopped), solved, design)
+
+
+def _best(file: ProblemFile, solved: Solved | None) -> Design:
+    if solved is None or solved.judgement is None:
+        message = f"has no design whose environments could be looked at: {solved.reason if solved else 'none given'}"
+        raise InputError.of(file.source, "no-design", message)
+    return solved.judgement.gains, solved.judgement.coupling
 
 
 def best_design(problem: Problem, progress: Progress = lambda stage: None) -> Solved:
@@ -156,6 +187,9 @@ def axes_of(problem: Problem, x: str | None, y: str | None) -> tuple[str, str]:
     problem : its display decides the usual axes
     x, y : dotted keys; None for the usual one
     """
+    if x in WORLD or y in WORLD:
+        stiffness, mass = WORLD[2], WORLD[0]
+        return x or (mass if y == stiffness else stiffness), y or (stiffness if x == mass else mass)
     kind = problem.device.kind
     usual = kind.keys[-2:] if kind.absent else kind.keys[:2]
     return x or usual[0], y or usual[1]
@@ -174,6 +208,10 @@ def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
     InputError
         If it has none.
     """
+    if x in WORLD or y in WORLD:
+        if mistakes := world_plane_errors(file.problem, x, y):
+            raise InputError(file.source, mistakes)
+        return file
     keys = keys_for(file.problem)
     said = f"is no variable; there are: {', '.join(keys)}"
     unknown = [Mistake("no-plane", key, said) for key in (x, y) if key not in keys]
@@ -205,7 +243,7 @@ def write_region(found: AdmissibleGains, folder: Path) -> tuple[Path | None, boo
     pictures: dict[Path, str] = {}
     with suppress(OutOfTimeError):
         pictures = _picture(found, folder)
-    place, picture = folder / REGION_FILE, folder / PICTURE
+    place, picture = (folder / name for name in (REGION_FILES if found.design is None else WORLD_FILES))
     kept = [picture, place] if found.region.interrupted and place.exists() and not _interrupted(place) else []
     write_together({place: text, **pictures}, () if pictures or kept else (picture,), kept)
     return previous(place) if kept else None, bool(pictures)
@@ -214,11 +252,15 @@ def write_region(found: AdmissibleGains, folder: Path) -> tuple[Path | None, boo
 def _picture(found: AdmissibleGains, folder: Path) -> dict[Path, str]:
     if seconds_left() < LOADING:
         raise OutOfTimeError
-    from vctune.report.figures.region_figure import region_figure
+    from vctune.report.figures.region_figure import region_figure, world_figure
     from vctune.report.page.page import svg
 
-    figure = region_figure(found.file.problem, found.region, found.designs)
-    return {folder / PICTURE: svg(figure, Path(PICTURE).stem)}
+    if found.design is None:
+        figure = region_figure(found.file.problem, found.region, found.designs)
+    else:
+        figure = world_figure(found.file.problem, found.region)
+    name = (REGION_FILES if found.design is None else WORLD_FILES)[1]
+    return {folder / name: svg(figure, Path(name).stem)}
 
 
 def _interrupted(place: Path) -> bool:

@@ -46,6 +46,10 @@ class Coupling:
             return bool(damping.size) and bool(np.isinf(damping).all())
         return isinstance(damping, float) and damping == inf
 
+    def times(self, share: Number) -> Coupling:
+        """Return the coupling whose impedance is a share of this one's."""
+        return Coupling(self.damping if self.rigid else self.damping * share, self.mass * share, self.drag * share)
+
 
 @dataclass(frozen=True, slots=True)
 class SpringDamper:

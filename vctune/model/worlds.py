@@ -36,10 +36,6 @@ class World:
         return World(self.mass / (impedance * time), self.damping / impedance, self.stiffness * time / impedance)
 
 
-WORLD = ("environment.mass", "environment.damping", "environment.stiffness")
-"""The numbers of an environment by their keys in a problem file, in the order of `World`."""
-
-
 @dataclass(frozen=True, slots=True)
 class Worlds:
     """Every environment of a box; the damping has no upper limit.

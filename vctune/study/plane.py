@@ -11,7 +11,7 @@ from vctune.analysis.extrema import Floats
 from vctune.design.prepared import Units, of_one_device
 from vctune.design.variables import Coordinate, coordinates, keys_for, ranges
 from vctune.document.text.errors import Mistake
-from vctune.model.numbers.keys import KEYS, keys_of
+from vctune.model.numbers.keys import KEYS, WORLD, keys_of
 from vctune.model.problem import Problem, Range
 from vctune.proof.enclosures.array_intervals import Flags
 from vctune.proof.engine.boxes import Cells
@@ -28,7 +28,7 @@ DIGITS = 12
 
 @dataclass(frozen=True, slots=True)
 class Plane:
-    """Two variables with the edges of their finest cells.
+    """Two variables of a design, or numbers of an environment, with the edges of their finest cells.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Plane:
     @property
     def keys(self) -> tuple[str, ...]:
         """The keys of the variables."""
-        return keys_of(len(self.ranges))
+        return WORLD if len(self.ranges) == len(WORLD) else keys_of(len(self.ranges))
 
     def at_full_width(self, key: str) -> bool:
         """Return whether a variable is free and no axis, so that each cell may have a value of its own."""

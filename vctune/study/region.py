@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,14 +94,40 @@ def region(
     Region
         The cells that those are divided into, in no particular order.
     """
-    one, done, decided = of_one_device(problem), list[tuple[Squares, Kinds, Floats]](), 0.0
+    one = of_one_device(problem)
     assert one is not None
     problems = [one, *problems_beside(one)]
+    across = partial(_across, problems, plane)
+    return divided(plane, squares, partial(_judged, problems, plane), across, progress, stopped)
+
+
+def divided(
+    plane: Plane,
+    squares: Squares,
+    judged: Callable[[Squares], tuple[Kinds, Floats]],
+    across: Callable[[Squares], Flags],
+    progress: Progress = lambda stage: None,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Region:
+    """Divide cells of a plane until each is decided or as small as the plane's edges allow.
+
+    Parameters
+    ----------
+    plane, squares, progress, stopped : as of `region`
+    judged : returns the verdict on some cells, and a b_c of each; nan if there is none
+    across : returns which cells are halved in x, as of `halved`
+
+    Returns
+    -------
+    Region
+        The cells that those are divided into, in no particular order.
+    """
+    done, decided = list[tuple[Squares, Kinds, Floats]](), 0.0
     while squares.shape[1] and not (stopped() or out_of_time()):
         progress(f"{decided:.1%} of the plane decided, {squares.shape[1]} cells open")
         first, rest = np.split(squares, [TOGETHER], axis=1)
         try:
-            kinds, damping = _judged(problems, plane, first)
+            kinds, damping = judged(first)
         except OutOfTimeError:
             break
         squares = rest
@@ -108,7 +135,8 @@ def region(
         decided += plane.areas(first)[kinds != Kind.UNDECIDED].sum()
         settled = (kinds != Kind.UNDECIDED) | (size == 1)
         done.append((first[:, settled], kinds[settled], damping[settled]))
-        squares = np.concatenate((squares, _divided(problems, plane, first[:, ~settled])), axis=1)
+        open_ones = first[:, ~settled]
+        squares = np.concatenate((squares, halved(open_ones, across(open_ones))), axis=1)
     left = squares.shape[1]
     done.append((squares, np.full(left, Kind.UNDECIDED, np.intp), np.full(left, np.nan)))
     cells, kinds, damping = (np.concatenate(part, axis=-1) for part in zip(*done, strict=True))
@@ -176,11 +204,11 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
     return kinds, np.where((kinds == Kind.FEASIBLE) & free, damping, np.nan)
 
 
-def _divided(problems: Sequence[Problem], plane: Plane, squares: Squares) -> Squares:
-    """Return the halves of cells, each divided where what is asked for changes more."""
+def _across(problems: Sequence[Problem], plane: Plane, squares: Squares) -> Flags:
+    """Return which cells are to be halved in x: those across which the requirements change more."""
     change = changes(problems, easiest(plane.cells(squares), plane), plane.axes, free=free_damping(plane))
     longer = squares[1] - squares[0] > squares[3] - squares[2]
-    return halved(squares, np.where(change[0] == change[1], longer, change[0] > change[1]))
+    return np.where(change[0] == change[1], longer, change[0] > change[1])
 
 
 def _lost(problem: Problem, cells: Cells, places: Places, *, free: bool) -> Flags:

@@ -25,11 +25,13 @@ from vctune.document.text import toml
 from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError
 from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.numbers.keys import WORLD
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
 from vctune.study.plane import Plane, Squares, plane_errors
 from vctune.study.region import Kind, Progress, Region, region
 from vctune.study.region_record import Design
+from vctune.study.world_region import world_plane, world_plane_errors, world_region
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,16 +75,31 @@ def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lam
     Recheck
         The cells, divided further if they are not proved as a whole, and the gain sets that are still certified.
     """
+    if baseline.axes.x in WORLD:
+        return _rendered_again(problem, baseline, progress)
     keys = keys_for(problem)
     axes = (keys.index(baseline.axes.x), keys.index(baseline.axes.y))
     plane = Plane(axes, (np.array(baseline.edges.x), np.array(baseline.edges.y)), ranges(problem))
-    feasible = [cell[:4] for cell in baseline.cells if cell[4] == "feasible"]
-    rechecked = region(problem, plane, np.array(feasible, dtype=np.intp).reshape(-1, 4).T, progress)
+    rechecked = region(problem, plane, _feasible(baseline), progress)
     designs: list[tuple[Gains, AnyCoupling]] = [listed.design for listed in baseline.designs]
     judged = judge_all(problem, designs) if designs else []
     certified = [judgement.status is Status.CERTIFIED for judgement in judged]
     cut = rechecked.interrupted or any(judgement.certificate.cut for judgement in judged)
     return Recheck(rechecked, designs, certified, problem.units, cut)
+
+
+def _rendered_again(problem: Problem, baseline: RegionDocument, progress: Progress) -> Recheck:
+    """Prove again which environments the design of a map bears; the design itself is not proved anew."""
+    x, y = baseline.axes.x, baseline.axes.y
+    ranges = world_plane(problem, x, y, 3).ranges
+    plane = Plane((WORLD.index(x), WORLD.index(y)), (np.array(baseline.edges.x), np.array(baseline.edges.y)), ranges)
+    again = world_region(problem, *baseline.designs[0].design, plane, progress, squares=_feasible(baseline))
+    return Recheck(again, [], [], problem.units, again.interrupted)
+
+
+def _feasible(baseline: RegionDocument) -> Squares:
+    feasible = [cell[:4] for cell in baseline.cells if cell[4] == "feasible"]
+    return np.array(feasible, dtype=np.intp).reshape(-1, 4).T
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +161,8 @@ def recheck_region(
     began = perf_counter()
     old = read_region(baseline)
     require_record_of(file, old.problem, str(baseline), "region")
-    if mistakes := plane_errors(file.problem, old.axes.x, old.axes.y):
+    errors = world_plane_errors if old.axes.x in WORLD else plane_errors
+    if mistakes := errors(file.problem, old.axes.x, old.axes.y):
         raise InputError(file.source, mistakes)
     again = recheck(file.problem, old, progress)
     other = Note("other-version", "the region was found for another version of the problem (sha256 differs)")

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from vctune.design.rendered import in_hands
 from vctune.document.reading import ProblemFile
 from vctune.document.records.gains_json import ProblemRecord, coupling_record, stated_units
 from vctune.document.records.region_json import (
@@ -25,7 +26,9 @@ from vctune.version import versions
 Design = tuple[Gains, AnyCoupling]
 
 
-def region_record(file: ProblemFile, region: Region, designs: list[Design]) -> RegionDocument:
+def region_record(
+    file: ProblemFile, region: Region, designs: list[Design], *, rendered: bool = False
+) -> RegionDocument:
     """Return the record of a region.
 
     Parameters
@@ -33,9 +36,11 @@ def region_record(file: ProblemFile, region: Region, designs: list[Design]) -> R
     file : the problem and its text
     region : the result
     designs : proved gain sets to keep with it
+    rendered : whether the cells are environments, which the only one of these bears
     """
     plane, stability = region.plane, file.problem.stability
     x, y = (plane.keys[axis] for axis in plane.axes)
+    met = in_hands(file.problem) if rendered else file.problem
     x_edges, y_edges = (edges.tolist() for edges in plane.edges)
     damping = [None if np.isnan(b_c) else b_c for b_c in region.damping.tolist()]
     cells = zip(region.squares.T.tolist(), region.kinds.tolist(), damping, strict=True)
@@ -44,11 +49,13 @@ def region_record(file: ProblemFile, region: Region, designs: list[Design]) -> R
             name=file.problem.name, sha256=file.sha256, text=file.text, **stated_units(file.problem.device)
         ),
         demands=DemandsRecord(
-            safety_factor=stability.safety_factor, max_sensitivity=stability.max_sensitivity, **_of_hands(file.problem)
+            safety_factor=stability.safety_factor, max_sensitivity=stability.max_sensitivity, **_of_hands(met)
         ),
         axes=AxesRecord.model_validate({"x": x, "y": y}),
         others={
-            key: (bounds.min if isfinite(bounds.min) else None) if bounds.fixed else asdict(bounds)
+            key: (bounds.min if isfinite(bounds.min) else None)
+            if bounds.fixed
+            else {end: x for end, x in asdict(bounds).items() if isfinite(x)}
             for index, (key, bounds) in enumerate(zip(plane.keys, plane.ranges, strict=True))
             if index not in plane.axes
         },

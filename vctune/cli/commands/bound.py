@@ -53,7 +53,7 @@ def bound(
 
     file = require_bounded(require_free(read_problem(problem)))
     path = design or design_folder(file, out) / DESIGN_FILE
-    warn_of_doubts(file.problem, quiet=quiet)
+    warn_of_doubts(file, quiet=quiet)
     with progress_on_stderr(f"vctune bound {problem.name}", shown=not quiet) as progress:
         known = known_design(file, path, given=design is not None) or solve(file, progress=progress)
         with interrupt_noted() as stopped:  # from here on something would be lost

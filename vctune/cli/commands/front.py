@@ -37,7 +37,7 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str, time_limit:
 
     file = require_free(read_problem(problem), "trade")
     folder = design_folder(file, out) / "front"
-    warn_of_doubts(file.problem, quiet=quiet)
+    warn_of_doubts(file, quiet=quiet)
 
     def bar(name: str, points: int) -> AbstractContextManager[Callable[[], None]]:
         return bar_on_stderr(f"vctune front: {name}", points, shown=not quiet)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from vctune.api.argument_ranges import RESOLUTIONS, VARIABLES
+from vctune.api.argument_ranges import AXES_OF_REGIONS, RESOLUTIONS
 from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limited
 
 SHOWN = "gains.velocity, or coupling.damping", "gains.position, or coupling.stiffness"
@@ -14,8 +14,9 @@ SHOWN = "gains.velocity, or coupling.damping", "gains.position, or coupling.stif
 
 @click.command(short_help="Find the whole set of feasible gains, cell by cell.")
 @problem_argument
-@click.option("--x", type=click.Choice(VARIABLES), show_default=SHOWN[0], help="Variable on the horizontal axis.")
-@click.option("--y", type=click.Choice(VARIABLES), show_default=SHOWN[1], help="Variable on the vertical axis.")
+@click.argument("gains", type=click.Path(path_type=Path), required=False)
+@click.option("--x", type=click.Choice(AXES_OF_REGIONS), show_default=SHOWN[0], help="Variable on the horizontal axis.")
+@click.option("--y", type=click.Choice(AXES_OF_REGIONS), show_default=SHOWN[1], help="Variable on the vertical axis.")
 @click.option(
     "--resolution",
     type=click.FloatRange(*RESOLUTIONS),
@@ -26,7 +27,16 @@ SHOWN = "gains.velocity, or coupling.damping", "gains.position, or coupling.stif
 @out_option()
 @output_options()
 @time_limited
-def region(problem: Path, x: str | None, y: str | None, resolution: float, out: Path, style: str, quiet: bool) -> int:
+def region(
+    problem: Path,
+    gains: Path | None,
+    x: str | None,
+    y: str | None,
+    resolution: float,
+    out: Path,
+    style: str,
+    quiet: bool,
+) -> int:
     """Find the gains of PROBLEM that meet its constraints.
 
     The command divides the plane of two variables into cells that are proved feasible throughout, proved infeasible
@@ -34,12 +44,24 @@ def region(problem: Path, x: str | None, y: str | None, resolution: float, out: 
     bounds meets the constraints. The command writes OUT/NAME/region.json, a baseline for `vctune check --region`, and
     region.svg.
 
+    With the axes environment.stiffness and environment.mass the cells are environments. A feasible cell may be rendered
+    with GAINS, or else with the best design, in every hand; an infeasible one is refused in some hand. Writes
+    z-width.json and z-width.svg.
+
     The exit code is 0 if feasible gains exist, 1 if none exist, 3 if neither is proved. Ctrl-C and the time limit keep
     the cells decided so far and give exit code 3; a second Ctrl-C ends at once.
     """
     from vctune import read_problem
     from vctune.api.folders import design_folder
-    from vctune.api.regions import REGION_FILE, axes_of, best_design, require_plane, write_region
+    from vctune.api.regions import (
+        REGION_FILES,
+        WORLD_FILES,
+        axes_of,
+        best_design,
+        design_for,
+        require_plane,
+        write_region,
+    )
     from vctune.api.regions import region as find
     from vctune.cli.printing.exits import of_status
     from vctune.cli.printing.output import answer, warn, warn_of_doubts
@@ -51,18 +73,20 @@ def region(problem: Path, x: str | None, y: str | None, resolution: float, out: 
     x, y = axes_of(read.problem, x, y)
     file = require_plane(read, x, y)
     folder = design_folder(file, out)
-    warn_of_doubts(file.problem, quiet=quiet)
+    warn_of_doubts(file, quiet=quiet)
+    given = design_for(file, gains) if gains else None
     with progress_on_stderr(f"vctune region {problem.name}", shown=not quiet) as progress:
-        solved = best_design(file.problem, progress)
+        solved = best_design(file.problem, progress) if given is None else None
         with interrupt_noted() as stopped:  # from here on something would be lost
-            found = find(file, x, y, resolution=resolution, solved=solved, stopped=stopped, progress=progress)
+            found = find(file, x, y, given, resolution=resolution, solved=solved, stopped=stopped, progress=progress)
             late = found.region.interrupted and not stopped()
             progress("drawing")
             kept, drawn = write_region(found, folder)
     interrupted = found.region.interrupted
     if interrupted:
         earlier = f"; the earlier one is {kept.name} now" if kept else ""
-        holds = f"{folder / REGION_FILE}: holds what was decided before"
+        name = (REGION_FILES if found.design is None else WORLD_FILES)[0]
+        holds = f"{folder / name}: holds what was decided before"
         if late:
             warn("time-limit", f"{holds} the time limit{earlier}")
         else:

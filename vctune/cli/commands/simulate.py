@@ -61,13 +61,14 @@ def simulate(
     from vctune.api.experiments import CompiledController, chosen_experiments, design_for, write_simulation
     from vctune.api.experiments import simulate as run
     from vctune.api.folders import design_folder, make_folder
-    from vctune.cli.printing.output import answer, warn
+    from vctune.cli.printing.output import answer, warn, warn_of_doubts
     from vctune.cli.printing.progress import progress_on_stderr
     from vctune.exit_codes import ExitCode
 
     compiled = None if controller is None else CompiledController(controller)
     file = read_problem(problem)
     chosen_experiments(file, name)
+    warn_of_doubts(file, quiet=quiet)
     given = design_for(file, gains) if gains else None
     if given and given.sha256 not in (None, file.sha256):
         warn("other-version", f"{gains}: made for another version of the problem (sha256 differs)")

@@ -86,7 +86,7 @@ def _solve(
     from vctune.cli.printing.exits import of_status
     from vctune.exit_codes import ExitCode
 
-    warn_of_doubts(file.problem, quiet=quiet)
+    warn_of_doubts(file, quiet=quiet)
     with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
         solved = solve_problem(file, gap=gap, prices=report, progress=progress)
         record, renamed = write_solved(folder, file, solved)
@@ -131,7 +131,7 @@ def _solve_axes(
     from vctune.exit_codes import ExitCode
 
     claim_axes(axes, out)
-    warn_of_doubts(*(axis.file.problem for axis in axes.axes), quiet=quiet)
+    warn_of_doubts(*(axis.file for axis in axes.axes), quiet=quiet)
     with progress_on_stderr(f"vctune solve {axes.name}", shown=not quiet) as progress:
         designs = solve_axes(axes, gap=gap, prices=report, progress=progress)
         say_renamed(write_axes(axes, designs, out, reported=report))

@@ -13,7 +13,7 @@ import click
 from vctune.api.messages import Code, coded, printable
 
 if TYPE_CHECKING:
-    from vctune import Problem
+    from vctune import Problem, ProblemFile
 
 
 @contextmanager
@@ -43,12 +43,12 @@ def warn(code: Code, text: str) -> None:
     click.echo(coded(printable(text), code), err=True)
 
 
-def warn_of_doubts(*problems: Problem, quiet: bool) -> None:
+def warn_of_doubts(*problems: Problem | ProblemFile, quiet: bool) -> None:
     """Print probable mistakes of problems on stderr before the work, so that nobody waits for a wrong problem.
 
     Parameters
     ----------
-    *problems : valid ones; what several have in common is reported once
+    *problems : valid ones, or their files; what several have in common is reported once
     quiet : whether to print nothing for people
     """
     from vctune.api.messages import doubts

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from math import exp, inf, log, pi
 from typing import Any
 
@@ -51,6 +52,9 @@ TRACKING_REACH = 0.5
 """How far the NLP may move a tracked peak of |S|, in log frequency: less than the distance of two peaks, which a delay
 puts a factor of two or so apart. Half takes more rounds, since an answer at the reach is not settled; with twice it may
 come down on another stationary point of |S|."""
+KEPT = 4096
+"""Loops in hands that are kept: each round of a search poses those of the rounds before again. Half and twice as many
+are as fast."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,6 +267,7 @@ def _in_hands(points: Sequence[ConstraintPoint]) -> dict[str, Any]:
     return {name: np.array([each[name] for each in found]).T for name in found[0]}
 
 
+@lru_cache(maxsize=KEPT)
 def _loop_in_hand(at: ConstraintPoint) -> dict[str, Any]:
     theta = min(at.omega, pi)
     loop = _loop_at(at, theta)

@@ -12,8 +12,8 @@ from vctune.design.result import Repair, Solved
 from vctune.design.verdict.design_record import record_of, warnings
 from vctune.design.verdict.judge import Judgement, Status
 from vctune.design.verdict.repair import CUT_SHORT, LONGEST
+from vctune.document.file_doubts import file_doubts
 from vctune.document.reading import ProblemFile
-from vctune.document.schema.plausibility import doubts
 from vctune.document.text.codes import Note
 from vctune.markup import html_facts
 from vctune.running import out_of_time
@@ -142,7 +142,7 @@ def finding_of(
     found = [CUT_SHORT] if repairing > LONGEST else []
     if cut:
         found.append(OUT_OF_TIME)
-    found += [*doubts(file.problem), *warnings(file.problem, judgement, repairs)]
+    found += [*file_doubts(file), *warnings(file.problem, judgement, repairs)]
     if judgement.idle and repairs is None:
         found.append(SOLVE_INSTEAD)
     lines = [note.line for note in [*found, *notes]]

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from math import degrees, inf, log10, pi
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from vctune.analysis.binding import binding_world
 from vctune.analysis.demands import rollett_factor_at
 from vctune.analysis.margins import loop_margins, unstable_poles
+from vctune.design.rendered import rendered_record
 from vctune.design.result import Alternative, Repair, Solved
 from vctune.design.search.rounding import near
 from vctune.design.variables import Point, keys_for, point, ranges
@@ -24,6 +26,7 @@ from vctune.design.verdict.judge import Judgement, judge
 from vctune.design.verdict.nlp_record import active, left_out, solver_record
 from vctune.design.verdict.repair import CUT_SHORT, LONGEST
 from vctune.design.verdict.uncertainty_record import uncertainty_record
+from vctune.document.file_doubts import file_doubts
 from vctune.document.reading import ProblemFile
 from vctune.document.records.certificate_json import (
     AnyHandRecord,
@@ -37,7 +40,6 @@ from vctune.document.records.certificate_json import (
     WithoutOperatorRecord,
     WorldRecord,
 )
-from vctune.document.records.contact_json import ContactRecord
 from vctune.document.records.design_json import (
     AlternativeRecord,
     BoxRecord,
@@ -53,8 +55,8 @@ from vctune.document.records.gains_json import (
     coupling_record,
     stated_units,
 )
+from vctune.document.records.part import Part
 from vctune.document.records.price_json import PriceRecord
-from vctune.document.schema.plausibility import doubts
 from vctune.document.text.codes import Note
 from vctune.model.display import ADMITTANCE
 from vctune.model.gains import AnyCoupling, Gains
@@ -105,11 +107,11 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
     """
     judgement, problem = solved.judgement, solved.problem
     proved = _proved(problem, judgement) if judgement is not None else {}
-    contact = _contact(problem, judgement) if judgement is not None else {}
+    borne = _borne(problem, judgement) if judgement is not None else {}
     if out_of_time() and proved:
         solved = replace(solved, cut=(*solved.cut, PROVED_BAND))
     with unlimited():
-        return _recorded(file, solved, proved, ipopt, date, contact)
+        return _recorded(file, solved, proved, ipopt, date, borne)
 
 
 def _recorded(
@@ -118,13 +120,13 @@ def _recorded(
     proved: dict[str, Any],
     ipopt: str | None,
     date: str | None,
-    contact: dict[str, ContactRecord],
+    borne: dict[str, Part],
 ) -> DesignRecord:
     judgement, problem = solved.judgement, solved.problem
     parts: dict[str, Any] = dict.fromkeys(("gains", "coupling", "transparency", "certificate", "inner_loop"))
     touched: list[str] = []
     said = [CUT_SHORT] if solved.seconds.get("repairs", 0.0) > LONGEST else []
-    said += [*solved.cut_short, *doubts(problem)]
+    said += [*solved.cut_short, *file_doubts(file, Path(file.source).name)]
     if judgement is not None:
         parts = _judged(problem, judgement, proved)
         touched = at_bound(problem, judgement.gains, judgement.coupling)
@@ -135,7 +137,7 @@ def _recorded(
         parts["alternatives"] = [_alternative(each) for each in solved.alternatives]
     if date is not None:
         parts["date"] = date
-    parts |= contact
+    parts |= borne
     if solved.prices is not None:
         parts["prices"] = [PriceRecord(**asdict(price)) for price in solved.prices]
     return DesignRecord(
@@ -237,10 +239,12 @@ def _proved(problem: Problem, judgement: Judgement) -> dict[str, Any]:
 
 
 @np.errstate(all="ignore")
-def _contact(problem: Problem, judgement: Judgement) -> dict[str, ContactRecord]:
-    """Return the record of a servo's contacts; None for any other display."""
-    found = contact_record(problem, judgement)
-    return {} if found is None else {"contact": found}
+def _borne(problem: Problem, judgement: Judgement) -> dict[str, Part]:
+    """Return what a servo's latency asks for, and how far a box of environments could reach; nothing of others."""
+    found: dict[str, Part | None] = {"contact": contact_record(problem, judgement)}
+    if problem.worlds is not None:
+        found["rendered"] = rendered_record(problem, judgement)
+    return {name: part for name, part in found.items() if part is not None}
 
 
 @np.errstate(all="ignore")

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from vctune.design.rendered import rendered_record
 from vctune.design.result import Repair
 from vctune.design.variables import keys_for, ranges
 from vctune.design.verdict.check_message import check_message, line_to_change, taken_back
@@ -196,6 +197,8 @@ def _judged(
         notes = [OTHER_VERSION] if design.sha256 and design.sha256 != file.sha256 else []
         finding = finding_of(file, judgement, repairs, notes, perf_counter() - began, proving)
         verdict, message = VERDICTS[judgement.status], check_message(judgement, finding.repairs, changed, together)
+        bears = rendered_record(file.problem, judgement)
+        message = "; ".join(filter(None, [message, bears.said(file.problem.units) if bears else ""]))
         line = line_to_change(source.text, finding.repairs, together)
         checks.append(Checked(source.path, file.problem.name, verdict, message, line, finding))
     return checks

@@ -28,7 +28,15 @@ MAX_BYTES = 100_000_000
 KIND = "a region.json of `vctune region`"
 
 Key = Literal[
-    "gains.velocity", "gains.position", "coupling.damping", "coupling.mass", "coupling.drag", "coupling.stiffness"
+    "gains.velocity",
+    "gains.position",
+    "coupling.damping",
+    "coupling.mass",
+    "coupling.drag",
+    "coupling.stiffness",
+    "environment.mass",
+    "environment.damping",
+    "environment.stiffness",
 ]
 Index = Annotated[int, Field(ge=0)]
 Edges = Annotated[list[NotNegative], Field(min_length=2)]
@@ -47,7 +55,7 @@ class DemandsRecord(Part):
 
 
 class AxesRecord(Part):
-    """The variables that span the plane."""
+    """The variables that span the plane, or the numbers of the environments that the listed design bears."""
 
     x: Key
     y: Key
@@ -117,6 +125,8 @@ class RegionDocument(Document):
     def _cells_lie_on_edges(self) -> RegionDocument:
         if len(self.edges.x) != len(self.edges.y):
             raise ValueError(f"there are {len(self.edges.x)} edges of x and {len(self.edges.y)} of y, not as many")
+        if self.axes.x.startswith("environment.") and len(self.designs) != 1:
+            raise ValueError("cells of environments are those of one design")
         for number, (x_low, x_high, y_low, y_high, *_) in enumerate(self.cells):
             inside = x_low <= x_high < len(self.edges.x) and y_low <= y_high < len(self.edges.y)
             if not inside or (x_low, y_low) == (x_high, y_high):

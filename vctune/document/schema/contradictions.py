@@ -14,9 +14,8 @@ from vctune.document.schema.rotary_contradictions import missing_of_rotary
 from vctune.document.schema.validation import Contradiction
 from vctune.document.text.raw import number_at
 from vctune.model.hands import HAND
-from vctune.model.numbers.keys import KEYS, SPRING_KEYS
+from vctune.model.numbers.keys import KEYS, SPRING_KEYS, WORLD
 from vctune.model.parts import PARTS
-from vctune.model.worlds import WORLD
 
 MAX_DECADES = 12
 

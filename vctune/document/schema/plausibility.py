@@ -35,34 +35,36 @@ def doubts(problem: Problem) -> Iterator[Note]:
         unit = problem.units.stiffness
         said = f"operator.stiffness.max is {stiffness:g} {unit}; is it in {unit}? A firm grip has {FIRM:g} N/m"
         yield Note("warn-stiffness", said)
-    for experiment in problem.experiments:
+    for number, experiment in enumerate(problem.experiments):
         if outside := _outside(experiment.environment, problem):
-            said = f"experiment {experiment.name!r} renders {outside}, which is not in [environment]: "
-            yield Note("warn-environment", f"{said}no claim covers what it shows")
+            what, key = outside
+            said = f"experiment {experiment.name!r} renders {what}, which is not in [environment]: "
+            path = ("experiment", number, "environment", key)
+            yield Note("warn-environment", f"{said}no claim covers what it shows", path)
     if RESERVED.match(name.strip().lstrip(".")):
         said = f"name {name!r} is that of a device on Windows; the folder is {folder_name(name)}: better choose another"
         yield Note("warn-name", said)
 
 
-def _outside(environment: Environment, problem: Problem) -> str:
-    """Return the numbers of an environment that are outside a problem's box, in words; "" if there are none.
+def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | None:
+    """Return a number of an environment that is outside a problem's box, in words, and its key; None if none is.
 
     A spring by backward Euler is one by the trapezoidal rule with a damper beside it, a mass is not.
     """
     worlds, units = problem.worlds, problem.units
     if worlds is None:
-        return ""
+        return None
     if environment.wall and not worlds.walls:
-        return "a wall that comes and goes"
+        return "a wall that comes and goes", "wall"
     if environment.wall and environment.damping > 0:
-        return "a wall with a damper, which acts on one side,"
+        return "a wall with a damper, which acts on one side,", "damping"
     if environment.mass > 0 and environment.rule == "backward":
-        return "a mass by backward Euler"
+        return "a mass by backward Euler", "rule"
     for name, unit in (("mass", units.mass), ("damping", units.damping), ("stiffness", units.stiffness)):
         value = getattr(environment, name)
         if not getattr(worlds.low, name) <= value <= getattr(worlds.high, name):
-            return f"a {name} of {value:g} {unit}"
-    return ""
+            return f"a {name} of {value:g} {unit}", name
+    return None
 
 
 def in_finer_unit(value: float, most: float) -> tuple[str, float]:

@@ -146,10 +146,12 @@ class Note:
     ----------
     code : its code
     text : the text
+    path : the key in a problem file that it is about; empty if it is about no single one
     """
 
     code: Code
     text: str
+    path: tuple[str | int, ...] = ()
 
     @property
     def line(self) -> str:

@@ -13,14 +13,18 @@ QUANTITIES = dict(zip(KEYS, ("damping", "stiffness", "damping", "mass", "damping
     SPRING_KEYS[3]: "stiffness"
 }
 """The symbol of each variable in equations, and its quantity (`vctune.model.numbers.units`)."""
+WORLD = ("environment.mass", "environment.damping", "environment.stiffness")
+"""The numbers of a rendered environment."""
+IN_WORDS = dict(zip(WORLD, ("mass of the tool", "least damping", "stiffness of the wall"), strict=True))
+"""Their names on an axis."""
 
 
 def labelled(key: str, units: Units) -> str:
-    """Return a variable's symbol and unit, such as "K_v, N s/m".
+    """Return a variable's symbol and unit, such as "K_v, N s/m", or the name and unit of an environment's number.
 
     Parameters
     ----------
-    key : a design variable's key in the problem file, one of `KEYS` or `SPRING_KEYS`
+    key : a design variable's key in the problem file, one of `KEYS` or `SPRING_KEYS`, or one of `WORLD`
     units : units of the problem, linear or rotary
 
     Returns
@@ -28,6 +32,8 @@ def labelled(key: str, units: Units) -> str:
     str
         The label of an axis or of a column.
     """
+    if key in IN_WORDS:
+        return f"{units.translated(IN_WORDS[key])}, {units.of(key.partition('.')[2])}"
     return f"{SYMBOLS[key]}, {units.of(QUANTITIES[key])}"
 
 

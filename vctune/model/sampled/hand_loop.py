@@ -271,7 +271,7 @@ def _force_in_hand(
         passed = EvenOdd((a * cos * cos + rest * square) * (a * below), 2 * (a - 1) * a * (cos * below), square)
         for _ in range(plant.order):
             velocity = velocity * passed
-    return ForceInHand(open_loop, velocity.scaled(unit), met.scaled(unit))
+    return ForceInHand(open_loop, velocity.scaled(unit), met.scaled(unit), position.scaled(unit * plant.sample_time))
 
 
 def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
@@ -326,7 +326,7 @@ def offered(coupling: AnyCoupling, device: Device, theta: Number, ops: Arithmeti
         N s/m, or m/(N s), of the shape of theta.
     """
     if isinstance(coupling, SpringDamper):
-        return _by_spring(coupling, device, theta, ops).quotient
+        return offered_at_spring(coupling, device, theta, ops).quotient
     return sampled_resistance(coupling, device.sample_time, theta, ops)
 
 
@@ -353,10 +353,24 @@ def room(
         Of the shape of theta.
     """
     if isinstance(coupling, SpringDamper):
-        there = _by_spring(coupling, device, theta, ops)
+        there = offered_at_spring(coupling, device, theta, ops)
         return there.above * required.size - factor * (required.lost * there.below)
     return sampled_resistance(coupling, device.sample_time, theta, ops) * required.size - factor * required.lost
 
 
-def _by_spring(coupling: SpringDamper, device: Device, theta: Number, ops: Arithmetic) -> Offered:
+def offered_at_spring(coupling: SpringDamper, device: Device, theta: Number, ops: Arithmetic) -> Offered:
+    """Return 1/Z_c/sin^2(theta/2) of an impedance display's coupling as its firmware runs it.
+
+    Parameters
+    ----------
+    coupling : b_c and k_c
+    device : runs it; its sample time and its velocity filter are used
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of all of these
+
+    Returns
+    -------
+    Offered
+        m/(N s), of the shape of theta.
+    """
     return offered_by_spring(coupling, device.sample_time, firmware_filter(device, theta, ops), theta, ops)

@@ -31,15 +31,27 @@ class ForceInHand(NamedTuple):
     ----------
     open, velocity : parts of F
     met : seen by the environment, in the units of the gains' inverse
+    position : what a spring between the device and the ground adds to F, for each N/m
     """
 
     open: EvenOdd
     velocity: EvenOdd
     met: EvenOdd
+    position: EvenOdd
 
     def closed(self, gains: Gains) -> EvenOdd:
         """Return F."""
         return self.open + self.velocity.scaled(gains.velocity)
+
+    def clamped(self, gains: Gains, coupling: SpringDamper) -> EvenOdd:
+        """Return F with the virtual tool held: the coupling is then a part of the loop.
+
+        Parameters
+        ----------
+        gains, coupling : in numbers of the loop's arithmetic
+        """
+        held = self.velocity.scaled(gains.velocity + coupling.damping)
+        return self.open + held + self.position.scaled(coupling.stiffness)
 
     def numerator(self, _gains: Gains) -> EvenOdd:
         """Return the numerator of G_y/s^2 over 2 j s F; it does not depend on the gains."""
@@ -69,10 +81,11 @@ def firmware_filter(device: Device, theta: Number, ops: Arithmetic) -> Pair | No
 
 
 class Offered(NamedTuple):
-    """Re(1/Z_c)/sin^2(theta/2) = above/below, m/(N s), with below > 0."""
+    """1/Z_c/s^2 = (above + j spring/s)/below, m/(N s), with s = sin(theta/2) and below > 0."""
 
     above: Number
     below: Number
+    spring: Number
 
     @property
     def quotient(self) -> Number:
@@ -83,7 +96,7 @@ class Offered(NamedTuple):
 def offered_by_spring(
     coupling: SpringDamper, sample_time: Number, low_pass: Pair | None, theta: Number, ops: Arithmetic
 ) -> Offered:
-    """Return Re(1/Z_c)/sin^2(theta/2) of a spring-damper as a quotient (model/README.md, section 15).
+    """Return 1/Z_c/sin^2(theta/2) of a spring-damper as a quotient (model/README.md, section 15).
 
     Parameters
     ----------
@@ -96,16 +109,16 @@ def offered_by_spring(
     Returns
     -------
     Offered
-        above/below, m/(N s), of the shape of theta.
+        m/(N s), of the shape of theta.
     """
     half, sin, cos = coupling.stiffness * sample_time / 2, ops.sin(theta / 2), ops.cos(theta / 2)
     if low_pass is None:
         resistance = coupling.damping + half
         loss, spring = sin * resistance, half * cos
-        return Offered(resistance, loss * loss + spring * spring)
+        return Offered(resistance, loss * loss + spring * spring, spring)
     resistance = coupling.damping * low_pass.re + half
     loss, spring = sin * resistance, half * cos - sin * (coupling.damping * low_pass.im)
-    return Offered(resistance, loss * loss + spring * spring)
+    return Offered(resistance, loss * loss + spring * spring, spring)
 
 
 def spring_forms(

@@ -12,6 +12,12 @@ third holds at y = 1/g, the second at y = 1, or the first from where the second 
     Re Z_c (-Im Z_seen - m_2 u + k_1/u) > Im Z_c (R - b_1).
 
 Multiplied by s c |F|^2, s = sin(theta/2) and c = cos(theta/2), they are regular at both ends.
+
+An impedance display meets Z_e through Y = y/Z_c + G, an admittance, and a pole is where -1/Y = Z_e. With Y = s^2 (r +
+j i/s)/d, d > 0, and Q = s^2 r^2 + i^2, none is if for each y from 1/g to 1
+
+    r > 0,   or   r d + b_1 Q > 0,   or   c i d > Q (m_2 (2/T) s^2 - k_1 (T/2) c^2),
+    or   c i d < Q (m_1 (2/T) s^2 - k_2 (T/2) c^2).
 """
 
 from __future__ import annotations
@@ -23,6 +29,7 @@ from typing import Any, NamedTuple
 from vctune.model.coupling import sampled_reactance, sampled_resistance
 from vctune.model.gains import Coupling
 from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.sampled.impedance_display import Offered as OfferedBySpring
 from vctune.model.worlds import Worlds
 
 NOTHING = 1e-30
@@ -32,6 +39,8 @@ least."""
 
 class Seen(NamedTuple):
     """Z_seen = -lost/size - j swing/(s size), the impedance of the loop in a hand that the environment sees.
+
+    On an impedance display it is G/s^2.
 
     Attributes
     ----------
@@ -75,6 +84,21 @@ class Disjuncts(NamedTuple):
     turned: tuple[Number, ...] | None
 
 
+class DisjunctsOfForce(NamedTuple):
+    """The same of an impedance display with one share of its coupling.
+
+    Attributes
+    ----------
+    resistive, above, below : as of `Disjuncts`; the real part without any damping of the environment
+    damped : the real part suffices with the least damping; None if that is 0
+    """
+
+    resistive: tuple[Number, ...]
+    above: tuple[Number, ...] | None
+    below: tuple[Number, ...] | None
+    damped: tuple[Number, ...] | None
+
+
 def offered_at(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> Offered:
     """Return Z_c at theta = omega T.
 
@@ -90,16 +114,19 @@ def offered_at(coupling: Coupling, sample_time: Number, theta: Number, ops: Arit
     )
 
 
-def posed(worlds: Worlds, factor: float) -> tuple[str, ...]:
+def posed(worlds: Worlds, factor: float, *, inverse: bool = False) -> tuple[str, ...]:
     """Return the names of the margins that can be positive in a box of environments.
 
     Parameters
     ----------
     worlds : the box
     factor : g, >= 1
+    inverse : whether the display is an impedance display, whose margins are of one share of the coupling
     """
-    above = () if _endless(worlds.high.mass) else ("above",) if factor == 1 else ("above", "turned")
-    return "resistive", *above, *(() if _endless(worlds.high.stiffness) else ("below",))
+    turned = () if factor == 1 or inverse else ("turned",)
+    above = () if _endless(worlds.high.mass) else ("above", *turned)
+    damped = ("damped",) if inverse and worlds.low.damping > 0 else ()
+    return "resistive", *above, *(() if _endless(worlds.high.stiffness) else ("below",)), *damped
 
 
 def disjuncts(
@@ -131,6 +158,41 @@ def disjuncts(
         light, soft = low.mass * inertia, high.stiffness * compliance
         below = (factor * (light * size), w * size, -(factor * (soft * size)), -(factor * swing))
     return Disjuncts((x * size, -(factor * lost), *kept), above, below, turned)
+
+
+def disjuncts_of_force(
+    offered: OfferedBySpring,
+    worlds: Worlds,
+    sample_time: Number,
+    seen: Seen,
+    share: Number,
+    theta: Number,
+    ops: Arithmetic,
+) -> DisjunctsOfForce:
+    """Return the same of an impedance display with one share of its coupling's admittance.
+
+    Parameters
+    ----------
+    offered : by the coupling
+    worlds, sample_time, seen, theta, ops : as of `disjuncts`
+    share : y, from 1/g to 1
+    """
+    sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)
+    inertia, compliance = sin * sin * (2 / sample_time), cos * cos * (sample_time / 2)
+    low, high, size = worlds.low, worlds.high, seen.size
+    resistive = (share * (offered.above * size), -(seen.lost * offered.below))
+    turning = (share * (offered.spring * size), -(seen.swing * offered.below))
+    r, i, d = sum_of(resistive), sum_of(turning), offered.below * size
+    Q = sin * sin * (r * r) + i * i
+    across = (cos * (d * turning[0]), cos * (d * turning[1]))
+    above = below = damped = None
+    if not _endless(high.mass):
+        above = (*across, low.stiffness * compliance * Q, -(high.mass * inertia * Q))
+    if not _endless(high.stiffness):
+        below = (low.mass * inertia * Q, -(high.stiffness * compliance * Q), -across[0], -across[1])
+    if not ops.is_zero(low.damping):
+        damped = (r * d, low.damping * Q)
+    return DisjunctsOfForce(resistive, above, below, damped)
 
 
 def limp_disjuncts(

@@ -6,7 +6,7 @@ See proof/README.md, section 7.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import partial
 from math import inf
 
@@ -14,11 +14,13 @@ import numpy as np
 from flint import ctx
 
 from vctune.model.device import Device
+from vctune.model.gains import Coupling
 from vctune.model.hands import HAND, STIFFNESS, Hand
 from vctune.model.loop.device_response import DeviceResponse, device_response
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.loop.loop import loop_response
 from vctune.model.numbers.arithmetic import ArrayArithmetic, Number
+from vctune.model.numbers.keys import WORLD
 from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Demands
 from vctune.model.sampled.any_hand import any_hand
@@ -36,7 +38,7 @@ from vctune.model.sampled.plant_in_hand import (
 )
 from vctune.model.sampled.servo_plant import ServoPlant
 from vctune.model.sampled.velocity_loop import sampled_plant, split_delay
-from vctune.model.worlds import WorldsMet
+from vctune.model.worlds import World, Worlds, WorldsMet
 from vctune.proof.claims.margins_of_claims import (
     Design,
     LoopDelay,
@@ -76,6 +78,8 @@ AT_REST = (FREQUENCY, STIFFNESS)
 """Rows of boxes of hands, the angle and the stiffness, that both begin at 0 there."""
 
 
+WORLD_ENDS = tuple(tuple(f"{key}.{end}" for key in WORLD) for end in ("min", "max"))
+"""Names of the rows of boxes of environments: the least mass, damping and stiffness, and the greatest."""
 NO_HAND = Hand(0, 0, 0)
 OFFSET, SLOPE = "offset of the bound", "slope of the bound"
 """Names of the rows of a straight line that bounds R in all hands (`vctune.proof.claims.envelope`)."""
@@ -224,25 +228,46 @@ def hands_margins(
     device = _uncertain_device(demands.device, uncertain)
 
     def design(v: Values) -> Design:
-        return Design(device(v), gains_of(v), coupling_of(v))
+        coupling, share = coupling_of(v), v.get(COUPLING_SHARE)
+        if share is not None and isinstance(coupling, Coupling):
+            coupling = coupling.times(share)
+        return Design(device(v), gains_of(v), coupling)
 
     if demands.worlds is None:
         return lambda theta, v: (hand_margin(in_hand(v), design(v), theta, factor, ops),)
-    plain, met = demands.worlds, WorldsMet(demands.worlds.converted(decimal), factor)
+    plain, worlds = demands.worlds, demands.worlds.converted(decimal)
     if plain.corner is not None:
 
         def with_walls(theta: Number, v: Values) -> tuple[Number, ...]:
-            strip = strip_of_walls(in_hand(v), design(v), theta, v.get(COUPLING_SHARE, 1), met, ops)
-            return walls_margins(strip, met, plain, lead, design(v).device.sample_time, theta, ops)
+            stated, met = Design(device(v), gains_of(v), coupling_of(v)), WorldsMet(worlds, factor)
+            strip = strip_of_walls(in_hand(v), stated, theta, v.get(COUPLING_SHARE, 1), met, ops)
+            return walls_margins(strip, met, plain, lead, stated.device.sample_time, theta, ops)
 
         return with_walls
-    names = posed(plain, demands.factor)
+    names = posed(plain, demands.factor, inverse=demands.device.kind.inverse)
 
     def margins(theta: Number, v: Values) -> tuple[Number, ...]:
-        found = margins_in_worlds(in_hand(v), design(v), theta, met, ops)
+        met, share = WorldsMet(worlds_of(v, worlds), factor), v.get(COUPLING_SHARE, decimal(1.0))
+        found = margins_in_worlds(in_hand(v), design(v), theta, met, ops, share)
         return tuple(sum_of(getattr(found, name)) for name in names)
 
     return margins
+
+
+def worlds_of(values: Values, otherwise: Worlds) -> Worlds:
+    """Return the environments whose ends are among some values.
+
+    Parameters
+    ----------
+    values : by name, of `WORLD_ENDS` among others
+    otherwise : has the ends that are not among them
+    """
+    ends = (astuple(otherwise.low), astuple(otherwise.high))
+    least, most = (
+        World(*(values.get(name, end) for name, end in zip(names, numbers, strict=True)))
+        for names, numbers in zip(WORLD_ENDS, ends, strict=True)
+    )
+    return Worlds(least, most)
 
 
 def whenever_margins(
@@ -351,16 +376,18 @@ def limp_hands_margins(
 
     if demands.worlds is None:
         return (lambda theta, v: limp_hand_margin(*at(theta, v), factor, OPS),)
-    met = WorldsMet(demands.worlds.converted(decimal), factor)
+    worlds = demands.worlds.converted(decimal)
     if demands.worlds.corner is not None:
 
         def with_walls(theta: Number, v: Values) -> Number:
+            met = WorldsMet(worlds, factor)
             strip = limp_strip_of_walls(*at(theta, v), v.get(COUPLING_SHARE, 1), met, OPS)
             return limp_walls_margin(strip, met, lead, device(v).sample_time, theta, OPS)
 
         return (with_walls,) if demands.worlds.high.mass < inf else ()
 
     def margin(name: str, theta: Number, v: Values) -> Number:
+        met = WorldsMet(worlds_of(v, worlds), factor)
         return sum_of(getattr(limp_margins_in_worlds(*at(theta, v), met, OPS), name))
 
     names = posed(demands.worlds, demands.factor)

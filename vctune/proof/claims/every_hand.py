@@ -15,7 +15,7 @@ import numpy as np
 from flint import arb
 
 from vctune.model.device import Device
-from vctune.model.gains import Gains
+from vctune.model.gains import Gains, SpringDamper
 from vctune.model.hand_arrays import stacked
 from vctune.model.hands import STIFFNESS, Hand, Hands
 from vctune.model.numbers.keys import keys_of
@@ -112,54 +112,132 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
             return Outcome(Verdict.PROVED, 0)  # nothing is driven
         if design.gains.position == 0 and demands.hands.high.stiffness == 0:
             return Outcome(Verdict.UNDECIDED, 0)  # no spring anywhere: the position is free
-    middle, worlds = demands.hands.middle, demands.worlds
-    stable = prove_poles_in(design.device, middle, design.gains)
+    stable = prove_stable_in_middle(design, demands)
     if stable.verdict is not Verdict.PROVED:
-        return replace(stable, hand=middle)
-    uncertain = box.modelled.uncertain if box is not None else ()
-    limp = looped and design.gains.position == 0 and demands.hands.low.stiffness == 0
-    walls = worlds is not None and worlds.corner is not None
-    reserve = demands.factor if walls and demands.factor > 1 else None
-
-    servo = design.device.servo
-    # what a servo asks is convex in the hand; which environments it meets is not
-    corners = demands.hands.corners if servo is not None and demands.worlds is None else None
-
-    def tests(part: _Part, fixed: Values, near: Resonance | None = None) -> list[Test]:
-        return [test(part, fixed, near, lead) for lead in (LEADS if walls else LEADS[:1])]
-
-    def test(part: _Part, fixed: Values, near: Resonance | None, lead: float) -> Test:
-        test = _of_margins(demands, uncertain, part, fixed, lead=lead)
-        at_rest = limp_hands_margins(demands, uncertain, part.delays, lead) if limp else ()
-        if at_rest:
-            test = next_to_zero(AT_REST, at_rest, fixed, test)
-        return near.left_to_it(test, tuple(ends(limp=limp))) if near else test
-
-    ends = partial(_ends, demands.hands, box, uncertain, corners, reserve=reserve)
-    near = resonance(design, demands.hands) if looped and not walls else None
-    whenever = None
-    if corners is not None and servo is not None and servo.stiffness is None:
-
-        def whenever(part: _Part, fixed: Values) -> Test:
-            of = partial(whenever_margins, demands, uncertain, part.delays)
-            return positive_by_polynomials(of(TAYLOR), fixed, part.spans, positive(of(ENCLOSURES), fixed))
-
-    every = partial(_proved_over, design, demands, uncertain, whenever=whenever)
-    found = every(ends(limp=limp), tests, EASY_BOXES if near else MAX_BOXES)
+        return stable
+    asked = Asked(design, demands, box)
+    near = resonance(design, demands.hands) if looped and not asked.walls else None
+    found = _decided(asked, asked.ends(), asked.tests, EASY_BOXES if near else MAX_BOXES, whenever=asked.whenever)
     if near and found.verdict is Verdict.UNDECIDED:
-        found, tried = every(ends(limp=limp), partial(tests, near=near), MAX_BOXES), found.boxes
+        left_to_it = partial(asked.tests, near=near)
+        found, tried = _decided(asked, asked.ends(), left_to_it, MAX_BOXES), found.boxes
         if found.verdict is Verdict.PROVED:
             tried += found.boxes
-            found = _proved_next_to(near, design, demands, uncertain, ends())
+            found = _proved_next_to(near, asked)
         found = replace(found, boxes=found.boxes + tried)
     found = replace(found, boxes=found.boxes + stable.boxes)
     return _and_without_reserve(found, prove_hands, design, demands, box)
 
 
+def prove_stable_in_middle(design: Design, demands: Demands) -> Outcome:
+    """Prove the loop stable in the hand in the middle of the box, with one of the environments that are to be met.
+
+    With environments of a box the virtual tool of an impedance display is held, as by the greatest damping.
+
+    Parameters
+    ----------
+    design, demands : as of `prove_hands`
+
+    Returns
+    -------
+    Outcome
+        With the hand if it is not proved.
+    """
+    assert demands.hands is not None
+    middle, coupling = demands.hands.middle, design.coupling
+    held = coupling if demands.worlds is not None and isinstance(coupling, SpringDamper) else None
+    stable = prove_poles_in(design.device, middle, design.gains, held)
+    return stable if stable.verdict is Verdict.PROVED else replace(stable, hand=middle)
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What is asked of a design in every hand: the rows of the boxes over which it is proved, and their tests.
+
+    Attributes
+    ----------
+    design : taken as the decimals that it is written as
+    demands : with hands
+    box : devices for all of which it is asked; None for the design's own alone
+    """
+
+    design: Design
+    demands: Demands
+    box: DeviceBox | None
+
+    @property
+    def uncertain(self) -> tuple[str, ...]:
+        """The numbers of the device that are rows."""
+        return self.box.modelled.uncertain if self.box is not None else ()
+
+    @property
+    def limp(self) -> bool:
+        """Whether nothing keeps the position next to angle 0 and a hand without stiffness."""
+        assert self.demands.hands is not None
+        kind, free = self.design.device.kind, self.design.gains.position == 0
+        return kind.senses_force and kind.own_loop and free and self.demands.hands.low.stiffness == 0
+
+    @property
+    def shared(self) -> bool:
+        """Whether each share of the coupling has margins of its own."""
+        of_spring = self.design.device.kind.inverse and self.demands.worlds is not None
+        return (of_spring or self.walls) and self.demands.factor > 1
+
+    @property
+    def walls(self) -> bool:
+        """Whether environments may be walls."""
+        return self.demands.worlds is not None and self.demands.worlds.corner is not None
+
+    @property
+    def whenever(self) -> Callable[[Part, Values], Test] | None:
+        """A test that proves as much of parts with any whole samples; None if there is none."""
+        servo = self.design.device.servo
+        if servo is None or servo.stiffness is not None or self.demands.worlds is not None:
+            return None
+
+        def test(part: Part, fixed: Values) -> Test:
+            of = partial(whenever_margins, self.demands, self.uncertain, part.delays)
+            return positive_by_polynomials(of(TAYLOR), fixed, part.spans, positive(of(ENCLOSURES), fixed))
+
+        return test
+
+    def ends(self) -> Ends:
+        """Return the least and the greatest number of each row but the angle."""
+        assert self.demands.hands is not None
+        # what a servo asks is convex in the hand; which environments it meets is not
+        of_servo = self.design.device.servo is not None and self.demands.worlds is None
+        corners = self.demands.hands.corners if of_servo else None
+        reserve = self.demands.factor if self.shared else None
+        return _ends(self.demands.hands, self.box, self.uncertain, corners, limp=self.limp, reserve=reserve)
+
+    def tests(self, part: Part, fixed: Values, near: Resonance | None = None) -> list[Test]:
+        """Return the tests that prove it on a part of the boxes.
+
+        Parameters
+        ----------
+        part : of the boxes
+        fixed : values that are no rows
+        near : hands next to resonance, to be left out; None for all hands
+        """
+        return [self._test(part, fixed, near, lead) for lead in (LEADS if self.walls else LEADS[:1])]
+
+    def _test(self, part: Part, fixed: Values, near: Resonance | None, lead: float) -> Test:
+        test = _of_margins(self.demands, self.uncertain, part, fixed, lead=lead)
+        at_rest = limp_hands_margins(self.demands, self.uncertain, part.delays, lead) if self.limp else ()
+        if at_rest:
+            test = next_to_zero(AT_REST, at_rest, fixed, test)
+        return near.left_to_it(test, self.names) if near else test
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of all rows but the angle."""
+        return tuple(self.ends())
+
+
 def _of_margins(
     demands: Demands,
     uncertain: tuple[str, ...],
-    part: _Part,
+    part: Part,
     fixed: Values,
     near: Resonance | None = None,
     lead: float = 0.0,
@@ -175,18 +253,17 @@ def _of_margins(
     return positive_by_polynomials(curved, fixed, spans, by_slopes)
 
 
-def _proved_next_to(
-    near: Resonance, design: Design, demands: Demands, uncertain: tuple[str, ...], ends: Ends
-) -> Outcome:
+def _proved_next_to(near: Resonance, asked: Asked) -> Outcome:
     """Prove the same for hands near resonance, with their stiffness relative to the resonant one."""
     least, most = (np.array([share]) for share in AROUND)
+    ends = _ends(asked.demands.hands, asked.box, asked.uncertain)
     beside = {RATIO if name == STIFFNESS else name: pair for name, pair in ends.items()} | {RATIO: (least, most)}
 
-    def tests(part: _Part, fixed: Values) -> list[Test]:
-        test = _of_margins(demands, uncertain, part, fixed, near)
+    def tests(part: Part, fixed: Values) -> list[Test]:
+        test = _of_margins(asked.demands, asked.uncertain, part, fixed, near)
         return [near.in_range(test, tuple(beside))]
 
-    return _proved_over(design, demands, uncertain, beside, tests, MAX_BOXES, near)
+    return _decided(asked, beside, tests, MAX_BOXES, near)
 
 
 def _moved_as_one(design: Design, demands: Demands, hands: Hands, box: DeviceBox, parts: tuple[str, ...]) -> Outcome:
@@ -247,11 +324,11 @@ def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = Non
     if design.device.least_damping == 0:
         return Outcome(Verdict.REFUTED, 0, pi / design.device.sample_time)  # R is infinite
 
-    def tests(part: _Part, fixed: Values) -> list[Test]:
+    def tests(part: Part, fixed: Values) -> list[Test]:
         margin, size = any_hand_margins(demands, uncertain, part.delays)
         return [positive(each, fixed) for each in ([margin, size] if design.gains.velocity > 0 else [margin])]
 
-    found = _proved_over(design, demands, uncertain, _ends(None, box, uncertain), tests, MAX_BOXES)
+    found = _decided(Asked(design, demands, box), _ends(None, box, uncertain), tests, MAX_BOXES)
     return _and_without_reserve(found, prove_any_hand, design, demands, box)
 
 
@@ -270,43 +347,35 @@ def _and_without_reserve(
     return replace(again, boxes=found.boxes + again.boxes)
 
 
-def _proved_over(
-    design: Design,
-    demands: Demands,
-    uncertain: tuple[str, ...],
+def _decided(
+    asked: Asked,
     ends: Ends,
-    tests: Callable[[_Part, Values], list[Test]],
+    tests: Callable[[Part, Values], list[Test]],
     max_boxes: int,
     near: Resonance | None = None,
-    whenever: Callable[[_Part, Values], Test] | None = None,
+    whenever: Callable[[Part, Values], Test] | None = None,
 ) -> Outcome:
     """Prove margins of theta, the hand's numbers and the device's numbers positive over all of them.
 
     Parameters
     ----------
-    uncertain : numbers of the device that are rows of the boxes
+    asked : the design and its constraints
     ends : least and greatest number of each row
     tests : of a part of the boxes, and of the values that are no rows
     max_boxes : of each part, before it is left open
     near : where the hands are those next to resonance
     whenever : a test that proves as much of parts with any whole samples
     """
-    names = tuple(ends)
-    edges = (np.array([pair[end] for pair in ends.values()]) if ends else np.empty((0, 1)) for end in (0, 1))
-    band = band_of(near.first if near else 0.0, HALF_TURN, STEP)
-    numbers = (*astuple(design.gains), *astuple(design.coupling))
-    fixed = dict(zip(keys_of(len(numbers)), map(decimal_or_inf, numbers), strict=True))
-    boxes, point = 0, None
-    parts = _parts(design.device, names, *edges)
+    names, boxes = tuple(ends), 0
+    parts, fixed = parts_of(asked.design, ends), fixed_of(asked.design)
     left: slice | Flags = slice(None)
     if whenever is not None and len(parts) >= MANY_PARTS:
-        left, boxes = _left_of_parts(whenever(parts[1], fixed), over_band(names, parts[1].low, parts[1].high, band))
+        left, boxes = _left_of_parts(whenever(parts[1], fixed), boxes_over(parts[1], names, near))
     for part in parts:
         for test in tests(part, fixed):
-            boxes_of_part = over_band(names, part.low, part.high, band).subset(left)
             found = prove(
                 part.within(test, names),
-                replace(boxes_of_part, owner=np.zeros_like(boxes_of_part.owner)),
+                boxes_over(part, names, near).subset(left),
                 1,
                 halved=[True] * (1 + len(names)),
                 max_halvings=MAX_HALVINGS,
@@ -317,8 +386,40 @@ def _proved_over(
             boxes += int(found.boxes[0])
             if not found.proved[0]:
                 point = found.open[:, 0] if np.isnan(found.failing[0, 0]) else found.failing[:, 0]
-                return _in_doubt(design, demands, uncertain, names, part, point, boxes, near)
+                return _in_doubt(asked.design, asked.demands, asked.uncertain, names, part, point, boxes, near)
     return Outcome(Verdict.PROVED, boxes)
+
+
+def parts_of(design: Design, ends: Ends) -> list[Part]:
+    """Return the parts of a design's boxes by the whole samples of their delays.
+
+    Parameters
+    ----------
+    design : its numbers are not rows
+    ends : least and greatest number of each row but the angle
+    """
+    names = tuple(ends)
+    edges = (np.array([pair[end] for pair in ends.values()]) if ends else np.empty((0, 1)) for end in (0, 1))
+    return _parts(design.device, names, *edges)
+
+
+def fixed_of(design: Design) -> Values:
+    """Return the numbers of a design, which are no rows."""
+    numbers = (*astuple(design.gains), *astuple(design.coupling))
+    return dict(zip(keys_of(len(numbers)), map(decimal_or_inf, numbers), strict=True))
+
+
+def boxes_over(part: Part, names: tuple[str, ...], near: Resonance | None = None) -> Boxes:
+    """Return the first boxes over the angle and all rows of a part, of one owner.
+
+    Parameters
+    ----------
+    part : with the ends of the rows
+    names : of the rows, but the angle
+    near : where the hands are those next to resonance
+    """
+    boxes = over_band(names, part.low, part.high, band_of(near.first if near else 0.0, HALF_TURN, STEP))
+    return replace(boxes, owner=np.zeros_like(boxes.owner))
 
 
 def _left_of_parts(test: Test, boxes: Boxes) -> tuple[Flags, int]:
@@ -352,7 +453,7 @@ def _in_doubt(
     demands: Demands,
     uncertain: tuple[str, ...],
     names: tuple[str, ...],
-    part: _Part,
+    part: Part,
     point: Floats,
     boxes: int,
     near: Resonance | None,
@@ -381,7 +482,7 @@ def _in_doubt(
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
+class Part:
     """The devices and hands of a box whose delays have the same whole samples.
 
     Attributes
@@ -437,14 +538,14 @@ def row_of(key: str) -> str:
 DELAY_ROWS = tuple(map(row_of, DELAYS))
 
 
-def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) -> list[_Part]:
+def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) -> list[Part]:
     """Return the parts of a box of devices by the whole samples of their delays: one if those are known."""
     known, T = delays_of(device), device.sample_time
     own = row_of(device.delay_key)
     others = {row_of(key): number for key in DELAYS if (number := device.number(key)) is not None}
     rows = {name: names.index(name) for name in DELAY_ROWS if name in names}
     if not rows:
-        return [_Part(low, high, known, T, 0.0)]
+        return [Part(low, high, known, T, 0.0)]
     other = sum(delay for name, delay in others.items() if name not in rows)
     if device.servo is not None and device.servo.stiffness is None and len(rows) == 1:
         return _parts_of_sum(rows.popitem()[1], low, high, known, T, other)
@@ -457,18 +558,18 @@ def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) ->
         shortest, longest = (other + sum(end[at, 0] for at in rows.values()) for end in (least, most))
         for felt in _whole(shortest, longest, T, last=loop == loops[-1]):
             delays = Delays(loop, row is not None or known.loop_fractional, felt, felt_fractional=True)
-            parts.append(_Part(least, most, delays, T, other))
+            parts.append(Part(least, most, delays, T, other))
     return parts
 
 
-def _parts_of_sum(row: int, low: Floats, high: Floats, known: Delays, T: float, other: float) -> list[_Part]:
+def _parts_of_sum(row: int, low: Floats, high: Floats, known: Delays, T: float, other: float) -> list[Part]:
     """Return the parts of a box of servos, of which only the sum of both delays counts, one of them in a row."""
     parts = []
     for felt in _whole(low[row, 0] + other, high[row, 0] + other, T, last=True):
         least, most = low.copy(), high.copy()
         least[row], most[row] = max(low[row, 0], felt * T - other), min(high[row, 0], (felt + 1) * T - other)
         delays = replace(known, felt=felt, felt_fractional=True)
-        parts.append(_Part(least, np.maximum(least, most), delays, T, other))
+        parts.append(Part(least, np.maximum(least, most), delays, T, other))
     return parts
 
 
@@ -481,7 +582,7 @@ def _whole(low: float, high: float, T: float, *, last: bool) -> range:
     return range(first, max(first + 1, floor(end * (1 + SNAP)) + 1 if last else ceil(end * (1 - SNAP))))
 
 
-def prove_poles_in(device: Device, hand: Hand, gains: Gains) -> Outcome:
+def prove_poles_in(device: Device, hand: Hand, gains: Gains, held: SpringDamper | None = None) -> Outcome:
     """Prove that the sampled loop is stable in one hand, with the environment at rest.
 
     Parameters
@@ -489,6 +590,7 @@ def prove_poles_in(device: Device, hand: Hand, gains: Gains) -> Outcome:
     device : taken, like hand and gains, as the decimals that it is written as
     hand : M, B and K
     gains : K_v and K_p, N s/m and N/m
+    held : the coupling of an impedance display, the virtual tool at rest; None for one that is let go
 
     Returns
     -------
@@ -497,8 +599,8 @@ def prove_poles_in(device: Device, hand: Hand, gains: Gains) -> Outcome:
         to 0.
     """
     plant = plant_in_hand(device_ball(device), hand.mapped(ball), delays_of(device), BALLS)
-    law = gains_ball(gains)
-    outcome, angle = turned_angle(lambda theta: hand_curve(plant, law, theta, BALLS), 0.0, HALF_TURN)
+    law, wall = gains_ball(gains), None if held is None else SpringDamper(ball(held.damping), ball(held.stiffness))
+    outcome, angle = turned_angle(lambda theta: hand_curve(plant, law, theta, BALLS, wall), 0.0, HALF_TURN)
     if outcome.verdict is not Verdict.PROVED:
         return in_rad_per_s(outcome, device)
     return Outcome(Verdict.PROVED if abs(angle) < pi / 2 else Verdict.REFUTED, outcome.boxes)
@@ -528,7 +630,7 @@ def _ends(
     limp: bool = False,
     reserve: float | None = None,
 ) -> Ends:
-    """Return the ends of the numbers of hand, if the claim is about hands, of `SHARES` if needed, and of the device.
+    """Return the ends of the numbers of hand, if the claim is about hands, of the shares, and of the device.
 
     With a reserve g, the share of the coupling is a row too, from 1/g to 1. If the vertices of the hands suffice, each
     has a column.

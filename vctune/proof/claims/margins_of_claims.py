@@ -7,7 +7,7 @@ from math import inf, nextafter, pi
 
 from vctune.model.coupling import coupling_impedance
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Coupling, Gains
+from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.loop.affine import loop_constants
 from vctune.model.loop.device_response import DeviceResponse, device_response
 from vctune.model.loop.llewellyn import llewellyn_demand, moduli
@@ -19,16 +19,25 @@ from vctune.model.sampled.hand_loop import (
     CommandInHand,
     NextToRest,
     loop_in_hand,
+    offered_at_spring,
     required_in_hand,
     required_in_limp_hand,
     room,
     seen_in_hand,
     seen_in_limp_hand,
 )
-from vctune.model.sampled.impedance_display import Required
+from vctune.model.sampled.impedance_display import ForceInHand, Required
 from vctune.model.sampled.let_go import Plant, return_difference
 from vctune.model.sampled.loop_in_walls import Strip, strip_in_walls
-from vctune.model.sampled.loop_in_worlds import Disjuncts, Seen, disjuncts, limp_disjuncts, offered_at
+from vctune.model.sampled.loop_in_worlds import (
+    Disjuncts,
+    DisjunctsOfForce,
+    Seen,
+    disjuncts,
+    disjuncts_of_force,
+    limp_disjuncts,
+    offered_at,
+)
 from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand, ServoInHand
 from vctune.model.sampled.velocity_loop import difference_slope
 from vctune.model.worlds import WorldsMet
@@ -315,8 +324,8 @@ def limp_hand_margin(
 
 
 def margins_in_worlds(
-    plant: AnyPlantInHand, design: Design, theta: Number, met: WorldsMet, ops: Arithmetic
-) -> Disjuncts:
+    plant: AnyPlantInHand, design: Design, theta: Number, met: WorldsMet, ops: Arithmetic, share: Number = 1.0
+) -> Disjuncts | DisjunctsOfForce:
     """Return margins in a hand, of which one must be positive with every environment of a box, each as its terms.
 
     Parameters
@@ -326,8 +335,13 @@ def margins_in_worlds(
     theta : omega T, rad, in [0, pi]
     met : the environments and the factor, in numbers of the arithmetic
     ops : arithmetic of all of these
+    share : of the admittance of an impedance display's coupling, from 1 over the factor to 1; each has margins of its
+        own
     """
     seen, T = seen_in_hand(loop_in_hand(plant, theta, ops), design.gains), design.device.sample_time
+    if isinstance(design.coupling, SpringDamper):
+        spring = offered_at_spring(design.coupling, design.device, theta, ops)
+        return disjuncts_of_force(spring, met.worlds, T, seen, share, theta, ops)
     return disjuncts(offered_at(design.series, T, theta, ops), met.worlds, T, seen, met.factor, theta, ops)
 
 
@@ -403,7 +417,9 @@ def any_hand_margin(
     return room(design.coupling, design.device, required, factor, theta, ops), required.size
 
 
-def hand_curve(plant: AnyPlantInHand, gains: Gains, theta: Number, ops: Arithmetic) -> Pair:
+def hand_curve(
+    plant: AnyPlantInHand, gains: Gains, theta: Number, ops: Arithmetic, held: SpringDamper | None = None
+) -> Pair:
     """Return F of the loop in a hand, turned so that it is real at both ends and comes back without a turn if stable.
 
     Parameters
@@ -412,13 +428,15 @@ def hand_curve(plant: AnyPlantInHand, gains: Gains, theta: Number, ops: Arithmet
     gains : K_v and K_p, N s/m and N/m
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
+    held : the coupling of an impedance display whose virtual tool is held; None for one that is let go
 
     Returns
     -------
     Pair
         Dimensionless, of the shape of theta.
     """
-    F, half, turns = loop_in_hand(plant, theta, ops).closed(gains), ops.sin(theta / 2), plant.poles / 2
+    loop, half, turns = loop_in_hand(plant, theta, ops), ops.sin(theta / 2), plant.poles / 2
+    F = loop.clamped(gains, held) if held is not None and isinstance(loop, ForceInHand) else loop.closed(gains)
     turned = Pair(ops.cos(theta * turns), -ops.sin(theta * turns))
     return Pair(F.even, half * F.odd) * turned
 

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from vctune.proof.enclosures.array_intervals import Flags, Floats
-from vctune.proof.engine.boxes import CHUNK, Boxes, Integers
+from vctune.proof.engine.boxes import CHUNK, Boxes, Integers, joined
 from vctune.running import check_time, tell
 
 BLUR = 2.0
@@ -33,7 +33,8 @@ class Decided:
     cost : contribution of each row to the uncertainty of each box, of the same shape
     known : where that is more than the row's width; elsewhere the slopes are not known
     side : end of each row at which the margin is least, -1 and 1, for all values of the others; 0 if that is not known
-    room : how near the test is to proving the claim, greater than 1 if it does; for several tests of one kind
+    room : how near the test is to proving the claim, greater than 1 if it does; for several tests of one kind. -inf
+        where the claim is known to fail throughout
     """
 
     proved: Flags
@@ -140,6 +141,48 @@ def prove(
         first *= len(boxes) / max(len(kept), 1)
     proved = np.isnan(open_[0]) & np.isnan(failing[0])
     return Proofs(names, proved, failing=failing, open=open_, boxes=count, total=total)
+
+
+@np.errstate(all="ignore")
+def left_open(test: Test, boxes: Boxes, *, max_boxes: int, share: float) -> Boxes:
+    """Halve boxes that a test does not prove, until the claim fails somewhere in most that are left.
+
+    Parameters
+    ----------
+    test : of one margin; a box is proved by the face at which that is least
+    boxes : of one owner, to begin with
+    max_boxes : after which no more are halved
+    share : of those that are left, in which it fails
+
+    Returns
+    -------
+    Boxes
+        All that is not proved: the claim holds where these are not.
+
+    Raises
+    ------
+    OutOfTimeError
+        If the time limit ends it.
+    """
+    halved, faces, count, settled = np.ones(len(boxes.low), bool), boxes, 0, list[Boxes]()
+    while len(boxes):
+        decided = _in_chunks(test, faces)
+        count += len(boxes)
+        faces = faces.ends(decided.side)
+        single = ~np.any(faces.low < faces.high, axis=0)
+        left, lost = ~decided.proved, np.isneginf(decided.room) | single
+        settled.append(boxes.subset(left & lost))
+        goes_on = left & ~lost
+        boxes, faces, enough = boxes.subset(goes_on), faces.subset(goes_on), _share(decided.fails, left) >= share
+        if enough or count >= max_boxes:
+            break
+        axis, _ = _axis(decided, halved)
+        boxes, faces = boxes.halved(axis[goes_on]), faces.halved(axis[goes_on])
+    return joined(*settled, boxes)
+
+
+def _share(some: Flags, among: Flags) -> float:
+    return float(some[among].mean()) if among.any() else 1.0
 
 
 def _axis(decided: Decided, halved: Flags) -> tuple[Integers, Flags]:

@@ -138,7 +138,7 @@ def _by_polynomials(number: Number, boxes: Boxes, spans: Floats) -> Decided:
     known, positive = np.isfinite(least.bound), least.estimate > 0
     relative = _relative(boxes, spans)
     cost = np.where(positive, lost, varies) * relative**WIDER
-    relative[0] *= FREQUENCY_FIRST
+    relative[0] *= np.where(boxes.low[0] > 0, FREQUENCY_FIRST, 1.0)  # halved from 0 it is no narrower
     cost = np.where(known, cost, relative)
     room = room_left(least.estimate, least.estimate - least.bound, varies.sum(axis=0))
     room[number.enclosed().negative()] = -np.inf

@@ -14,7 +14,7 @@ from matplotlib.patches import Rectangle
 from vctune.analysis.phases import sensor_miss
 from vctune.document.records.design_json import BoxRecord, DesignRecord, OptimalityRecord
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.numbers.keys import KEYS, labelled
+from vctune.model.numbers.keys import KEYS, WORLD, labelled
 from vctune.model.problem import Band, Problem
 from vctune.report.figures.diagram import loop_figure
 from vctune.report.figures.hands_figure import any_hand_figure, hands_figure
@@ -28,6 +28,7 @@ from vctune.report.figures.panels import (
     draw_required,
     least_view,
 )
+from vctune.report.figures.region_figure import world_figure
 from vctune.report.figures.style import (
     BLUE,
     GREEN,
@@ -43,6 +44,10 @@ from vctune.report.figures.style import (
     stamp,
 )
 from vctune.report.page.summary import doubt
+from vctune.study.world_region import world_plane, world_region
+
+MAP_LEVELS = 4
+"""How often the map of what may be rendered is halved on a page: to a sixteenth, in about a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +66,7 @@ def figures(design: Design) -> dict[str, Figure]:
         drawn = {
             **({"llewellyn": _llewellyn(design)} if design.problem.passive else {}),
             **_in_hands(design),
+            **_rendered(design),
             "impedance": _impedance(design),
             "transparency": _transparency(design),
             **({"nyquist": _nyquist(design)} if design.gains.closed or design.problem.device.kind.banded else {}),
@@ -79,6 +85,15 @@ def _in_hands(design: Design) -> dict[str, Figure]:
     if design.problem.any_hand:
         return {"any-hand": any_hand_figure(design.problem, design.gains, design.coupling)}
     return {} if hands is None else {"hands": hands_figure(design.problem, hands, design.gains, design.coupling)}
+
+
+def _rendered(design: Design) -> dict[str, Figure]:
+    """Return the coarse map of what may be rendered, where environments are stated."""
+    problem = design.problem
+    if problem.worlds is None:
+        return {}
+    plane = world_plane(problem, WORLD[2], WORLD[0], MAP_LEVELS)
+    return {"z-width": world_figure(problem, world_region(problem, design.gains, design.coupling, plane))}
 
 
 def _llewellyn(design: Design) -> Figure:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch
+from matplotlib.patches import PathPatch, Rectangle
 from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
@@ -36,6 +36,7 @@ GOOD, BAD, OPEN = ("#b5d9f2", ""), ("#e58b2a", "///"), ("#6e6e78", "...")
 """Colour and hatching, apart for every kind of sight and in grey."""
 FILLS = {Kind.FEASIBLE: GOOD, Kind.INFEASIBLE: BAD, Kind.UNDECIDED: OPEN}
 LABELS = {kind: f"proved {kind.name.lower()}" for kind in FILLS} | {Kind.UNDECIDED: "undecided"}
+WORLD_LABELS = {Kind.FEASIBLE: "may be rendered", Kind.INFEASIBLE: "refused in some hand", Kind.UNDECIDED: "undecided"}
 STRIP, GAP = 0.03, 0.008
 """Height of the strip for the line K_p = 0, and its distance from the plane."""
 APART = (0.07, 0.035)
@@ -67,6 +68,30 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design]) -
             _contours(axes, problem, region)
             if problem.passive:
                 _limit(axes, problem, plane)
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return figure
+
+
+def world_figure(problem: Problem, region: Region) -> Figure:
+    """Return which environments given gains bear, the Z-width of the device with them.
+
+    Parameters
+    ----------
+    problem : its box of environments is drawn, if it states one
+    region : cells of environments
+    """
+    plane = region.plane
+    with rc_context(STYLE):
+        interrupted = "interrupted: some of what is undecided was not looked at" * region.interrupted
+        figure, axes = _frame(plane, problem.units, interrupted)
+        for kind, fill in FILLS.items():
+            _fill(axes, plane, region.squares[:, region.kinds == kind], fill, WORLD_LABELS[kind])
+        if problem.worlds is not None:
+            names = [plane.keys[axis].partition(".")[2] for axis in plane.axes]
+            ends = [[getattr(end, name) for name in names] for end in (problem.worlds.low, problem.worlds.high)]
+            (x, y), (X, Y) = ([_spot(plane, k, min(each[k], plane.edges[k][-1])) for k in (0, 1)] for each in ends)
+            outline = Rectangle((x, y), X - x, Y - y, fill=False, edgecolor=INK, linewidth=1.6, label="[environment]")
+            axes.add_patch(outline)
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return figure
 

@@ -40,6 +40,12 @@ READINGS = {
         "hand should not feel the coupling. For an admittance display, grey curves show the same loop without a "
         "coupling, and the device without a loop.",
     ),
+    "z-width": (
+        "What may be rendered?",
+        "Each point is a wall and a tool, with any damping: blue is proved stable in every hand, in orange there is a "
+        "hand in which it holds an oscillation with the reserve used up. The frame is what the problem asks for. "
+        "`vctune region --x environment.stiffness --y environment.mass` draws the map in full.",
+    ),
     "impedance": (
         "What the hand feels",
         "In the transparency band each line with marks should lie on its thin ideal; no claim holds outside the "

@@ -1,0 +1,279 @@
+"""Which environments hold a pole of the loop on the unit circle: a curve for each hand, in double precision.
+
+At the angle theta, in a hand and with a share of the coupling, the loop meets its limit with Z_e = damping + j
+reactance alone: -Y, or -1/Y of an impedance display (model/README.md, section 18).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from math import inf, pi
+from operator import itemgetter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.analysis.extrema import Floats
+from vctune.model.coupling import coupling_impedance
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
+from vctune.model.hands import Hand, Hands
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.sampled.hand_loop import loop_in_hand, seen_in_hand
+from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
+from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.running import check_time
+
+Numbers = NDArray[np.intp]
+Marks = NDArray[np.bool_]
+
+SHARES = (0.0, 0.001, 0.01, 0.04, 0.1, 0.2, 0.4, 0.7, 1.0)
+"""Shares of each range at which hands are looked at."""
+INWARDS = 1e-9
+"""How far within its range the least share of a coupling is, against rounding."""
+LOWEST, NEAR = 1e-4, 1e-3
+"""Least angle, and distance from pi of the greatest."""
+COARSE, FINE = 160, 400
+"""Angles that are looked at first, and then where some environment holds a pole."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reactions:
+    """What holds a pole on the unit circle, along curves over the angle.
+
+    Attributes
+    ----------
+    theta, u : omega T, rad, and (2/T) tan(theta/2), rad/s, shape (n,)
+    device : number of the device of each curve, shape (curves,)
+    hands : of each curve, numbers of shape (curves,)
+    share : of the coupling, of each curve
+    damping, reactance : N s/m, shape (curves, n)
+    """
+
+    theta: Floats
+    u: Floats
+    device: Floats
+    hands: Hand
+    share: Floats
+    damping: Floats
+    reactance: Floats
+
+    def curves(self, at: Numbers) -> Reactions:
+        """Return some of the curves."""
+        hands = self.hands.mapped(itemgetter(at))
+        return Reactions(
+            self.theta, self.u, self.device[at], hands, self.share[at], self.damping[at], self.reactance[at]
+        )
+
+
+def reactions(
+    devices: Sequence[Device],
+    hands: Hands,
+    gains: Gains,
+    coupling: AnyCoupling,
+    factor: float,
+    shares: tuple[float, ...] = SHARES,
+) -> Reactions:
+    """Return the curves that reach farthest, at the angles where environments with damping hold poles.
+
+    Parameters
+    ----------
+    devices : plain numbers, of one sample time
+    hands : the box
+    gains, coupling : a design, plain numbers
+    factor : g; the coupling is looked at with its shares 1/g and 1, and halfway
+    shares : of each range of hands
+    """
+    theta = np.geomspace(LOWEST, pi - NEAR, COARSE)
+    first = _over(devices, hands, gains, coupling, factor, shares, theta)
+    bad = np.any(first.damping >= 0, axis=0)
+    if not bad.any():
+        return first.curves(np.zeros(0, np.intp))
+    kept = first.curves(_farthest(first))
+    wide = bad | np.append(bad[1:], False) | np.append(False, bad[:-1])
+    near = np.interp(np.linspace(0, wide.sum() - 1, FINE), np.arange(wide.sum()), np.log(theta[wide]))
+    fine = np.unique(np.append(np.exp(near), theta[wide]))
+    return _along(devices, kept, gains, coupling, fine)
+
+
+def _farthest(found: Reactions) -> Numbers:
+    """Return the curves that are first at some angle: in damping, and in reactance on either side."""
+    bad = found.damping >= 0
+    ahead = [
+        np.where(bad, found.damping, -np.inf),
+        np.where(bad, found.reactance, -np.inf),
+        np.where(bad, -found.reactance, -np.inf),
+    ]
+    first = np.concatenate([np.argmax(each, axis=0)[bad.any(axis=0)] for each in ahead])
+    return np.unique(first)
+
+
+def _over(
+    devices: Sequence[Device],
+    hands: Hands,
+    gains: Gains,
+    coupling: AnyCoupling,
+    factor: float,
+    shares: tuple[float, ...],
+    theta: Floats,
+) -> Reactions:
+    places = [np.unique(np.minimum(low + (high - low) * np.array(shares), high)) for low, high in hands.ranges.values()]
+    of_coupling = np.unique((1.0, 0.5 * (1 + 1 / factor), min(1.0, (1 + INWARDS) / factor)))
+    every = np.array(list(product(range(len(devices)), of_coupling, *places))).T
+    each = Hand(**dict(zip(hands.ranges, every[2:], strict=True)))
+    start = Reactions(theta, theta, every[0], each, every[1], theta, theta)
+    return _along(devices, start, gains, coupling, theta)
+
+
+@np.errstate(all="ignore")
+def _along(
+    devices: Sequence[Device], curves: Reactions, gains: Gains, coupling: AnyCoupling, theta: Floats
+) -> Reactions:
+    """Return the same curves at other angles."""
+    met = np.empty((curves.share.size, theta.size), complex)
+    for k in np.unique(curves.device).astype(int):
+        check_time()
+        device, at = devices[k], np.flatnonzero(curves.device == k)
+        hand = curves.hands.mapped(itemgetter(at[:, None]))
+        seen = seen_in_hand(loop_in_hand(plant_in_hand(device, hand, delays_of(device), FLOATS), theta, FLOATS), gains)
+        s, share, T = np.sin(theta / 2), curves.share[at, None], device.sample_time
+        reaction = -(seen.lost / seen.size) - 1j * seen.swing / (s * seen.size)
+        if isinstance(coupling, SpringDamper):
+            given = spring_damper_admittance(coupling, T, firmware_filter(device, theta, FLOATS), theta, FLOATS)
+            met[at] = -1 / (share * (given.re + 1j * given.im) + s * s * reaction)
+        else:
+            Z_c = coupling_impedance(series_coupling(coupling), 2 / T * np.tan(theta / 2))
+            met[at] = -(share * (Z_c.re + 1j * Z_c.im) + reaction)
+    u = 2 / devices[0].sample_time * np.tan(theta / 2)
+    damping = np.where(np.isfinite(met), met.real, -np.inf)
+    return Reactions(theta, u, curves.device, curves.hands, curves.share, damping, np.nan_to_num(met.imag))
+
+
+@dataclass(frozen=True, slots=True)
+class LimitPoints:
+    """The points of curves at which environments with enough damping hold poles, run by run.
+
+    Attributes
+    ----------
+    curve, angle : numbers of the curve and of the angle, shape (n,)
+    u, damping, reactance : there
+    starts : where a new run begins
+    """
+
+    curve: Numbers
+    angle: Numbers
+    u: Floats
+    damping: Floats
+    reactance: Floats
+    starts: Numbers
+
+    @classmethod
+    def of(cls, curves: Reactions, least: float) -> LimitPoints:
+        """Return the points with enough damping.
+
+        Parameters
+        ----------
+        curves : on which they lie
+        least : damping that they exceed, N s/m
+        """
+        curve, angle = np.nonzero(curves.damping > least)
+        new = np.ones(curve.size, bool)
+        new[1:] = (np.diff(curve) != 0) | (np.diff(angle) != 1)
+        damping, reactance = curves.damping[curve, angle], curves.reactance[curve, angle]
+        return cls(curve, angle, curves.u[angle], damping, reactance, np.flatnonzero(new))
+
+    @classmethod
+    def with_edges(cls, curves: Reactions, least: float) -> LimitPoints:
+        """Return the same points, and those between two angles where a curve has just the least damping.
+
+        Parameters
+        ----------
+        curves, least : as of `of`
+        """
+        points, more = cls.of(curves, least), curves.damping > least
+        curve, angle = np.nonzero(more[:, 1:] != more[:, :-1])
+        first, last = curves.damping[curve, angle], curves.damping[curve, angle + 1]
+        with np.errstate(all="ignore"):
+            share = np.nan_to_num((least - first) / (last - first))
+
+        def there(values: Floats) -> Floats:
+            return np.asarray(values[..., 0] + share * (values[..., 1] - values[..., 0]))
+
+        beside = np.stack((angle, angle + 1), axis=1)
+        added = there(curves.u[beside]), np.full(curve.size, least), there(curves.reactance[curve[:, None], beside])
+        known = points.u, points.damping, points.reactance
+        u, damping, reactance = (np.append(old, new) for old, new in zip(known, added, strict=True))
+        runs = points.curve.size + np.arange(curve.size)
+        return cls(
+            np.append(points.curve, curve),
+            np.append(points.angle, angle),
+            u,
+            damping,
+            reactance,
+            np.append(points.starts, runs),
+        )
+
+    def hit(self, low: Floats, high: Floats) -> Marks:
+        """Return of which boxes of environments a member holds a pole at a point.
+
+        Parameters
+        ----------
+        low, high : least and greatest mass, damping and stiffness, shape (3, n)
+        """
+        least, most = self._reactances(low, high)
+        enough = self.damping >= low[1][:, None]
+        return np.any(enough & (self.reactance >= least) & (self.reactance <= most), axis=1)
+
+    def between(self, low: Floats, high: Floats) -> list[tuple[int, int, int] | None]:
+        """Return for each box a curve and two of its angles between which every member holds a pole; None for none.
+
+        Parameters
+        ----------
+        low, high : of the boxes, shape (3, n)
+        """
+        if not self.starts.size:
+            return [None] * low.shape[1]
+        below, above = self._reactances(low, high)
+        over, under = self.reactance > above, self.reactance < below
+        both = np.logical_or.reduceat(over, self.starts, axis=1) & np.logical_or.reduceat(under, self.starts, axis=1)
+        runs = np.column_stack((self.starts, np.append(self.starts[1:], self.curve.size)))
+        return [self._nearest(over[cell], under[cell], runs[both[cell]].tolist()) for cell in range(low.shape[1])]
+
+    def _nearest(self, over: Marks, under: Marks, runs: Sequence[Sequence[int]]) -> tuple[int, int, int] | None:
+        """Return, of runs, the two neighbouring points on different sides between which the damping is greatest."""
+        best, found = -inf, None
+        for start, end in runs:
+            flagged = start + np.flatnonzero(over[start:end] | under[start:end])
+            for k in np.flatnonzero(over[flagged[:-1]] != over[flagged[1:]]):
+                first, last = flagged[k], flagged[k + 1]
+                least = float(self.damping[first : last + 1].min())
+                if least > best:
+                    best, found = least, (int(self.curve[first]), int(self.angle[first]), int(self.angle[last]))
+        return found
+
+    def stiffest(self, low: Floats, high: Floats) -> float:
+        """Return the greatest stiffness up to which no environment of a box holds a pole; inf without one.
+
+        Parameters
+        ----------
+        low, high : mass, damping and stiffness, shape (3,); the greatest stiffness does not count
+        """
+        met = (self.damping >= low[1]) & (self.reactance <= high[0] * self.u - low[2] / self.u)
+        return float(np.min((low[0] * self.u - self.reactance)[met] * self.u[met], initial=inf))
+
+    def lightest(self, low: Floats, high: Floats) -> float:
+        """Return the least mass from which on no environment of a box holds a pole.
+
+        Parameters
+        ----------
+        low, high : mass, damping and stiffness, shape (3,); the least mass does not count
+        """
+        met = (self.damping >= low[1]) & (self.reactance <= high[0] * self.u - low[2] / self.u)
+        return float(np.max((self.reactance + high[2] / self.u)[met] / self.u[met], initial=0.0))
+
+    def _reactances(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+        """Return the least and the greatest reactance of boxes at the points, shape (boxes, n)."""
+        least = low[0][:, None] * self.u - high[2][:, None] / self.u
+        return least, high[0][:, None] * self.u - low[2][:, None] / self.u

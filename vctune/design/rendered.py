@@ -1,0 +1,246 @@
+"""What a design bears beside what is asked of it: which environments may be rendered with it in every hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import astuple, dataclass, replace
+from math import ceil, floor, inf, log10
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.design.prepared import Posed, pose, problems_beside
+from vctune.design.reactions import LimitPoints, Reactions, reactions
+from vctune.design.verdict.judge import Judgement, Status
+from vctune.document.records.rendered_json import RenderedRecord
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.problem import Demands, Problem
+from vctune.proof.claims.margins_of_claims import Design
+from vctune.proof.claims.world_cells import OpenInHands, Witnesses, WorldCells, open_in_hands, refuted_in_worlds
+from vctune.proof.enclosures.array_intervals import Flags
+from vctune.proof.engine.boxes import Integers
+from vctune.running import OutOfTimeError
+
+AT_ONCE = 64
+"""Cells compared with all curves together; their arrays stay in memory."""
+
+RESERVES = (5e-3, 0.03, 0.1)
+"""By what share a limit in double precision is missed at first, and where that is not proved: what is nearer takes more
+boxes."""
+DIGITS = 3
+"""Of a limit."""
+WORTH = 0.01
+"""By what share a limit has to surpass what is proved already to be worth a proof of its own."""
+MASS, STIFFNESS = 0, 2
+
+
+Between = tuple[int, int, int]
+"""A curve and two of its angles, by their numbers."""
+
+
+def in_hands(problem: Problem) -> Problem:
+    """Return a problem with every hand of its box to be met, and every passive environment."""
+    return replace(problem, stability=replace(problem.stability, criterion="hands"), worlds=None)
+
+
+@dataclass(frozen=True, slots=True)
+class Rendered:
+    """A design whose environments are looked at, in every hand of its problem.
+
+    Attributes
+    ----------
+    gains, coupling : the design
+    demands : the device's own
+    loops : of each problem that is posed: the device's own, and those of delays next to a whole sample
+    devices : whose witnesses are looked for
+    curves : on which environments hold poles, in double precision
+    """
+
+    gains: Gains
+    coupling: AnyCoupling
+    demands: Demands
+    loops: tuple[OpenInHands, ...]
+    devices: tuple[Device, ...]
+    curves: Reactions
+
+    @property
+    def every(self) -> bool:
+        """Whether every environment is proved."""
+        return all(loop.nothing for loop in self.loops)
+
+    def proves(self, low: Floats, high: Floats) -> bool:
+        """Return whether one box of environments is proved.
+
+        Parameters
+        ----------
+        low, high : its least and greatest numbers, shape (3,)
+        """
+        return self.every or bool(self.proved(met(low[:, None], high[:, None]))[0])
+
+    def proved(self, cells: WorldCells) -> Flags:
+        """Return which boxes of environments are proved."""
+        proved = np.ones(len(cells), bool)
+        for loop in self.loops:
+            at = np.flatnonzero(proved)
+            proved[at] = loop.proved(cells.subset(at))
+        return proved
+
+    def refuted(self, missed: WorldCells, found: Sequence[Between]) -> Flags:
+        """Return which boxes are refuted by the curve and the two angles that were found for each.
+
+        Parameters
+        ----------
+        missed : as of `refuted_in_worlds`
+        found : by `estimated`
+        """
+        refuted = np.zeros(len(missed), bool)
+        which = np.array(found, np.intp).reshape(-1, 3).T
+        for k, device in enumerate(self.devices):
+            at = np.flatnonzero(self.curves.device[which[0]] == k)
+            if at.size:
+                curve, start, end = which[:, at]
+                hand = np.array([number[curve] for number in self.curves.hands.by_key.values()])
+                theta = self.curves.theta
+                there = Witnesses(theta[start], theta[end], hand, self.curves.share[curve])
+                design = Design(device, self.gains, self.coupling)
+                refuted[at] = refuted_in_worlds(design, self.demands, missed.subset(at), there)
+        return refuted
+
+    def estimated(self, cells: WorldCells, missed: WorldCells) -> tuple[Flags, Integers, list[Between]]:
+        """Look for what refutes boxes of environments, in double precision.
+
+        Parameters
+        ----------
+        cells, missed : n boxes; as of `OpenInHands.proved` and `refuted_in_worlds`
+
+        Returns
+        -------
+        hopeful : where nothing is found that refutes the whole, shape (n,)
+        lost : numbers of the boxes each of whose members is refuted
+        between : by what
+        """
+        hopeful, found = np.ones(len(cells), bool), dict[int, Between]()
+        points = LimitPoints.of(self.curves, float(cells.low[1].min(initial=inf)))
+        for i in range(0, len(cells), AT_ONCE):
+            part = slice(i, i + AT_ONCE)
+            hopeful[part] = ~points.hit(cells.low[:, part], cells.high[:, part])
+        for damping in np.unique(missed.low[1]):
+            at = np.flatnonzero(~hopeful & (missed.low[1] == damping))
+            points = LimitPoints.of(self.curves, float(damping))
+            for some in np.split(at, range(AT_ONCE, at.size, AT_ONCE)):
+                between = points.between(missed.low[:, some], missed.high[:, some])
+                found |= {cell: place for cell, place in zip(some.tolist(), between, strict=True) if place is not None}
+        lost = sorted(found)
+        return hopeful, np.array(lost, np.intp), [found[cell] for cell in lost]
+
+
+def rendered(problem: Problem, gains: Gains, coupling: AnyCoupling, damping: float = 0.0) -> Rendered:
+    """Return a design whose environments are to be looked at.
+
+    Parameters
+    ----------
+    problem : its device and hands, its uncertainty and safety factor; SI units
+    gains, coupling : the design
+    damping : that every environment has at least, N s/m
+    """
+    posed = _posed(problem)
+    devices, curves = _curves(posed[0], gains, coupling)
+    loops = tuple(
+        open_in_hands(Design(each.demands.device, gains, coupling), each.demands, each.box, damping) for each in posed
+    )
+    return Rendered(gains, coupling, posed[0].demands, loops, devices, curves)
+
+
+def _posed(problem: Problem) -> list[Posed]:
+    held = in_hands(problem)
+    return [pose(each) for each in [held, *problems_beside(held)]]
+
+
+def _curves(posed: Posed, gains: Gains, coupling: AnyCoupling) -> tuple[tuple[Device, ...], Reactions]:
+    demands, devices = posed.demands, tuple(dict.fromkeys(case.device.modelled for case in posed.hand_cases))
+    assert demands.hands is not None
+    return devices, reactions(devices, demands.hands, gains, coupling, demands.factor)
+
+
+def met(low: Floats, high: Floats) -> WorldCells:
+    """Return boxes of environments whose damping has no upper limit.
+
+    Parameters
+    ----------
+    low, high : least and greatest mass, damping and stiffness, shape (3, n); the greatest damping does not count
+    """
+    most = high.copy()
+    most[1] = inf
+    return WorldCells(low, most)
+
+
+def rendered_record(problem: Problem, judgement: Judgement) -> RenderedRecord | None:
+    """Return the stiffest wall and the lightest tool that are proved with a design in every hand.
+
+    Parameters
+    ----------
+    problem : with every default filled in, SI units
+    judgement : of the design
+
+    Returns
+    -------
+    RenderedRecord or None
+        None if no environments are stated, or the time limit ends it.
+    """
+    worlds, certified = problem.worlds, judgement.status is Status.CERTIFIED
+    if problem.hands_met is None or worlds is None:
+        return None
+    low, high = np.array(astuple(worlds.low)), np.array(astuple(worlds.high))
+    law = judgement.gains, judgement.coupling
+    known = {STIFFNESS: float(high[STIFFNESS]), MASS: float(low[MASS])} if certified else {}
+    try:
+        points = LimitPoints.with_edges(_curves(_posed(problem)[0], *law)[1], float(low[1]))
+        ends = {number: _ends_beyond(points, low, high, number, known.get(number)) for number in (STIFFNESS, MASS)}
+        found = rendered(problem, *law, float(low[1])) if any(ends.values()) else None
+        proved = {
+            number: next((x for x, *box in tried if found and found.proves(*box)), known.get(number))
+            for number, tried in ends.items()
+        }
+    except OutOfTimeError:
+        return None
+    return RenderedRecord(
+        stiffest_wall=proved[STIFFNESS],
+        tools=[float(low[MASS]), float(high[MASS])],
+        lightest_tool=proved[MASS],
+        walls=[float(low[STIFFNESS]), float(high[STIFFNESS])],
+    )
+
+
+def _ends_beyond(
+    points: LimitPoints, low: Floats, high: Floats, number: int, known: float | None
+) -> list[tuple[float, Floats, Floats]]:
+    """Return the greatest stiffnesses or the least masses to prove beside the rest of a box, each with its whole box.
+
+    Parameters
+    ----------
+    points : at which environments hold poles, in double precision
+    low, high : the box
+    number : `STIFFNESS` or `MASS`
+    known : what is proved already, and has to be surpassed; None for nothing
+    """
+    stiff, found = number == STIFFNESS, []
+    if not stiff and high[MASS] == 0:
+        high = np.array([inf, *high[1:]])
+    limit = points.stiffest(low, high) if stiff else points.lightest(low, high)
+    for reserve in RESERVES:
+        value = _rounded(limit * (1 - reserve), floor) if stiff else _rounded(limit * (1 + reserve), ceil)
+        least, most = low.copy(), high.copy()
+        (most if stiff else least)[number] = value
+        beyond = known is None or (value > known * (1 + WORTH) if stiff else value < known * (1 - WORTH))
+        if beyond and (value > 0 or not stiff) and np.all(least <= most):
+            found.append((value, least, most))
+    return found
+
+
+def _rounded(value: float, whole: Callable[[float], int]) -> float:
+    """Return a number in `DIGITS` digits, on one side."""
+    if not 0 < value < inf:
+        return value
+    unit = 10.0 ** (floor(log10(value)) + 1 - DIGITS)
+    return float(f"{whole(value / unit) * unit:.{DIGITS}g}")

@@ -1,0 +1,30 @@
+"""What is probably not meant in a problem file, each with its line and its key."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from vctune.document.reading import ProblemFile
+from vctune.document.schema.plausibility import doubts
+from vctune.document.schema.validation import dotted
+from vctune.document.text import toml
+from vctune.document.text.codes import Note
+
+
+def file_doubts(file: ProblemFile, source: str | None = None) -> Iterator[Note]:
+    """Yield what is probably not meant in a problem; where it is about one key, with the place of that.
+
+    Parameters
+    ----------
+    file : the problem and its text
+    source : what the file is called; None for its path
+    """
+    for note in doubts(file.problem):
+        if not note.path:
+            yield note
+            continue
+        lines, path = toml.Lines(file.text), note.path
+        line = next((at for end in range(len(path), 0, -1) if (at := lines.locate(path[:end]))), 1)
+        place = f"{source or file.source}:{line}: {dotted(path)}"
+        yield replace(note, text=f"{place}: {note.text}", path=())

@@ -1,0 +1,42 @@
+"""The record of what may be rendered with a design: the stiffest wall and the lightest tool that are proved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated
+
+from vctune.document.records.part import Number, Part, Row, Shown, text
+from vctune.model.numbers.units import Units
+
+
+class RenderedRecord(Part):
+    """The greatest stiffness and the least mass that are proved in every hand, each with the rest of the box as it is.
+
+    `tools` are the masses beside the wall, `walls` the stiffnesses beside the tool. Infinite is null in the file.
+    """
+
+    stiffest_wall: Annotated[Number, Shown("stiffest wall", digits=4, of="stiffness")] = None
+    tools: list[Number]
+    lightest_tool: Annotated[Number, Shown("lightest tool", digits=4, of="mass")] = None
+    walls: list[Number]
+
+    def rows(self, units: Units) -> Iterator[Row]:
+        """Yield the rows, each with what it is beside."""
+        beside = {"wall": (self.tools, units.mass), "tool": (self.walls, units.stiffness)}
+        for row, (numbers, unit) in zip(super().rows(units), beside.values(), strict=True):
+            yield row._replace(unit=f"{row.unit if row.value != 'none' else ''}  {_beside(numbers, unit)}".strip())
+
+    def said(self, units: Units) -> str:
+        """Return what is proved, in a sentence; "" if nothing is."""
+        parts = (
+            [f"walls up to {text(self.stiffest_wall, 4)} {units.stiffness}"] if self.stiffest_wall is not None else []
+        )
+        parts += [f"tools from {text(self.lightest_tool, 4)} {units.mass}"] if self.lightest_tool is not None else []
+        return f"proved are {' and '.join(parts)}" if parts else ""
+
+
+def _beside(numbers: list[Number], unit: str) -> str:
+    low, high = numbers
+    if high == 0:
+        return "alone"
+    return f"beside any from {text(low)} {unit}" if high is None else f"beside {text([low, high])} {unit}"

@@ -1,0 +1,248 @@
+"""Many boxes of environments at once, in every hand: which are borne throughout, and which throughout are not.
+
+A box that is not borne has a witness: a hand, a share of the coupling and two angles between which the real part is
+negative, while the reactance passes from one side of every environment of the box to the other. So each of them cancels
+it somewhere between (model/README.md, section 18).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import inf
+
+import numpy as np
+
+from vctune.model.hands import HAND
+from vctune.model.problem import Demands
+from vctune.model.sampled.plant_in_hand import delays_of
+from vctune.model.worlds import World, Worlds
+from vctune.proof.claims.array_claims import WORLD_ENDS, hands_margins
+from vctune.proof.claims.every_hand import (
+    MAX_HALVINGS,
+    Asked,
+    Part,
+    boxes_over,
+    fixed_of,
+    parts_of,
+    prove_stable_in_middle,
+)
+from vctune.proof.claims.margins_of_claims import Design
+from vctune.proof.claims.walls import COUPLING_SHARE
+from vctune.proof.device_box import DeviceBox, in_longer_hands, in_one_delay, late_as_one, moved_as_one
+from vctune.proof.enclosures.array_intervals import Flags, Floats
+from vctune.proof.engine.box_tests import Margins, positive
+from vctune.proof.engine.boxes import FREQUENCY, Boxes, Integers, Values
+from vctune.proof.engine.branching import left_open, prove
+from vctune.proof.engine.interval import Verdict
+from vctune.proof.engine.polynomial_tests import FEW
+
+MAX_BOXES, CELL_BOXES = 60_000, 5_000
+"""Boxes looked at before what is left of them is left to the environments, and before one of these is left open."""
+FAILING = 0.8
+"""Share of the open boxes in which the real part does fail somewhere from which on halving them decides little."""
+FEW_BOXES = 1000
+"""Intervals of angles before a witness is left open."""
+
+
+@dataclass(frozen=True, slots=True)
+class WorldCells:
+    """Boxes of environments, one in each column.
+
+    Attributes
+    ----------
+    low, high : least and greatest mass, damping and stiffness, SI units, shape (3, n); a greatest one
+        may be inf in all boxes
+    """
+
+    low: Floats
+    high: Floats
+
+    def __len__(self) -> int:
+        return int(self.low.shape[1])
+
+    def subset(self, at: Flags | Integers) -> WorldCells:
+        """Return some of the boxes."""
+        return WorldCells(self.low[:, at], self.high[:, at])
+
+    @property
+    def hull(self) -> Worlds:
+        """The environments of all boxes; their least damping is 0 only if it is that of each."""
+        low, high = self.low.min(axis=1), self.high.max(axis=1)
+        low[1] = self.low[1].max()
+        return Worlds(World(*low.tolist()), World(*high.tolist()))
+
+
+@dataclass(frozen=True, slots=True)
+class OpenInHands:
+    """What of a design in every hand is left open by the real part alone, where the environment decides.
+
+    Attributes
+    ----------
+    asked : with the box of all environments whose damping is at least that of any that is to be looked at
+    stable : whether the loop is proved stable with one of them
+    parts : of the boxes, and what is left open of each
+    """
+
+    asked: Asked
+    stable: bool
+    parts: tuple[tuple[Part, Boxes], ...]
+
+    @property
+    def nothing(self) -> bool:
+        """Whether all environments are proved to leave the design stable."""
+        return self.stable and not any(len(boxes) for _, boxes in self.parts)
+
+    def proved(self, cells: WorldCells) -> Flags:
+        """Return which boxes of environments are proved to leave the design stable in every hand.
+
+        Parameters
+        ----------
+        cells : n boxes of environments
+
+        Returns
+        -------
+        array of bool
+            Shape (n,); one that is not proved may hold all the same.
+        """
+        proved = np.full(len(cells), self.stable)
+        if not proved.any():
+            return proved
+        ends = dict(zip((*WORLD_ENDS[0], *WORLD_ENDS[1]), (*cells.low, *cells.high), strict=True))
+        ends = {name: end for name, end in ends.items() if np.isfinite(end).all()}
+        asked = replace(self.asked, demands=replace(self.asked.demands, worlds=cells.hull))
+        for part, boxes in self.parts:
+            left = np.flatnonzero(proved)
+            if not len(boxes) or not left.size:
+                continue
+            names, tied = (*asked.names, *ends), np.array([end[left] for end in ends.values()])
+            ends_too = replace(part, low=_with(part.low, tied), high=_with(part.high, tied))
+            (test,) = asked.tests(ends_too, fixed_of(asked.design))
+            found = prove(
+                part.within(test, names),
+                _each(boxes, names, tied),
+                left.size,
+                halved=[True] * (1 + len(asked.names)) + [False] * len(ends),
+                max_halvings=MAX_HALVINGS,
+                max_boxes=CELL_BOXES,
+                at_ends=True,
+                few=FEW,
+            )
+            proved[left] = found.proved
+        return proved
+
+
+def open_in_hands(design: Design, demands: Demands, box: DeviceBox | None, damping: float) -> OpenInHands:
+    """Return what is left open by the real part alone, which is the same for all environments.
+
+    Parameters
+    ----------
+    design : taken as the decimals that it is written as
+    demands : with the hands and the factor
+    box : devices for all of which environments are to be proved; None for the design's own alone
+    damping : that every environment has at least, N s/m
+    """
+    hands = demands.hands
+    assert hands is not None
+    demands = replace(demands, worlds=Worlds(World(0.0, damping, 0.0), World(inf, inf, inf)))
+    if box is not None and (parts := moved_as_one(box)):
+        least = {key: box.low.number(key) for key in parts}
+        design = replace(design, device=design.device.with_numbers(least))
+        box, longer = in_longer_hands(box, hands, parts)
+        demands = replace(demands, device=demands.device.with_numbers(least), hands=longer)
+    if box is not None and late_as_one(box):
+        box = in_one_delay(box)
+        design, demands = replace(design, device=box.nominal), replace(demands, device=box.nominal)
+    asked = Asked(design, demands, box)
+    if prove_stable_in_middle(design, demands).verdict is not Verdict.PROVED:
+        return OpenInHands(asked, stable=False, parts=())
+    found = tuple(
+        (
+            part,
+            left_open(
+                part.within(test, asked.names), boxes_over(part, asked.names), max_boxes=MAX_BOXES, share=FAILING
+            ),
+        )
+        for part in parts_of(design, asked.ends())
+        for test in asked.tests(part, fixed_of(design))
+    )
+    return OpenInHands(asked, stable=True, parts=found)
+
+
+def _with(numbers: Floats, tied: Floats) -> Floats:
+    """Return the ends of rows with those of environments, of one width in all of them."""
+    return np.vstack((numbers, tied[:, :1]))
+
+
+def _each(boxes: Boxes, names: tuple[str, ...], tied: Floats) -> Boxes:
+    """Return the boxes of each owner: the same for all, and the numbers that are its own."""
+    owners, count = tied.shape[1], len(boxes)
+    low, high = (np.vstack((np.tile(edge, owners), np.repeat(tied, count, axis=1))) for edge in (boxes.low, boxes.high))
+    owner = np.repeat(np.arange(owners), count)
+    return Boxes((FREQUENCY, *names), low, high, owner, np.tile(boxes.whole_samples, owners))
+
+
+@dataclass(frozen=True, slots=True)
+class Witnesses:
+    """Why boxes of environments are not borne, one for each box.
+
+    Attributes
+    ----------
+    start, end : angles, rad, shape (n,)
+    hand : mass, damping and stiffness, shape (3, n)
+    share : of the coupling, from 1/g to 1, shape (n,)
+    """
+
+    start: Floats
+    end: Floats
+    hand: Floats
+    share: Floats
+
+
+def refuted_in_worlds(design: Design, demands: Demands, cells: WorldCells, witnesses: Witnesses) -> Flags:
+    """Return of which boxes of environments no member leaves a design stable in its witness' hand.
+
+    Each of them holds a pole on the unit circle with some more damping than its own. The ends of a box are those that
+    its members share: of a number that may be chosen, the least is greater than the greatest.
+
+    Parameters
+    ----------
+    design : on one known device, taken as the decimals that it is written as
+    demands : with the factor
+    cells : n boxes, finite, with the damping that the members have at most as the least
+    witnesses : one for each box
+    """
+    one = replace(demands, factor=1.0, worlds=cells.hull)
+    margins = hands_margins(one, (), delays_of(design.device))
+    fixed = fixed_of(design)
+    ends = dict(zip((*WORLD_ENDS[0], *WORLD_ENDS[1]), (*cells.low, *cells.high), strict=True))
+    del ends[WORLD_ENDS[1][1]]
+    names = (*HAND, COUPLING_SHARE, *ends)
+    rows = np.vstack((witnesses.hand, witnesses.share, *ends.values()))
+    passed = np.zeros(len(cells), bool)
+    first, last = (_margins_at(margins, names, theta, rows, fixed) for theta in (witnesses.start, witnesses.end))
+    passed = (first[1] & last[2]) | (first[2] & last[1])
+    least, most = np.minimum(witnesses.start, witnesses.end), np.maximum(witnesses.start, witnesses.end)
+    negative = positive(lambda theta, v: -margins(theta, v)[0], fixed)
+    at = np.flatnonzero(passed)
+    boxes = Boxes(
+        (FREQUENCY, *names),
+        np.vstack((least, rows))[:, at],
+        np.vstack((most, rows))[:, at],
+        np.arange(at.size),
+        np.zeros(at.size, np.intp),
+    )
+    halved = [True] + [False] * len(names)
+    found = prove(negative, boxes, at.size, halved=halved, max_halvings=MAX_HALVINGS, max_boxes=FEW_BOXES)
+    passed[at] = found.proved
+    return passed
+
+
+def _margins_at(margins: Margins, names: tuple[str, ...], theta: Floats, rows: Floats, fixed: Values) -> list[Flags]:
+    """Return which of the margins are positive at single points."""
+    at = np.vstack((theta, rows))
+    owner = np.arange(theta.size)
+    boxes = Boxes((FREQUENCY, *names), at, at, owner, np.zeros_like(owner))
+    numbers = boxes.rows()
+    with np.errstate(all="ignore"):
+        found = margins(numbers[0], boxes.named(numbers, fixed))
+        return [np.broadcast_to(each.positive(), theta.shape) for each in found]
