@@ -76,7 +76,7 @@ def _run(notebook: dict[str, Any]) -> list[str]:
 
     with tempfile.TemporaryDirectory() as folder:
         search = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-        os.environ |= {"PATH": search, "COLUMNS": "100", "IPYTHONDIR": f"{folder}/.ipython"}
+        os.environ |= {"PATH": search, "COLUMNS": "120", "IPYTHONDIR": f"{folder}/.ipython"}
         notes = nbformat.reads(json.dumps(notebook), as_version=4)
         NotebookClient(notes, timeout=None, resources={"metadata": {"path": folder}}).execute()
     return [_printed(cell.outputs) for cell in notes.cells if cell.cell_type == "code"]

@@ -70,7 +70,9 @@ def test_a_terminal_without_colour_has_none(shown):
     assert "\x1b" not in shown()
 
 
-def test_paths_are_links_where_there_is_a_terminal(shown):
+def test_paths_are_links_where_there_is_a_terminal(shown, monkeypatch):
+    assert not LINK.search(shown(80))  # as in a notebook, which asks for colours alone
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
     assert [link for link in LINK.findall(shown(80)) if link] == [
         FOLDER.as_uri(),
         *([(FOLDER / "report.html").as_uri()] if (FOLDER / "report.html").exists() else []),

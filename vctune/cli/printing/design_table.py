@@ -48,21 +48,25 @@ def page(least_width: int, folder: Path, steps: Sequence[str] = ()) -> Iterator[
     console.width = max(console.width, least_width)
     with console.capture() as page:
         yield console
-        console.print(f"written to {_linked(folder)}", soft_wrap=True)
+        console.print(f"written to {_linked(folder, console)}", soft_wrap=True)
         if steps:
             between = "\n      " if console.is_terminal else "; "
-            console.print(f"next: {between.join(map(_with_links, steps))}", soft_wrap=True)
+            console.print(f"next: {between.join(_with_links(step, console) for step in steps)}", soft_wrap=True)
     _write(console, page.get())
 
 
-def _linked(path: Path) -> str:
-    """Return a path that a terminal which can open it does (OSC 8); elsewhere it is its text."""
-    return f"[link={path.resolve().as_uri()}]{escape(str(path))}[/link]"
+def _linked(path: Path, console: Console) -> str:
+    """Return a path that a terminal which can open it does (OSC 8); elsewhere it is its text.
+
+    A notebook asks for colours as a terminal does, and would show the link's own characters.
+    """
+    text = escape(str(path))
+    return f"[link={path.resolve().as_uri()}]{text}[/link]" if console.file.isatty() else text
 
 
-def _with_links(step: str) -> str:
+def _with_links(step: str, console: Console) -> str:
     verb, _, rest = step.partition(" ")
-    return f"{verb} {_linked(Path(rest))}" if verb == "open" else escape(step)
+    return f"{verb} {_linked(Path(rest), console)}" if verb == "open" else escape(step)
 
 
 def _write(console: Console, text: str) -> None:
