@@ -19,6 +19,8 @@ KINDS = {
 }
 LINK = re.compile(r"\]\((?!#|\w+://)([^)\s]+)")
 LANGUAGES = {".py": "python", ".toml": "toml", ".json": "json"}
+BINARY = (".parquet",)
+"""Files of studies that no page shows."""
 FIGURE = "![{0}]({0}.svg)"
 
 
@@ -90,7 +92,9 @@ DRAWN = ("hands", "any-hand", "llewellyn", "region", "simulation", "error")
 
 
 def _listed(path: Path) -> str:
-    return f"{FIGURE.format(path.stem)}\n" if path.suffix == ".svg" else f"- [{path.name}]({path.name})"
+    if path.suffix == ".svg":
+        return f"{FIGURE.format(path.stem)}\n"
+    return f"- {path.name}" if path.suffix in BINARY else f"- [{path.name}]({path.name})"
 
 
 def _fenced(path: Path) -> str:

@@ -169,18 +169,18 @@ def test_check_says_which_environments_and_which_one_binds(tmp_path: Path) -> No
     assert 0.0 <= record["worst_world"]["stiffness"] <= 2000.0
 
 
-def test_the_stiffest_wall_and_the_lightest_tool_are_beyond_the_box_of_a_design_with_room(tmp_path: Path) -> None:
+def test_the_stiffest_spring_and_the_lightest_tool_are_beyond_the_box_of_a_design_with_room(tmp_path: Path) -> None:
     """And are proved: as the box they pass; half as much again does not."""
     posed = read_problem(fixed("world-tools", 1.2, tmp_path)).problem
     judgement = judge(posed, *posed.fixed_design)
     found = rendered_record(posed, judgement)
-    assert found is not None and found.stiffest_wall is not None and found.lightest_tool is not None
-    assert found.stiffest_wall > 2000 and found.lightest_tool < 0.02
-    low, high = World(0.02, 0.0, 0.0), World(5.0, inf, found.stiffest_wall)
+    assert found is not None and found.stiffest_spring is not None and found.lightest_tool is not None
+    assert found.stiffest_spring > 2000 and found.lightest_tool < 0.02
+    low, high = World(0.02, 0.0, 0.0), World(5.0, inf, found.stiffest_spring)
     for worlds, passes in (
         (Worlds(low, high), True),
         (Worlds(replace(low, mass=found.lightest_tool), replace(high, stiffness=2000.0)), True),
-        (Worlds(low, replace(high, stiffness=1.5 * found.stiffest_wall)), False),
+        (Worlds(low, replace(high, stiffness=1.5 * found.stiffest_spring)), False),
         (Worlds(replace(low, mass=found.lightest_tool / 1.5), replace(high, stiffness=2000.0)), False),
     ):
         outcome = judge(replace(posed, worlds=worlds), *posed.fixed_design).certificate.outcomes["worlds"]

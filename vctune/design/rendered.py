@@ -176,7 +176,7 @@ def met(low: Floats, high: Floats) -> WorldCells:
 
 
 def rendered_record(problem: Problem, judgement: Judgement) -> RenderedRecord | None:
-    """Return the stiffest wall and the lightest tool that are proved with a design in every hand.
+    """Return the stiffest spring and the lightest tool that are proved with a design in every hand.
 
     Parameters
     ----------
@@ -205,10 +205,10 @@ def rendered_record(problem: Problem, judgement: Judgement) -> RenderedRecord | 
     except OutOfTimeError:
         return None
     return RenderedRecord(
-        stiffest_wall=proved[STIFFNESS],
+        stiffest_spring=proved[STIFFNESS],
         tools=[float(low[MASS]), float(high[MASS])],
         lightest_tool=proved[MASS],
-        walls=[float(low[STIFFNESS]), float(high[STIFFNESS])],
+        springs=[float(low[STIFFNESS]), float(high[STIFFNESS])],
     )
 
 

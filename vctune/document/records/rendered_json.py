@@ -1,4 +1,4 @@
-"""The record of what may be rendered with a design: the stiffest wall and the lightest tool that are proved."""
+"""The record of what may be rendered with a design: the stiffest spring and the lightest tool that are proved."""
 
 from __future__ import annotations
 
@@ -12,26 +12,27 @@ from vctune.model.numbers.units import Units
 class RenderedRecord(Part):
     """The greatest stiffness and the least mass that are proved in every hand, each with the rest of the box as it is.
 
-    `tools` are the masses beside the wall, `walls` the stiffnesses beside the tool. Infinite is null in the file.
+    `tools` are the masses beside the spring, `springs` the stiffnesses beside the tool. Infinite is null in the file.
     """
 
-    stiffest_wall: Annotated[Number, Shown("stiffest wall", digits=4, of="stiffness")] = None
+    stiffest_spring: Annotated[Number, Shown("stiffest spring", digits=4, of="stiffness")] = None
     tools: list[Number]
     lightest_tool: Annotated[Number, Shown("lightest tool", digits=4, of="mass")] = None
-    walls: list[Number]
+    springs: list[Number]
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the rows, each with what it is beside."""
-        beside = {"wall": (self.tools, units.mass), "tool": (self.walls, units.stiffness)}
+        beside = {"spring": (self.tools, units.mass), "tool": (self.springs, units.stiffness)}
         for row, (numbers, unit) in zip(super().rows(units), beside.values(), strict=True):
             yield row._replace(unit=f"{row.unit if row.value != 'none' else ''}  {_beside(numbers, unit)}".strip())
 
     def said(self, units: Units) -> str:
         """Return what is proved, in a sentence; "" if nothing is."""
-        parts = (
-            [f"walls up to {text(self.stiffest_wall, 4)} {units.stiffness}"] if self.stiffest_wall is not None else []
-        )
-        parts += [f"tools from {text(self.lightest_tool, 4)} {units.mass}"] if self.lightest_tool is not None else []
+        parts = []
+        if self.stiffest_spring is not None:
+            parts.append(f"springs up to {text(self.stiffest_spring, 4)} {units.stiffness}")
+        if self.lightest_tool is not None:
+            parts.append(f"tools from {text(self.lightest_tool, 4)} {units.mass}")
         return f"proved are {' and '.join(parts)}" if parts else ""
 
 

@@ -42,8 +42,8 @@ READINGS = {
     ),
     "z-width": (
         "What may be rendered?",
-        "Each point is a wall and a tool, with any damping: blue is proved stable in every hand, in orange there is a "
-        "hand in which it holds an oscillation with the reserve used up. The frame is what the problem asks for. "
+        "Each point is a spring and a tool, with any damping: blue is proved stable in every hand, in orange there is "
+        "a hand in which it holds an oscillation with the reserve used up. The frame is what the problem asks for. "
         "`vctune region --x environment.stiffness --y environment.mass` draws the map in full.",
     ),
     "impedance": (
