@@ -53,7 +53,7 @@ def _of_servo(studies: Sequence[RecordStudy], known: LogMap) -> list[Note]:
     said = []
     if known_sensor(known) is None:
         text = (
-            "no log tells how late the force is sensed: it is assumed to be sensed at once; write "
+            "no log shows how late the force is sensed: it is assumed to be sensed at once; write "
             f"[device.{SENSOR}] in a log.toml"
         )
         said.append(Note("remark-assumed-sensor", text))
