@@ -42,7 +42,7 @@ reference_impedance = 10.0
 criterion = 'passive'
 band_hz = [0.5, 80.0]
 """
-"""A device that has every number there is."""
+"""A device that has every number of a velocity loop; a servo has none of them."""
 WHEEL = (ROOT / "problems/friction-wheel.toml").read_text()
 
 
@@ -57,7 +57,7 @@ def real():
 
 @pytest.mark.slow
 def test_every_number_of_a_device_has_a_price(real):
-    assert {price.key for price in real.prices} == {f"device.{key}" for key in NUMBERS}
+    assert {price.key for price in real.prices} == {f"device.{key}" for key in NUMBERS if not key.startswith("servo.")}
     changes = [price.change for price in real.prices]
     assert changes == sorted(changes) and max(changes) <= 0
 

@@ -29,7 +29,7 @@ RESERVES = (5e-3, 0.03, 0.1)
 """By what share a limit in double precision is missed at first, and where that is not proved: what is nearer takes more
 boxes."""
 DIGITS = 3
-"""Of a limit."""
+"""Significant digits of a stated limit."""
 WORTH = 0.01
 """By what share a limit has to surpass what is proved already to be worth a proof of its own."""
 MASS, STIFFNESS = 0, 2

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import control
 
 POINTS, DECADES = 1600, 5.0
-"""Of the frequencies that are drawn up to Nyquist. Half shows corners, twice is twice as long a file."""
+"""Number of frequencies that are drawn up to Nyquist. Half shows corners; twice makes the file twice as long."""
 MOST_SHOWN = 20
 """Rows that a notebook shows of a response."""
 

@@ -13,7 +13,7 @@ from vctune.document.text.raw import number_at
 from vctune.model.parts import DELAYS, LOOP_DELAYS, NUMBERS, PARTS, PartNumber
 
 MAX_DELAY_SAMPLES = 200
-"""Of the device's own delay and of its force sensor's."""
+"""Greatest delay of the device, and of its force sensor, in samples."""
 SENSED_DELAYS = set(DELAYS) - set(LOOP_DELAYS)
 """The delays behind the loop's own, which `contradictions` looks at."""
 FASTEST, SLOWEST = 1e3, 1e-6

@@ -261,10 +261,9 @@ def plain_rows(
     Number
         Rate at which the low-pass's input drives its last state.
     """
-    corner, (out, rate) = 2 * ops.pi * samples, states
     if order == 1:
-        rows[out][out] = -corner
-        return corner
+        return filter_rows(rows, states, samples, order, ops)
+    corner, (out, rate) = 2 * ops.pi * samples, states
     rows[out][rate] = corner
     rows[rate][out], rows[rate][rate] = -corner, -ops.sqrt(2 * (corner * corner))
     return corner

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import partial
-from math import ceil, floor, nextafter, pi
+from math import nextafter, pi
 
 import numpy as np
 from flint import arb
@@ -19,12 +19,10 @@ from vctune.model.gains import Gains, SpringDamper
 from vctune.model.hand_arrays import stacked
 from vctune.model.hands import STIFFNESS, Hand, Hands
 from vctune.model.numbers.keys import keys_of
-from vctune.model.parts import DELAYS
 from vctune.model.problem import Demands
 from vctune.model.sampled.loop_in_walls import LEADS
 from vctune.model.sampled.loop_in_worlds import posed, sum_of
-from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
-from vctune.model.sampled.velocity_loop import SNAP
+from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.worlds import WorldsMet
 from vctune.proof.claims.array_claims import (
     AT_REST,
@@ -34,6 +32,7 @@ from vctune.proof.claims.array_claims import (
     limp_hands_margins,
     whenever_margins,
 )
+from vctune.proof.claims.delay_parts import DELAY_ROWS, Ends, Part, parts_of, row_of
 from vctune.proof.claims.margins_of_claims import (
     HALF_TURN,
     Design,
@@ -61,7 +60,7 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.proof.enclosures.taylor_functions import TAYLOR
 from vctune.proof.engine.box_tests import alone, next_to_zero, positive
 from vctune.proof.engine.boxes import Boxes, Values, band_of, over_band
-from vctune.proof.engine.branching import Decided, Test, prove
+from vctune.proof.engine.branching import Test, prove
 from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.proof.engine.polynomial_tests import FEW, any_positive, positive_by_polynomials
 from vctune.proof.engine.winding import turned_angle
@@ -81,8 +80,6 @@ EASY_PARTS = 4_000
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
 """How far from an end of the angles, as a share of pi, a witness is looked for. Fewer: growth that takes longer to see;
 more: none that is seen."""
-Ends = dict[str, tuple[Floats, Floats]]
-"""The least and the greatest number of each row by its name, of one box or of several."""
 MAX_HALVINGS = 120
 """Greatest number of halvings of a box: twenty in each of six rows. Half and twice as often: the same proofs."""
 
@@ -367,7 +364,7 @@ def _decided(
     whenever : a test that proves as much of parts with any whole samples
     """
     names, boxes = tuple(ends), 0
-    parts, fixed = parts_of(asked.design, ends), fixed_of(asked.design)
+    parts, fixed = parts_of(asked.design.device, ends), fixed_of(asked.design)
     left: slice | Flags = slice(None)
     if whenever is not None and len(parts) >= MANY_PARTS:
         left, boxes = _left_of_parts(whenever(parts[1], fixed), boxes_over(parts[1], names, near))
@@ -388,19 +385,6 @@ def _decided(
                 point = found.open[:, 0] if np.isnan(found.failing[0, 0]) else found.failing[:, 0]
                 return _in_doubt(asked.design, asked.demands, asked.uncertain, names, part, point, boxes, near)
     return Outcome(Verdict.PROVED, boxes)
-
-
-def parts_of(design: Design, ends: Ends) -> list[Part]:
-    """Return the parts of a design's boxes by the whole samples of their delays.
-
-    Parameters
-    ----------
-    design : its numbers are not rows
-    ends : least and greatest number of each row but the angle
-    """
-    names = tuple(ends)
-    edges = (np.array([pair[end] for pair in ends.values()]) if ends else np.empty((0, 1)) for end in (0, 1))
-    return _parts(design.device, names, *edges)
 
 
 def fixed_of(design: Design) -> Values:
@@ -479,107 +463,6 @@ def _in_doubt(
         Verdict.REFUTED if refuted else Verdict.UNDECIDED, boxes, theta, device if uncertain else None, hand
     )
     return in_rad_per_s(outcome, device)
-
-
-@dataclass(frozen=True, slots=True)
-class Part:
-    """The devices and hands of a box whose delays have the same whole samples.
-
-    Attributes
-    ----------
-    low, high : ends of the numbers, shape (rows, 1), or (rows, n) of n parts
-    delays : whole samples
-    sample_time, other : T, and of device and sensor the delay that is no row, s
-    """
-
-    low: Floats
-    high: Floats
-    delays: Delays
-    sample_time: float
-    other: float
-
-    @property
-    def spans(self) -> Floats:
-        """The range of each number, shape (rows, 1)."""
-        return np.asarray((self.high - self.low).max(axis=1, keepdims=True))
-
-    def within(self, test: Test, names: tuple[str, ...]) -> Test:
-        """Return a test that ignores points where the sum of both delays has other whole samples.
-
-        Parameters
-        ----------
-        test : test of boxes with these rows
-        names : names of the rows, but the frequency
-        """
-        rows = [1 + index for index, name in enumerate(names) if name in DELAY_ROWS]
-        if not rows:
-            return test
-        least = self.delays.felt * self.sample_time * (1 - SNAP)
-        most = (self.delays.felt + 1) * self.sample_time * (1 + SNAP)
-
-        def total(numbers: Floats) -> Floats:
-            return np.asarray(self.other + sum(numbers[row] for row in rows))
-
-        def tested(boxes: Boxes) -> Decided:
-            decided = test(boxes)
-            outside = (total(boxes.low) > most) | (total(boxes.high) < least)
-            there = (total(decided.point) >= least) & (total(decided.point) <= most)
-            decided.side[rows] = 0.0  # an end may be outside, and be left out
-            return replace(decided, proved=decided.proved | outside, fails=decided.fails & there)
-
-        return tested
-
-
-def row_of(key: str) -> str:
-    """Return the name of the row of a number of the device."""
-    return f"device.{key}"
-
-
-DELAY_ROWS = tuple(map(row_of, DELAYS))
-
-
-def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) -> list[Part]:
-    """Return the parts of a box of devices by the whole samples of their delays: one if those are known."""
-    known, T = delays_of(device), device.sample_time
-    own = row_of(device.delay_key)
-    others = {row_of(key): number for key in DELAYS if (number := device.number(key)) is not None}
-    rows = {name: names.index(name) for name in DELAY_ROWS if name in names}
-    if not rows:
-        return [Part(low, high, known, T, 0.0)]
-    other = sum(delay for name, delay in others.items() if name not in rows)
-    if device.servo is not None and device.servo.stiffness is None and len(rows) == 1:
-        return _parts_of_sum(rows.popitem()[1], low, high, known, T, other)
-    parts, row = [], rows.get(own)
-    loops = [known.loop] if row is None else _whole(low[row, 0], high[row, 0], T, last=True)
-    for loop in loops:
-        least, most = low.copy(), high.copy()
-        if row is not None:
-            least[row], most[row] = max(low[row, 0], loop * T), min(high[row, 0], (loop + 1) * T)
-        shortest, longest = (other + sum(end[at, 0] for at in rows.values()) for end in (least, most))
-        for felt in _whole(shortest, longest, T, last=loop == loops[-1]):
-            delays = Delays(loop, row is not None or known.loop_fractional, felt, felt_fractional=True)
-            parts.append(Part(least, most, delays, T, other))
-    return parts
-
-
-def _parts_of_sum(row: int, low: Floats, high: Floats, known: Delays, T: float, other: float) -> list[Part]:
-    """Return the parts of a box of servos, of which only the sum of both delays counts, one of them in a row."""
-    parts = []
-    for felt in _whole(low[row, 0] + other, high[row, 0] + other, T, last=True):
-        least, most = low.copy(), high.copy()
-        least[row], most[row] = max(low[row, 0], felt * T - other), min(high[row, 0], (felt + 1) * T - other)
-        delays = replace(known, felt=felt, felt_fractional=True)
-        parts.append(Part(least, np.maximum(least, most), delays, T, other))
-    return parts
-
-
-def _whole(low: float, high: float, T: float, *, last: bool) -> range:
-    """Return the whole samples of delays between two; of the `last` delays also the whole number that they end at.
-
-    The sensed force at a whole number is not the limit of that just below it.
-    """
-    first, end = floor(low / T * (1 + SNAP)), high / T
-    return range(first, max(first + 1, floor(end * (1 + SNAP)) + 1 if last else ceil(end * (1 - SNAP))))
 
 
 def prove_poles_in(device: Device, hand: Hand, gains: Gains, held: SpringDamper | None = None) -> Outcome:

@@ -17,13 +17,12 @@ from vctune.model.problem import Demands
 from vctune.model.sampled.plant_in_hand import delays_of
 from vctune.model.worlds import World, Worlds
 from vctune.proof.claims.array_claims import WORLD_ENDS, hands_margins
+from vctune.proof.claims.delay_parts import Part, parts_of
 from vctune.proof.claims.every_hand import (
     MAX_HALVINGS,
     Asked,
-    Part,
     boxes_over,
     fixed_of,
-    parts_of,
     prove_stable_in_middle,
 )
 from vctune.proof.claims.margins_of_claims import Design
@@ -162,7 +161,7 @@ def open_in_hands(design: Design, demands: Demands, box: DeviceBox | None, dampi
                 part.within(test, asked.names), boxes_over(part, asked.names), max_boxes=MAX_BOXES, share=FAILING
             ),
         )
-        for part in parts_of(design, asked.ends())
+        for part in parts_of(design.device, asked.ends())
         for test in asked.tests(part, fixed_of(design))
     )
     return OpenInHands(asked, stable=True, parts=found)
