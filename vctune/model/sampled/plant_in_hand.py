@@ -11,6 +11,7 @@ itself with 2 j tan(theta/2) instead of s, so that its low frequencies hardly de
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
@@ -33,6 +34,7 @@ from vctune.model.numbers.matrices import (
     times,
 )
 from vctune.model.numbers.pair import EvenOdd, Pair
+from vctune.model.sampled.rigid_sample import half_coth_of, powers_of, share_of_older
 from vctune.model.sampled.servo_plant import SensedDelay, ServoPlant, servo_plant
 from vctune.model.sampled.state_space import left_by_older
 from vctune.model.sampled.velocity_loop import split_delay
@@ -166,17 +168,11 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
     T, estimate = device.sample_time, device.velocity
     parts = mechanism_in_hand(device, hand, ops)
     at = {name: index for index, name in enumerate(parts.names)}
-    over = _over_inertia(parts, at)
-    rounded = half_coth(over, ops)
-    step = _times_inertia(rounded, parts, at)
+    sample = _rigid(parts, ops) or _any(parts, at, ops)
+    step = sample.step
 
     def older(delay: Number, whole: Number, *, fractional: bool) -> Vector | None:
-        if not fractional:
-            return None
-        n = len(parts.names)
-        rows = (*((*row, push) for row, push in zip(over, parts.push, strict=True)), (0,) * (n + 1))
-        left = left_by_older(rows, (delay - whole * T) / T, ops)
-        return applied(added(rounded, scaled(over, -0.5)), left[:-1])
+        return sample.older((delay - whole * T) / T) if fractional else None
 
     before = felt_before = older(device.delay, delays.loop, fractional=delays.loop_fractional)
     if not ops.is_zero(device.sensing.delay):
@@ -208,6 +204,55 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
         order=order,
         meets_position=not device.kind.senses_force,
     )
+
+
+class Sample(NamedTuple):
+    """A mechanism over a sample.
+
+    Attributes
+    ----------
+    step : Q
+    older : b_1 as a function of the share of the sample for which the older force acts
+    """
+
+    step: Matrix
+    older: Callable[[Number], Vector]
+
+
+def _rigid(parts: Mechanism, ops: Arithmetic) -> Sample | None:
+    """Return the sample of a rigid device without further states, in closed form.
+
+    None for another device, for single numbers, and if device and hand are too stiff for a sample.
+    """
+    if len(parts.names) > 2 or ops.arrays is None:
+        return None
+    arrays, (_, (spring, damper)), inertia = ops.arrays, parts.rates, parts.inertia["velocity"]
+    c, k = -damper / inertia, -spring / inertia
+    powers = powers_of(c, k, arrays)
+    if powers is None:
+        return None
+    own = half_coth_of(powers, arrays)
+
+    def older(share: Number) -> Vector:
+        left = share_of_older(powers, share, arrays)
+        return left.slope / inertia, left.constant - left.slope * c
+
+    step = (own.constant, own.slope), (own.slope * spring, own.constant * inertia + own.slope * damper)
+    return Sample(step, older)
+
+
+def _any(parts: Mechanism, at: dict[str, int], ops: Arithmetic) -> Sample:
+    """Return the sample of any mechanism by functions of its matrix."""
+    over = _over_inertia(parts, at)
+    rounded = half_coth(over, ops)
+
+    def older(share: Number) -> Vector:
+        n = len(parts.names)
+        rows = (*((*row, push) for row, push in zip(over, parts.push, strict=True)), (0,) * (n + 1))
+        left = left_by_older(rows, share, ops)
+        return applied(added(rounded, scaled(over, -0.5)), left[:-1])
+
+    return Sample(_times_inertia(rounded, parts, at), older)
 
 
 def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:

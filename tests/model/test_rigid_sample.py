@@ -1,0 +1,135 @@
+"""A rigid device and hand over a sample: the closed form against functions of matrices, in 128 bits and over boxes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from flint import ctx
+
+from vctune.model.device import Device
+from vctune.model.hands import Hand
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.sampled import plant_in_hand as sampled
+from vctune.model.sampled.plant_in_hand import Delays, PlantInHand, plant_in_hand
+from vctune.model.sampled.rigid_sample import WITHIN, powers_of
+from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, ball
+from vctune.proof.enclosures.array_intervals import Enclosure, between
+from vctune.proof.enclosures.jets import ENCLOSURES, Jet
+from vctune.proof.enclosures.jets import variables as jets
+from vctune.proof.enclosures.taylor import Taylor
+from vctune.proof.enclosures.taylor import variables as polynomials
+from vctune.proof.enclosures.taylor_functions import TAYLOR
+
+T, DELAYS = 1e-3, Delays(2, True, 2, True)
+KINDS = {"soft": 1e-4, "usual": 0.1, "stiff": 1.2}
+"""sqrt(K/(m + M)) T at most."""
+
+
+def drawn(rng, reach, count):
+    """Return m, b, the delay, M, B and K of rigid devices in hands."""
+    mass, carried, older = rng.uniform(0.05, 2, count), rng.uniform(0, 1, count), rng.uniform(0, 1, count)
+    damping, held = (reach * (mass + carried) / T * rng.uniform(0, 0.5, count) for _ in range(2))
+    return mass, damping, (2 + older) * T, carried, held, (mass + carried) * (reach * rng.uniform(0, 1, count) / T) ** 2
+
+
+def plant(numbers, ops):
+    mass, damping, delay, *hand = numbers
+    found = plant_in_hand(Device(mass, damping, T, delay), Hand(*hand), DELAYS, ops)
+    assert isinstance(found, PlantInHand)
+    return found
+
+
+def entries(found):
+    """Return Q, b_1 and the sensed parts, in order."""
+    return [x for row in found.step for x in row] + [*found.older, *found.felt_inertia[0], *found.felt_inertia[1]]
+
+
+def exactly(numbers):
+    """Return the same by functions of matrices, in 128 bits."""
+    with ctx.workprec(PRECISION):
+        mass, damping, delay, *hand = map(ball, numbers)
+        device = Device(mass, damping, ball(T), delay)
+        return [float(x) for x in entries(plant_in_hand(device, Hand(*hand), DELAYS, BALLS))]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_closed_form_is_the_function_of_the_matrix(kind):
+    numbers = drawn(np.random.default_rng(1), KINDS[kind], 40)
+    found = np.array([np.broadcast_to(x, 40) for x in entries(plant(numbers, FLOATS))])
+    expected = np.array([exactly(each) for each in zip(*(x.tolist() for x in numbers), strict=True)]).T
+    scale = np.abs(expected).max(axis=1, keepdims=True)
+    assert np.abs(found - expected).max() <= 4e-15 * scale.max()
+    assert np.all(np.abs(found - expected) <= 1e-13 * scale)
+
+
+def enclosed(x, at, place):
+    """Return an enclosure of a number at points of its boxes, each row between -1 and 1, shape (rows, n)."""
+    if isinstance(x, Taylor):
+        i, j = np.triu_indices(x.rows)
+        terms = np.vstack((np.ones((1, at.shape[1])), at, at[i] * at[j]))
+        rest = x.rest.sum(axis=0)
+        return ((x.poly * terms).sum(axis=0) - rest * (1 + 1e-12) - 1e-300)[place], (
+            (x.poly * terms).sum(axis=0) + rest * (1 + 1e-12) + 1e-300
+        )[place]
+    value = x.value if isinstance(x, Jet) else x if isinstance(x, Enclosure) else Enclosure(float(x))
+    mid, rad = (np.broadcast_to(part, at.shape[1])[place] for part in (value.mid, value.rad))
+    return mid - rad, mid + rad
+
+
+@pytest.mark.parametrize("arithmetic", ["enclosures", "jets", "polynomials"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_boxes_hold_what_each_of_their_devices_has(kind, arithmetic):
+    rng, count = np.random.default_rng(2), 60
+    low, other = drawn(rng, KINDS[kind], count), drawn(rng, KINDS[kind], count)
+    share = 10.0 ** rng.uniform(-6, -0.5, count)
+    rows = [
+        between(np.minimum(a, c), np.maximum(a, c))
+        for a, b in zip(low, other, strict=True)
+        for c in [a + share * (b - a)]
+    ]
+    made = {
+        "enclosures": lambda: rows,
+        "jets": lambda: jets(rows, [True] * 6),
+        "polynomials": lambda: polynomials(rows, [True] * 6),
+    }
+    ops = TAYLOR if arithmetic == "polynomials" else ENCLOSURES
+    found = entries(plant(made[arithmetic](), ops))
+    at = rng.uniform(-1, 1, (6, count)) * 0.999
+    at[:, ::3] = np.sign(at[:, ::3]) * 0.999999
+    for k in range(0, count, 4):
+        numbers = [float(row.mid[k] + e * row.rad[k]) for row, e in zip(rows, at[:, k], strict=True)]
+        exact = exactly(numbers)
+        # the decimals of a box are within a rounding of its doubles
+        for x, value in zip(found, exact, strict=True):
+            least, most = enclosed(x, at, k)
+            slack = 1e-15 * max(abs(value), 1.0)
+            assert least - slack <= value <= most + slack
+
+
+def test_slopes_hold_every_derivative():
+    rng, count = np.random.default_rng(3), 30
+    numbers = drawn(rng, 0.3, count)
+    rows = [between(x, x * (1 + 1e-3)) for x in numbers]
+    found = entries(plant(jets(rows, [True] * 6), ENCLOSURES))
+    for row, step in enumerate(1e-4 * np.abs(x) for x in numbers):
+        above = entries(plant([x + step * (k == row) + 5e-4 * x for k, x in enumerate(numbers)], FLOATS))
+        below = entries(plant([x - step * (k == row) + 5e-4 * x for k, x in enumerate(numbers)], FLOATS))
+        for x, more, less in zip(found, above, below, strict=True):
+            slope = x.slopes[row] if isinstance(x, Jet) and row < len(x.slopes) else None
+            mid, rad = (0.0, 0.0) if slope is None else (slope.mid, slope.rad)
+            rounding = 1e-14 * (np.abs(more) + 1e-3) / step
+            assert np.all(np.abs((more - less) / (2 * step) - mid) <= rad + rounding)
+
+
+def test_a_hand_that_is_too_stiff_for_a_sample_is_left_to_matrices():
+    assert powers_of(np.array([0.1]), np.array([WITHIN**2]), FLOATS) is None
+    assert powers_of(np.array([0.1]), np.array([np.nan]), FLOATS) is None
+    stiff = drawn(np.random.default_rng(4), 6.0, 20)
+    found = np.array([np.broadcast_to(x, 20) for x in entries(plant(stiff, FLOATS))])
+    expected = np.array([exactly(each) for each in zip(*(x.tolist() for x in stiff), strict=True)]).T
+    assert np.all(np.abs(found - expected) <= 1e-11 * np.abs(expected).max(axis=1, keepdims=True))
+
+
+def test_the_closed_form_is_used(monkeypatch):
+    monkeypatch.setattr(sampled, "half_coth", lambda *of: pytest.fail("a rigid device has a closed form"))
+    assert np.all(np.isfinite(entries(plant([np.array([x]) for x in (0.4, 2.0, 2.5e-3, 0.1, 5.0, 1000.0)], FLOATS))))

@@ -1,0 +1,158 @@
+"""Functions of a rigid device and hand over a sample, in closed form (model/README.md, section 14).
+
+The matrix X = A/E of two states satisfies X^2 = -c X - k with c = (b + B) T/(m + M) and k = K T^2/(m + M), so that each
+of its powers is u + v X, and so is each of its functions. The functions that a sample needs are power series with
+Bernoulli's numbers and polynomials,
+
+    (X/2) coth(X/2) = sum of B_n/n! X^n over even n,
+    (e^X - e^((1-d) X))/(e^X - 1) = sum of w_n(d) X^(n-1) over n >= 1,
+
+w_n(d) = (B_n(1) - B_n(1 - d))/n!. The latter is the share of the older force of a sample that acts for d of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from functools import cache
+from math import comb, factorial, pi, sqrt
+from typing import NamedTuple
+
+from vctune.model.numbers.arithmetic import ArrayArithmetic, Number
+from vctune.model.numbers.matrices import LEFT_OUT, add, bernoulli, times
+
+WITHIN = 2.0
+"""Spectral radius of X up to which the series are used; their radius is 2 pi. Half leaves stiff hands at long sample
+times to the functions of any matrix, which take ten times as long; twice needs twice as many terms for them."""
+COEFFICIENT = 3.3
+"""At least 2 zeta(2): |B_n(x)|/n! is at most 2 zeta(n)/(2 pi)^n for n >= 2 and x between 0 and 1."""
+RAISED = 1 + 1e-9
+"""Covers the roundings of a bound. Half and twice the excess are as good."""
+
+
+class Linear(NamedTuple):
+    """The matrix constant + slope X."""
+
+    constant: Number
+    slope: Number
+
+
+class Powers(NamedTuple):
+    """The powers X^n = u + v X of a matrix with X^2 = -c X - k, for n = 0, 1, ..., and a bound of its eigenvalues."""
+
+    each: tuple[Linear, ...]
+    radius: float
+
+
+def powers_of(c: Number, k: Number, ops: ArrayArithmetic) -> Powers | None:
+    """Return as many powers of X as the series need.
+
+    Parameters
+    ----------
+    c, k : numbers with X^2 = -c X - k
+    ops : arithmetic of both
+
+    Returns
+    -------
+    Powers or None
+        None if an eigenvalue may be greater than `WITHIN`.
+    """
+    damping, stiffness = ops.magnitude(c), ops.magnitude(k)
+    # |x|^2 <= |c| |x| + |k| for an eigenvalue x
+    radius = (damping + sqrt(damping * damping + 4 * stiffness)) / 2 * RAISED
+    if not radius <= WITHIN:
+        return None
+    found = [Linear(1, 0), Linear(0, 1)]
+    while _rest(len(found), radius) > LEFT_OUT * ops.precision:
+        u, v = found[-1]
+        found.append(Linear(times(-k, v), add(u, times(-c, v))))
+    return Powers(tuple(found), radius)
+
+
+def half_coth_of(powers: Powers, ops: ArrayArithmetic) -> Linear:
+    """Return (X/2) coth(X/2), in enclosures with what the series leaves out.
+
+    Parameters
+    ----------
+    powers : of X
+    ops : their arithmetic
+    """
+    even = {n: _coefficient(bernoulli(n) / factorial(n), ops) for n in range(2, len(powers.each), 2)}
+    return _summed({0: 1, **even}, powers, ops)
+
+
+def share_of_older(powers: Powers, older: Number, ops: ArrayArithmetic) -> Linear:
+    """Return (e^X - e^((1-d) X))/(e^X - 1), in enclosures with what the series leaves out.
+
+    Parameters
+    ----------
+    powers : of X
+    older : d, share of the sample for which the older force acts, in [0, 1]
+    ops : arithmetic of both
+    """
+    off = older - 0.5
+    square = off * off
+    squares: list[Number] = [1]
+    while 2 * len(squares) <= len(powers.each):
+        squares.append(times(squares[-1], square) if len(squares) > 1 else square)
+    coefficients: dict[int, Number] = {0: older}
+    for n in range(1, len(powers.each)):
+        even, odd = _in_offset(n + 1)
+        value = _polynomial(even, squares, ops)
+        if any(odd):
+            value = add(value, times(off, _polynomial(odd, squares, ops)))
+        coefficients[n] = value
+    return _summed(coefficients, powers, ops)
+
+
+def _summed(coefficients: dict[int, Number], powers: Powers, ops: ArrayArithmetic) -> Linear:
+    """Return the sum of coefficients times powers, and what is left out."""
+    constant: Number = 0
+    slope: Number = 0
+    for n, factor in coefficients.items():
+        u, v = powers.each[n]
+        constant, slope = add(constant, times(u, factor)), add(slope, times(v, factor))
+    rest = ops.within(_rest(len(powers.each), powers.radius))
+    return Linear(constant + rest, slope + rest)
+
+
+def _polynomial(coefficients: Sequence[Fraction], powers: Sequence[Number], ops: ArrayArithmetic) -> Number:
+    total: Number = 0
+    for coefficient, power in zip(coefficients, powers, strict=False):
+        if coefficient:
+            total = add(total, times(power, _coefficient(coefficient, ops)))
+    return total
+
+
+def _coefficient(exact: Fraction, ops: ArrayArithmetic) -> Number:
+    """Return a coefficient, in enclosures with the rounding of its double."""
+    rounded = float(exact)
+    return rounded + ops.within(2.0**-52 * abs(rounded))
+
+
+def _rest(count: int, radius: float) -> float:
+    """Return a bound of what either series leaves out after so many powers, for the constant and for the slope.
+
+    With x = radius/(2 pi), u of X^n is at most (n - 1) radius^n and v at most n radius^(n-1). A coefficient is at most
+    `COEFFICIENT`/(2 pi)^n, or twice that over (2 pi)^(n+1). The sum of n x^(n-1) from n = m on is at most
+    m x^(m-1)/(1 - x)^2.
+    """
+    x = radius / (2 * pi)
+    return COEFFICIENT * count * x ** (count - 1) / (1 - x) ** 2 * RAISED
+
+
+@cache
+def _in_offset(n: int) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:
+    """Return the coefficients of w_n(1/2 + h) with respect to the even and to the odd powers of h.
+
+    They are those of (B_n(1) - B_n(1/2 - h))/n!.
+    """
+    half = Fraction(1, 2)
+    centred = [comb(n, j) * _bernoulli_polynomial(n - j, half) * (-1) ** j for j in range(n + 1)]
+    found = [-each / factorial(n) for each in centred]
+    found[0] += _bernoulli_polynomial(n, Fraction(1)) / factorial(n)
+    return tuple(found[::2]), tuple(found[1::2])
+
+
+def _bernoulli_polynomial(n: int, x: Fraction) -> Fraction:
+    return sum((comb(n, j) * bernoulli(n - j) * x**j for j in range(n + 1)), Fraction(0))
