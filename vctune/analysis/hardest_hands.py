@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from math import inf, pi
@@ -20,6 +21,7 @@ from vctune.model.sampled.hand_loop import AnyLoopInHand, loop_in_hand, offered,
 from vctune.model.sampled.loop_in_walls import LEADS, disjuncts_in_walls, strip_in_walls
 from vctune.model.sampled.loop_in_worlds import Offered, Seen, disjuncts, offered_at, posed, room_of
 from vctune.model.sampled.plant_in_hand import ServoInHand, delays_of, plant_in_hand
+from vctune.model.sampled.several_devices import as_one
 from vctune.model.worlds import WorldsMet
 from vctune.running import check_time
 
@@ -154,7 +156,7 @@ def _need(required: Floats, there: Floats) -> Floats:
 
 @np.errstate(all="ignore")
 def hardest_near(
-    device: Device,
+    devices: Device | Sequence[Device],
     hands: Hands,
     gains: Gains,
     coupling: AnyCoupling,
@@ -165,7 +167,7 @@ def hardest_near(
 
     Parameters
     ----------
-    device : plain numbers
+    devices : plain numbers; one, or one for each place, which are `alike`
     hands : the box
     gains, coupling : a design, or one for each place, arrays of shape (n, 1, 1)
     starts : n angles omega T, rad, each with a hand of the box
@@ -176,6 +178,7 @@ def hardest_near(
     need : 1/ratio, shape (n,)
     places : n angles, each with a hand
     """
+    device, delays = as_one([devices] if isinstance(devices, Device) else devices, (-1, 1, 1))
     low, width = np.array([(low, high - low) for low, high in hands.ranges.values()]).T
     theta, count = starts.at, len(width)
     safe = np.where(width > 0, width, 1.0)
@@ -194,7 +197,7 @@ def hardest_near(
         if isinstance(plant, ServoInHand):  # no hand moves it
             plant = replace(plant, hand=hand)
         else:
-            plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
+            plant = plant_in_hand(device, hand, delays, FLOATS)
         loop = loop_in_hand(plant, angle[:, None, :], FLOATS)
         need = needs_in_hands(loop, device, gains, coupling, angle[:, None, :], met).reshape(theta.size, -1)
         need = np.nan_to_num(need, nan=-inf, posinf=inf)  # 0/0 at rest without an integrator asks for nothing

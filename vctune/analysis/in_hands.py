@@ -22,6 +22,7 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 from vctune.model.sampled.hand_loop import loop_in_hand, offered
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.sampled.several_devices import alike
 from vctune.model.worlds import WorldsMet
 
 SEARCHED = 6
@@ -29,6 +30,9 @@ SEARCHED = 6
 SHARP = 0.03
 """Damping ratio below which the angles where a hand resonates with the device are looked at, which no grid meets. Half
 and twice it lead to the same design of a display of hardly any damping."""
+
+TOGETHER = 32
+"""Devices that are looked at together: their arrays stay in the processor's cache. Half and twice take as long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,11 +74,27 @@ def least_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[
     problem : problem of one device, with a claim in hands, or in any hand on an impedance display
     gains, coupling : plain floats, in the problem's units
     """
-    found: list[RatioInHand | RatioInAnyHand] = []
-    if problem.hands_met is not None:
-        found += least_ratios_in_hands(problem.device, problem.hands_met, gains, coupling, problem.worlds_met)
-    if problem.any_hand:
-        found += least_ratios_in_any_hand(problem.device, gains, coupling)
+    return least_ratios_of_each([problem], gains, coupling)[0]
+
+
+def least_ratios_of_each(
+    problems: Sequence[Problem], gains: Gains, coupling: AnyCoupling
+) -> list[list[RatioInHand | RatioInAnyHand]]:
+    """Return the local minima of the ratio in the hands of several problems, as `least_ratios` does of one.
+
+    Parameters
+    ----------
+    problems : at least one, that differ in their devices alone
+    gains, coupling : plain floats, in the problems' units
+    """
+    found: list[list[RatioInHand | RatioInAnyHand]] = [[] for _ in problems]
+    hands, met = problems[0].hands_met, problems[0].worlds_met
+    if hands is not None:
+        devices = [problem.device for problem in problems]
+        found = [[*ratios] for ratios in least_ratios_of_devices(devices, hands, gains, coupling, met)]
+    for ratios, problem in zip(found, problems, strict=True):
+        if problem.any_hand:
+            ratios.extend(least_ratios_in_any_hand(problem.device, gains, coupling))
     return found
 
 
@@ -95,6 +115,36 @@ def least_ratios_in_hands(
     list of RatioInHand
         At least one.
     """
+    return least_ratios_of_devices([device], hands, gains, coupling, met)[0]
+
+
+def least_ratios_of_devices(
+    devices: Sequence[Device], hands: Hands, gains: Gains, coupling: AnyCoupling, met: WorldsMet | None = None
+) -> list[list[RatioInHand]]:
+    """Return what `least_ratios_in_hands` does for several devices; devices that are alike are looked at together.
+
+    Parameters
+    ----------
+    devices : plain numbers
+    hands, gains, coupling, met : see `least_ratios_in_hands`
+    """
+    starts = [_steepest(device, hands, gains, coupling, met) for device in devices]
+    found: list[list[RatioInHand]] = [[] for _ in devices]
+    groups = (group[i : i + TOGETHER] for group in alike(devices) for i in range(0, len(group), TOGETHER))
+    for group in groups:
+        places = [place for place in group for _ in range(len(starts[place]))]
+        first, *others = (starts[place] for place in group)
+        each = [devices[place] for place in places]
+        closest = _closest(each, hands, gains, coupling, first.joined(*others), met)
+        for place, ratio in zip(places, closest, strict=True):
+            found[place].append(ratio)
+    return [sorted(ratios, key=lambda each: each.ratio) for ratios in found]
+
+
+def _steepest(
+    device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, met: WorldsMet | None
+) -> PlacesInHands:
+    """Return where to look closer: the local minima in some hands, and places that no grid meets."""
     where = loops_in_hands(device, hands)
     need = needs_in_hands(where.loop, device, gains, coupling, where.theta, met)
     hand = np.argmax(need, axis=0)
@@ -104,8 +154,7 @@ def least_ratios_in_hands(
     peaks = peaks[np.argsort(-worst[peaks], kind="stable")][:SEARCHED]
     steepest = PlacesInHands(where.theta[peaks], where.hands.mapped(lambda number: number[hand[peaks]]))
     others = PlacesInHands.of([(0.0, _at_rest(device, hands, gains)), *_resonant(device, hands, gains)])
-    starts = steepest.joined(others)
-    return sorted(_closest(device, hands, gains, coupling, starts, met), key=lambda each: each.ratio)
+    return steepest.joined(others)
 
 
 WINDOW = np.exp(np.linspace(-0.3, 0.3, 121))
@@ -185,7 +234,7 @@ def least_ratio_near(
     met : the environments; None for every passive one
     """
     start = PlacesInHands.of([(omega * device.sample_time, hand)])
-    return _closest(device, hands, gains, coupling, start, met)[0]
+    return _closest([device], hands, gains, coupling, start, met)[0]
 
 
 def least_ratios_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling) -> list[RatioInAnyHand]:
@@ -245,16 +294,17 @@ def _at_rest(device: Device, hands: Hands, gains: Gains) -> Hand:
 
 
 def _closest(
-    device: Device,
+    devices: Sequence[Device],
     hands: Hands,
     gains: Gains,
     coupling: AnyCoupling,
     starts: PlacesInHands,
     met: WorldsMet | None,
 ) -> list[RatioInHand]:
-    needs, places = hardest_near(device, hands, gains, coupling, starts, met)
+    needs, places = hardest_near(devices, hands, gains, coupling, starts, met)
     found = ((need, places[k].mapped(float)) for k, need in enumerate(needs))
-    return [RatioInHand(_inverse(float(need)), place.at / device.sample_time, place.hands) for need, place in found]
+    T = devices[0].sample_time
+    return [RatioInHand(_inverse(float(need)), place.at / T, place.hands) for need, place in found]
 
 
 def _inverse(need: float) -> float:

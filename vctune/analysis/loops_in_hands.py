@@ -107,7 +107,7 @@ def answers(device: Device, theta: Floats) -> AnyHand:
     return any_hand(device, delays.loop, theta, FLOATS, fractional=delays.loop_fractional)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=128)
 def loops_in_hands(
     device: Device, hands: Hands, shares: tuple[float, ...] = SHARES, per_decade: int = PER_DECADE
 ) -> LoopsInHands:

@@ -22,7 +22,14 @@ from vctune.analysis.demands import (
 )
 from vctune.analysis.extrema import Floats, Minima, local_minima
 from vctune.analysis.hardest_hands import tightest_at_wall
-from vctune.analysis.in_hands import RatioInHand, least_ratios, least_ratios_in_hands, ratio_at, windows
+from vctune.analysis.in_hands import (
+    RatioInAnyHand,
+    RatioInHand,
+    least_ratios_in_hands,
+    least_ratios_of_each,
+    ratio_at,
+    windows,
+)
 from vctune.design.prepared import Posed
 from vctune.design.search.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, constraint_points
 from vctune.design.search.worst import loudest, worst_inside
@@ -86,7 +93,10 @@ def violations(
     parts = [_ratios(case, gains, coupling, tightening) for case in cases if case.passive]
     if posed.hand_cases:
         met = {case.device.modelled: case for case in (*loops, *posed.hand_cases)}
-        parts += [_in_hands(case, gains, coupling, tightening) for case in met.values()]
+        worst = least_ratios_of_each([*met.values()], gains, coupling)
+        parts += [
+            _in_hands(case, gains, coupling, tightening, least) for case, least in zip(met.values(), worst, strict=True)
+        ]
         parts += [_at_walls(case, values, tightening) for case in met.values()]
         parts.append(_at_points(refuted, posed.problem, values, tightening))
     parts += [_peaks(case, there, tightening) for case, there in zip(loops, peaks, strict=True)]
@@ -125,9 +135,14 @@ def _ratios(problem: Problem, gains: Gains, coupling: AnyCoupling, tightening: f
     return found
 
 
-def _in_hands(problem: Problem, gains: Gains, coupling: AnyCoupling, tightening: float) -> Violations:
-    """Find the points where the ratio fails in the hands of a problem."""
-    worst = least_ratios(problem, gains, coupling)
+def _in_hands(
+    problem: Problem,
+    gains: Gains,
+    coupling: AnyCoupling,
+    tightening: float,
+    worst: list[RatioInHand | RatioInAnyHand],
+) -> Violations:
+    """Find the points where the ratio fails in the hands of a problem, at or about its least values."""
     if problem.worlds_met is not None:
         worst = [*worst, *windows(problem, gains, coupling, worst, problem.worlds_met)]
     points = [ConstraintPoint(each.omega, problem.device, each.hand) for each in worst]

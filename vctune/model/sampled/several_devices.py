@@ -1,0 +1,67 @@
+"""Several devices as one whose numbers are arrays, where formulas have the same form for all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.model.device import Device
+from vctune.model.sampled.plant_in_hand import Delays, delays_of
+
+
+class SeveralDevices(NamedTuple):
+    """Devices as one.
+
+    Attributes
+    ----------
+    device : a device whose numbers are plain where all agree, and arrays elsewhere
+    delays : whole samples of its delays, likewise
+    """
+
+    device: Device
+    delays: Delays
+
+
+def alike(devices: Sequence[Device]) -> list[list[int]]:
+    """Return groups of devices that `as_one` can join, by their places: those that differ in numbers alone.
+
+    A servo is alone, since no hand moves it.
+
+    Parameters
+    ----------
+    devices : of plain numbers
+    """
+    groups: dict[object, list[int]] = {}
+    for place, device in enumerate(devices):
+        delays = delays_of(device)
+        form = device.with_numbers(dict.fromkeys(device.numbers(), 0.0))
+        own = place if device.servo is not None else None
+        kind = (form, tuple(device.numbers()), delays.loop_fractional, delays.felt_fractional, own)
+        groups.setdefault(kind, []).append(place)
+    return list(groups.values())
+
+
+def as_one(devices: Sequence[Device], shape: tuple[int, ...]) -> SeveralDevices:
+    """Return devices that are alike as one.
+
+    Parameters
+    ----------
+    devices : of plain numbers, a group of `alike`
+    shape : of the arrays
+    """
+    first, delays = devices[0], [delays_of(device) for device in devices]
+    if len(set(devices)) == 1:
+        return SeveralDevices(first, delays[0])
+    differing = [key for key, number in first.numbers().items() if any(each.number(key) != number for each in devices)]
+    numbers = {key: _array([each.number(key) for each in devices], shape) for key in differing}
+    whole = (_array([getattr(each, name) for each in delays], shape) for name in ("loop", "felt"))
+    loop, felt = (part if np.any(part != part.flat[0]) else int(part.flat[0]) for part in whole)
+    return SeveralDevices(first.with_numbers(numbers), replace(delays[0], loop=loop, felt=felt))
+
+
+def _array(numbers: Sequence[float], shape: tuple[int, ...]) -> NDArray[np.float64]:
+    return np.array(numbers, float).reshape(shape)
