@@ -18,8 +18,8 @@ from vctune.model.hands import HAND, Hand, Hands
 from vctune.model.problem import Demands
 from vctune.proof.claims import every_hand as in_hands
 from vctune.proof.claims.every_hand import prove_hands
+from vctune.proof.claims.in_hands.resonant_hands import AROUND, DEVICE_MASS, ROWS, Resonance, resonance
 from vctune.proof.claims.margins_of_claims import Design
-from vctune.proof.claims.resonant_hands import AROUND, DEVICE_MASS, ROWS, Resonance, resonance
 from vctune.proof.engine.boxes import FREQUENCY, Boxes
 from vctune.proof.engine.branching import Decided
 from vctune.proof.engine.interval import Verdict

@@ -136,6 +136,23 @@ def moved_as_one(box: DeviceBox) -> tuple[str, ...]:
     return tuple(key for key in ADDED if key in box.uncertain)
 
 
+def felt_with_hand(box: DeviceBox) -> tuple[str, ...]:
+    """Return the uncertain numbers of a box on which the sensed force depends linearly, given their sums with the
+    hand's.
+
+    A rigid admittance display moves as its mass and the hand's together do, and so with the dampings. The force that
+    its sensor feels is that of the motor less m a + b v: next to a given motion it is affine in the device's own m and
+    b. A margin that is affine in them too is least where the device's number or the hand's is at an end.
+
+    Parameters
+    ----------
+    box : uncertain devices
+    """
+    if not box.nominal.kind.senses_force or box.nominal.structure is not None or box.nominal.servo is not None:
+        return ()
+    return tuple(key for key in ADDED if key in box.uncertain)
+
+
 def in_longer_hands(box: DeviceBox, hands: Hands, keys: Sequence[str]) -> tuple[DeviceBox, Hands]:
     """Move the uncertainty of a device's mass and damping into the hands: only the sums matter.
 

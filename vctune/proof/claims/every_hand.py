@@ -33,6 +33,8 @@ from vctune.proof.claims.array_claims import (
     whenever_margins,
 )
 from vctune.proof.claims.delay_parts import DELAY_ROWS, Ends, Part, parts_of, row_of
+from vctune.proof.claims.in_hands.own_share import with_own_share
+from vctune.proof.claims.in_hands.resonant_hands import AROUND, RATIO, Resonance, resonance
 from vctune.proof.claims.margins_of_claims import (
     HALF_TURN,
     Design,
@@ -42,12 +44,12 @@ from vctune.proof.claims.margins_of_claims import (
     hand_margin,
     margins_in_worlds,
 )
-from vctune.proof.claims.resonant_hands import AROUND, RATIO, Resonance, resonance
 from vctune.proof.claims.sampled_poles import in_rad_per_s
 from vctune.proof.claims.walls import COUPLING_SHARE, fails_with_a_wall
 from vctune.proof.claims.whole_samples import NEXT_TO
 from vctune.proof.device_box import (
     DeviceBox,
+    felt_with_hand,
     in_both_delays,
     in_longer_hands,
     in_one_delay,
@@ -72,6 +74,9 @@ MAX_BOXES = 400_000
 EASY_BOXES = 20_000
 """Boxes after which hands near a sharp resonance get boxes of their own; if the constraint leaves room there, some
 hundred suffice. If they do not, half or twice as many cost half or twice as much: some seconds."""
+EASY_WHOLE = 5_000
+"""Boxes after which uncertain masses and dampings are looked at on the sides of their rectangles with the hand's alone:
+the sides begin with sixteen times as many boxes and need fewer in the end. Half and twice it: as long."""
 MANY_PARTS = 3
 """Parts of a box of delays from which on what holds however late a servo is is looked at first; of fewer there may be
 none whose delay is a whole sample."""
@@ -113,7 +118,7 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     if stable.verdict is not Verdict.PROVED:
         return stable
     asked = Asked(design, demands, box)
-    near = resonance(design, demands.hands) if looped and not asked.walls else None
+    near = resonance(design, demands.hands, box) if looped and not asked.walls else None
     found = _decided(asked, asked.ends(), asked.tests, EASY_BOXES if near else MAX_BOXES, whenever=asked.whenever)
     if near and found.verdict is Verdict.UNDECIDED:
         left_to_it = partial(asked.tests, near=near)
@@ -207,6 +212,16 @@ class Asked:
         reserve = self.demands.factor if self.shared else None
         return _ends(self.demands.hands, self.box, self.uncertain, corners, limp=self.limp, reserve=reserve)
 
+    @property
+    def affine(self) -> tuple[tuple[str, str], ...]:
+        """The pairs of a device's row and a hand's, given whose sum the one margin is affine in the former.
+
+        With a box of environments one of several margins has to be positive, and none need be at both ends.
+        """
+        if self.box is None or self.demands.worlds is not None or self.demands.hands is None:
+            return ()
+        return tuple((row_of(key), f"operator.{key}") for key in felt_with_hand(self.box))
+
     def tests(self, part: Part, fixed: Values, near: Resonance | None = None) -> list[Test]:
         """Return the tests that prove it on a part of the boxes.
 
@@ -222,7 +237,7 @@ class Asked:
         test = _of_margins(self.demands, self.uncertain, part, fixed, lead=lead)
         at_rest = limp_hands_margins(self.demands, self.uncertain, part.delays, lead) if self.limp else ()
         if at_rest:
-            test = next_to_zero(AT_REST, at_rest, fixed, test)
+            test = with_own_share(next_to_zero(AT_REST, at_rest, fixed, test), self.design.device, self.names)
         return near.left_to_it(test, self.names) if near else test
 
     @property
@@ -363,8 +378,28 @@ def _decided(
     near : where the hands are those next to resonance
     whenever : a test that proves as much of parts with any whole samples
     """
-    names, boxes = tuple(ends), 0
-    parts, fixed = parts_of(asked.design.device, ends), fixed_of(asked.design)
+    sides, tried = sides_of(ends, asked.affine), 0
+    if len(sides) > 1:
+        found = _decided_over([ends], asked, tests, min(EASY_WHOLE, max_boxes), near, whenever)
+        if found.verdict is not Verdict.UNDECIDED:
+            return found
+        tried = found.boxes
+    found = _decided_over(sides, asked, tests, max_boxes, near, whenever)
+    return replace(found, boxes=found.boxes + tried)
+
+
+def _decided_over(
+    sides: Sequence[Ends],
+    asked: Asked,
+    tests: Callable[[Part, Values], list[Test]],
+    max_boxes: int,
+    near: Resonance | None,
+    whenever: Callable[[Part, Values], Test] | None,
+) -> Outcome:
+    """Prove the margins of `_decided` over several sides, each with the ends of its own rows."""
+    names, boxes = tuple(sides[0]), 0
+    fixed = fixed_of(asked.design)
+    parts = [part for ends in sides for part in parts_of(asked.design.device, ends)]
     left: slice | Flags = slice(None)
     if whenever is not None and len(parts) >= MANY_PARTS:
         left, boxes = _left_of_parts(whenever(parts[1], fixed), boxes_over(parts[1], names, near))
@@ -385,6 +420,30 @@ def _decided(
                 point = found.open[:, 0] if np.isnan(found.failing[0, 0]) else found.failing[:, 0]
                 return _in_doubt(asked.design, asked.demands, asked.uncertain, names, part, point, boxes, near)
     return Outcome(Verdict.PROVED, boxes)
+
+
+def sides_of(ends: Ends, pairs: Sequence[tuple[str, str]]) -> list[Ends]:
+    """Return the sides of rectangles of two rows each, of which a margin is affine along every line of one sum.
+
+    Such a line begins and ends on sides, and the margin is least there. Parallel sides are columns of the same ends.
+
+    Parameters
+    ----------
+    ends : least and greatest number of each row
+    pairs : the rows of each rectangle
+    """
+    found = [ends]
+    for pair in pairs:
+        if all((ends[name][0] < ends[name][1]).all() for name in pair):
+            found = [_at_both_ends(each, name) for each in found for name in pair]
+    return found
+
+
+def _at_both_ends(ends: Ends, name: str) -> Ends:
+    """Return the ends of two columns for each, one with a row at its least number and one with it at its greatest."""
+    twice = {key: (np.tile(low, 2), np.tile(high, 2)) for key, (low, high) in ends.items()}
+    at = np.concatenate(ends[name])
+    return {**twice, name: (at, at)}
 
 
 def fixed_of(design: Design) -> Values:

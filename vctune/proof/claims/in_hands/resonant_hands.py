@@ -16,6 +16,7 @@ import numpy as np
 from vctune.model.hands import HAND, MASS, STIFFNESS, Hand, Hands
 from vctune.model.numbers.arithmetic import Number
 from vctune.proof.claims.margins_of_claims import Design
+from vctune.proof.device_box import DeviceBox
 from vctune.proof.enclosures.array_intervals import Floats, decimal
 from vctune.proof.engine.box_tests import Margins
 from vctune.proof.engine.boxes import Boxes, Values
@@ -33,6 +34,9 @@ third."""
 AROUND = (0.5, 2.0)
 """Multiples of the resonant stiffness that such boxes cover. Half as far in the logarithm takes up to half as many
 boxes again, twice as far as many within a tenth."""
+SLOWEST = 1e-5
+"""Least angle of such boxes, rad. Half and twice it take as many boxes; 1e-3 leaves slow devices of hardly any damping
+open."""
 WITHIN = 1e-9
 """Least share by which a box lies inside if it is left to the others, or outside if it is left out: beyond rounding."""
 DEVICE_MASS = "device.mass"
@@ -89,7 +93,9 @@ class Resonance:
             low, high = boxes.low[stiffness], boxes.high[stiffness]
             inside = (low >= AROUND[0] * most * (1 + WITHIN)) & (high <= AROUND[1] * least * (1 - WITHIN))
             beyond = boxes.low[0] >= self.first
-            across = beyond & (low <= most) & (high >= least)  # to be halved until they are inside
+            across = (
+                (boxes.low[0] > 0) & ~inside & (low <= most) & (high >= least)
+            )  # to be halved until they are inside
             cost = decided.cost.copy()
             cost[:, across] = 0.0
             # the resonant stiffness is (m + M) (theta/T)^2: the logarithm of the angle counts twice
@@ -154,7 +160,7 @@ class Resonance:
         return np.asarray((mass + numbers[1 + names.index(MASS)]) * (numbers[0] / self.sample_time) ** 2)
 
 
-def resonance(design: Design, hands: Hands) -> Resonance | None:
+def resonance(design: Design, hands: Hands, box: DeviceBox | None = None) -> Resonance | None:
     """Return where hands resonate sharply with a design without K_p.
 
     They do if the damping ratio of hand, device and K_v together is below `SHARP` for the greatest stiffness.
@@ -163,18 +169,22 @@ def resonance(design: Design, hands: Hands) -> Resonance | None:
     ----------
     design : device and gains, plain floats
     hands : the box
+    box : uncertain devices, the one of least damping and greatest mass counts; None for the design's own
 
     Returns
     -------
     Resonance or None
         None if no hand of the box resonates sharply, or if K_p > 0.
     """
-    device, gains = design.device, design.gains
+    gains = design.gains
+    device, heavy = (design.device, design.device) if box is None else (box.low, box.high)
     if gains.position > 0 or hands.high.stiffness == 0:
         return None
-    damping, mass = device.damping + hands.low.damping + gains.velocity, device.mass + hands.high.mass
+    damping, mass = device.damping + hands.low.damping + gains.velocity, heavy.mass + hands.high.mass
     if damping >= 2 * SHARP * sqrt(hands.high.stiffness * mass):
         return None
     # damping ratio b/(2 m omega) of a resonance at omega = theta/T, solved for the theta at which it is `DAMPED`
     first = damping * device.sample_time / (2 * DAMPED * mass)
-    return Resonance(device.mass, device.sample_time, hands.low.stiffness, hands.high.stiffness, max(first, 1e-3))
+    return Resonance(
+        design.device.mass, device.sample_time, hands.low.stiffness, hands.high.stiffness, max(first, SLOWEST)
+    )
