@@ -145,7 +145,7 @@ def test_no_verdict_is_another_than_without(number, monkeypatch):
     for factor, expected in ((high * 1.02, Verdict.PROVED), (low / 1.02, Verdict.REFUTED)):
         found = prove_hands(scaled(design, factor), demands)
         with monkeypatch.context() as without:
-            without.setattr(in_hands, "resonance", lambda design, hands: None)
+            without.setattr(in_hands, "resonance", lambda design, hands, box: None)
             assert prove_hands(scaled(design, factor), demands).verdict in (expected, Verdict.UNDECIDED)
         assert found.verdict is expected
         if found.verdict is Verdict.PROVED and design.device.kind.senses_force:

@@ -71,7 +71,7 @@ STEP = 1.4
 """Ratio of the edges of the first intervals. Its square root and its square take as many boxes within a tenth."""
 MAX_BOXES = 400_000
 """Boxes before the claim is left open; an optimal design takes some thousand. Half and twice it: as long to give up."""
-EASY_BOXES = 20_000
+EASY_BOXES = 3_000
 """Boxes after which hands near a sharp resonance get boxes of their own; if the constraint leaves room there, some
 hundred suffice. If they do not, half or twice as many cost half or twice as much: some seconds."""
 EASY_WHOLE = 5_000

@@ -160,7 +160,7 @@ class _Sizes:
     def __init__(self, x: Taylor) -> None:
         size, k = np.abs(x.poly), x.rows
         self.linear = size[1 : 1 + k]
-        self.quad = np.tensordot(_halves(k), size[1 + k :], axes=1)
+        self.quad = (_halves(k) @ size[1 + k :].reshape(-1, size[0].size)).reshape(k, *size.shape[1:])
         self.slope, self.curve = self.linear.sum(axis=0), self.quad.sum(axis=0)
         self.known = size[0] + self.slope + self.curve
 
