@@ -118,7 +118,7 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     if stable.verdict is not Verdict.PROVED:
         return stable
     asked = Asked(design, demands, box)
-    near = resonance(design, demands.hands, box) if looped and not asked.walls else None
+    near = resonance(design, demands.hands, box) if design.device.kind.own_loop and not asked.walls else None
     found = _decided(asked, asked.ends(), asked.tests, EASY_BOXES if near else MAX_BOXES, whenever=asked.whenever)
     if near and found.verdict is Verdict.UNDECIDED:
         left_to_it = partial(asked.tests, near=near)
