@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import json
-import signal
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import product
 from math import inf, nan, pi
 from statistics import median
 from time import process_time
-from types import FrameType
 
 import numpy as np
 
@@ -21,6 +17,7 @@ from vctune.bench.benchmark import Measured, Tick
 from vctune.bench.devices import device
 from vctune.bench.evaluator import case_of, cases, sensitivity, spectral_radius, stability_ratio, violation
 from vctune.bench.peers import need
+from vctune.bench.timing import patience
 from vctune.design.solve import solve
 from vctune.design.verdict.judge import Judgement
 from vctune.model.problem import Problem, Range
@@ -111,7 +108,7 @@ def examined(seed: int, number: int) -> Row:
     document, problem = device(seed, number)
     said, began = json.dumps(document), process_time()
     try:
-        with _patience():
+        with patience(PATIENCE):
             solved = solve(problem)
     except Exception as error:  # a failure is a row, which is what this benchmark looks for
         return Row(number, FAILED, process_time() - began, "", nan, f"{type(error).__name__}: {error}", said)
@@ -128,22 +125,6 @@ def examined(seed: int, number: int) -> Row:
     if solved.status.value in ("certified", "infeasible") and not wrong:
         reason = said = ""
     return Row(number, solved.status.value, seconds, wrong, float_error, reason, said)
-
-
-@contextmanager
-def _patience() -> Iterator[None]:
-    """Raise TimeoutError in the block once it has taken `PATIENCE`; only in a process's main thread."""
-
-    def give_up(_signal: int, _frame: FrameType | None) -> None:
-        raise TimeoutError(f"no answer within {PATIENCE:g} s")
-
-    before = signal.signal(signal.SIGPROF, give_up)
-    signal.setitimer(signal.ITIMER_PROF, PATIENCE)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_PROF, 0.0)
-        signal.signal(signal.SIGPROF, before)
 
 
 def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:

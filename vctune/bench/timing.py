@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from statistics import median
 from time import process_time
+from types import FrameType
 from typing import TypeVar
 
 Made = TypeVar("Made")
@@ -40,3 +43,24 @@ def timed(work: Callable[[], Made], repeats: int = 1) -> tuple[Made, float]:
         made = work()
         seconds.append(process_time() - began)
     return made, median(seconds)
+
+
+@contextmanager
+def patience(seconds: float) -> Iterator[None]:
+    """Raise TimeoutError in the block after so many seconds of processor time; only in a process's main thread.
+
+    Parameters
+    ----------
+    seconds : processor time, s
+    """
+
+    def give_up(_signal: int, _frame: FrameType | None) -> None:
+        raise TimeoutError(f"no answer within {seconds:g} s")
+
+    before = signal.signal(signal.SIGPROF, give_up)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)

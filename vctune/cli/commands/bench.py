@@ -13,6 +13,7 @@ from vctune.cli.printing.options import out_option, output_options
 ABOUT = {
     "solvers": "Compare vctune with other solvers and fixed grids: error against run time.",
     "stress": "Solve thousands of devices over ten decades and check every verdict.",
+    "uncertain": "Solve random uncertain devices under the default criterion: time to an answer.",
 }
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 

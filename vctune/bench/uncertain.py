@@ -1,0 +1,146 @@
+"""Random devices with uncertain numbers, under the default criterion: how long an answer takes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import combinations
+from math import nan
+from statistics import median, quantiles
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from vctune.bench.benchmark import Measured, Tick
+from vctune.bench.timing import patience
+from vctune.design.solve import solve
+from vctune.document.reading import pose
+from vctune.model.problem import Problem
+from vctune.report.figures.benchmark_figures import Panel, Series
+from vctune.study.executors import available_cores, worker_pool
+
+QUICK, FULL = 7, 300
+PATIENCE = 60.0
+"""Processor time, s, after which a device is recorded as late."""
+LATE = "late"
+MOST = 0.9
+"""Greatest relative half-width of a number."""
+NUMBERS = "mass", "damping", "delay"
+COMBINATIONS = tuple(some for count in (1, 2, 3) for some in combinations(NUMBERS, count))
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One device.
+
+    Attributes
+    ----------
+    mass, damping, sample_time, delay : its numbers, SI units
+    uncertain : the uncertain ones with their relative half-widths
+    status : certified, infeasible, undecided, or late: no answer within `PATIENCE`
+    seconds : processor time of the solve
+    error : of its design; nan if there is none
+    """
+
+    number: int
+    mass: float
+    damping: float
+    sample_time: float
+    delay: float
+    uncertain: str
+    status: str
+    seconds: float
+    error: float
+
+
+def measure(quick: bool, seed: int, tick: Tick) -> Measured:
+    """Solve random uncertain devices.
+
+    Parameters
+    ----------
+    quick : whether to solve only `QUICK` devices
+    seed : seed of the devices
+    tick : function that receives the number of finished devices
+
+    Returns
+    -------
+    Measured
+        A row for each device, and sentences on their times.
+    """
+    count, rows = QUICK if quick else FULL, list[Row]()
+    with worker_pool("processes", available_cores()) as pool:
+        for future in [pool.executor.submit(solved, seed, number) for number in range(count)]:
+            rows.append(future.result())
+            tick(f"{len(rows)} of {count} devices")
+    return Measured(
+        "Uncertain devices under the default criterion",
+        "How long each device took, by what became of it.",
+        rows,
+        facts(rows),
+        panels(rows),
+    )
+
+
+def drawn(seed: int, number: int) -> tuple[dict[str, Any], Problem]:
+    """Return the number-th device of a seed as document and as problem; the combinations of numbers take turns.
+
+    Parameters
+    ----------
+    seed : seed of the whole series
+    number : within it
+    """
+    rng = np.random.default_rng((seed, number))
+
+    def between(low: float, high: float) -> float:
+        return float(f"{np.exp(rng.uniform(np.log(low), np.log(high))):.4g}")
+
+    T = between(2e-4, 4e-3)
+    found = {"mass": between(0.05, 5.0), "damping": between(0.05, 10.0), "sample_time": T}
+    found["delay"] = float(f"{T * between(0.1, 5.0):.4g}")
+    some = COMBINATIONS[number % len(COMBINATIONS)]
+    document = {"device": found, "uncertainty": {key: between(0.02, MOST) for key in some}}
+    problem, faults = pose(document, f"device {number}")
+    assert problem is not None, faults
+    return document, problem
+
+
+def solved(seed: int, number: int) -> Row:
+    """Solve a device.
+
+    Parameters
+    ----------
+    seed, number : those of the device
+    """
+    document, problem = drawn(seed, number)
+    named = ", ".join(f"{key} {width:g}" for key, width in document["uncertainty"].items())
+    status, error, began = LATE, nan, process_time()
+    with suppress(TimeoutError), patience(PATIENCE):
+        found = solve(problem)
+        status, error = found.status.value, nan if found.judgement is None else found.judgement.error
+    seconds = process_time() - began
+    return Row(number, **document["device"], uncertain=named, status=status, seconds=seconds, error=error)
+
+
+def facts(rows: list[Row]) -> list[str]:
+    """Return sentences on the devices' results and times."""
+    counts = Counter(row.status for row in rows)
+    shares = ", ".join(f"{status} {count} ({count / len(rows):.1%})" for status, count in counts.most_common())
+    times, slowest = sorted(row.seconds for row in rows), max(rows, key=lambda row: row.seconds)
+    late = quantiles(times, n=20, method="inclusive")[-1]
+    return [
+        f"{len(rows)} devices, each with one to three uncertain numbers within {MOST:g} of themselves: {shares}; late "
+        f"means no answer within {PATIENCE:g} s.",
+        f"Processor time: median {median(times):.2f} s, 95 % within {late:.1f} s, longest {slowest.seconds:.1f} s "
+        f"(device {slowest.number}, uncertain {slowest.uncertain}).",
+    ]
+
+
+def panels(rows: list[Row]) -> list[Panel]:
+    """Draw times in order."""
+    series = []
+    for status in dict.fromkeys(row.status for row in rows):
+        times = sorted((row.seconds for row in rows if row.status == status), reverse=True)
+        series.append(Series(status, [float(k) for k in range(1, len(times) + 1)], times))
+    return [Panel("time of each device", "rank", "processor time, s", series)]
