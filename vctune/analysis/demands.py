@@ -286,7 +286,7 @@ def weighted_square(weights: Terms, squares: Terms) -> Floats:
     Returns
     -------
     array of float
-        Of the shape of the terms' frequencies.
+        The result has the shape of the terms' frequencies.
     """
     total: Floats = (
         weights.admittance**2 * squares.admittance

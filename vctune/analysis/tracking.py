@@ -27,7 +27,7 @@ def tracking_terms(problem: Problem, gains: Gains) -> Floats:
     Returns
     -------
     array of float
-        Of the shape of the gains.
+        The result has the shape of the gains.
     """
     band, device = problem.transparency.band, problem.device
     omega, weights = log_quadrature(band.min, band.max, NODES)

@@ -190,7 +190,7 @@ class LimitPoints:
 
         Parameters
         ----------
-        curves, least : as of `of`
+        curves, least : see `of`
         """
         points, more = cls.of(curves, least), curves.damping > least
         curve, angle = np.nonzero(more[:, 1:] != more[:, :-1])

@@ -91,7 +91,7 @@ class Rendered:
 
         Parameters
         ----------
-        missed : as of `refuted_in_worlds`
+        missed : see `refuted_in_worlds`
         found : by `estimated`
         """
         refuted = np.zeros(len(missed), bool)

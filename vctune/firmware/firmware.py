@@ -116,7 +116,7 @@ def judged(problem: Problem, design: tuple[Gains, AnyCoupling], corner: float | 
     ----------
     problem : the device and the constraints, SI units
     design : gains and coupling as the firmware has them
-    corner : as of `firmware`
+    corner : see `firmware`
     """
     return judge_all(problem, [design], [corner])[0]
 

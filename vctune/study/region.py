@@ -113,7 +113,7 @@ def divided(
 
     Parameters
     ----------
-    plane, squares, progress, stopped : as of `region`
+    plane, squares, progress, stopped : see `region`
     judged : returns the verdict on some cells, and a b_c of each; nan if there is none
     across : returns which cells are halved in x, as of `halved`
 

@@ -173,7 +173,7 @@ def velocity_states(device: Device, hand: Hand) -> PlantStates:
 
     Parameters
     ----------
-    device, hand : as of `plant_states`
+    device, hand : see `plant_states`
     """
     T, states = float(device.sample_time), dict[str, Row]()
     chain = _in_hand(mechanism_in_hand(device, hand, FLOATS), T, float(device.mass))

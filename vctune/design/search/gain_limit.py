@@ -61,7 +61,7 @@ class GainLimits:
         Returns
         -------
         Axes
-            Of shape (minima, 3).
+            The result has shape (minima, 3).
         """
         near = between_neighbours(
             grid, [(int(self.below[k]), int(self.corner[k]), tau, drag) for k, _, tau, drag in minima]

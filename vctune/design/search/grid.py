@@ -183,7 +183,7 @@ def position_gain(problem: Problem, K_v: Floats, corner: Floats) -> Floats:
     Returns
     -------
     array of float
-        Of the shape of both.
+        The result has the shape of both.
     """
     bounds = problem.bounds.position
     K_p = np.clip((problem.device.damping + K_v) * corner, bounds.min, bounds.max)
@@ -202,7 +202,7 @@ def evaluated(problem: Problem, samples: Samples, at: Axes) -> tuple[Scores, Loo
     Returns
     -------
     tuple of Scores and LoopFeasibility
-        Of shape (..., K_v, corner, tau_c, b_0), and (..., K_v, corner).
+        The result has shape (..., K_v, corner, tau_c, b_0), and (..., K_v, corner).
     """
     rows = max(1, LOOPS_AT_ONCE // at.corner.shape[-1])
     if at.velocity.ndim > 1 or at.velocity.size <= rows:

@@ -88,7 +88,7 @@ def scale_limits(problem: Problem, time_constant: Floats) -> tuple[Floats, Float
     Returns
     -------
     two arrays
-        Of shape (n,), in the problem's units: of b_c, or of 1/k_c for an impedance display. If the least exceeds the
+        The result has shape (n,), in the problem's units: of b_c, or of 1/k_c for an impedance display. If the least exceeds the
         greatest there is no such coupling.
     """
     bounds, tau = problem.bounds, time_constant

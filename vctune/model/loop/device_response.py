@@ -119,7 +119,7 @@ def mechanism(device: Device, structure: Structure, ops: Arithmetic) -> Mechanis
     Returns
     -------
     Mechanism
-        Of the shape of the device's numbers.
+        The result has the shape of the device's numbers.
     """
     motor, handle, swing = device.motor_mass, structure.handle_mass, 2 * ops.pi * structure.frequency_hz
     reduced = motor * handle / device.mass

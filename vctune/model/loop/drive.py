@@ -37,7 +37,7 @@ def drive_response(device: Device, omega: Number, ops: Arithmetic) -> FilterResp
     Returns
     -------
     FilterResponse or None
-        Of the shape of omega; None if the motor's force is the command.
+        The result has the shape of omega; None if the motor's force is the command.
     """
     actuator = device.actuator
     return None if actuator is None else low_pass(actuator.bandwidth_hz, actuator.order, omega, ops)
@@ -83,7 +83,7 @@ def pushed(force: dict[str, Number], share: Number) -> dict[str, Number]:
 
     Parameters
     ----------
-    force : as of `drive_rows`
+    force : see `drive_rows`
     share : of it
 
     Returns

@@ -61,7 +61,7 @@ def low_pass(bandwidth_hz: Number, order: int, omega: Number, ops: Arithmetic) -
     Returns
     -------
     FilterResponse
-        Of the shape of omega.
+        The result has the shape of omega.
     """
     time = 1 / (2 * ops.pi * bandwidth_hz)
     x, time2 = omega * time, time * time
@@ -85,7 +85,7 @@ def pure_delay(delay: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
     Returns
     -------
     FilterResponse
-        Of the shape of omega.
+        The result has the shape of omega.
     """
     turn = omega * delay
     half = ops.sinc(turn / 2)
@@ -107,7 +107,7 @@ def interpolation(sample_time: Number, omega: Number, ops: Arithmetic) -> Filter
     Returns
     -------
     FilterResponse
-        Of the shape of omega.
+        The result has the shape of omega.
     """
     half = sample_time / 2
     cos, sinc = ops.cos(omega * half), ops.sinc(omega * half)
@@ -254,7 +254,7 @@ def plain_rows(
 
     Parameters
     ----------
-    rows, states, samples, order, ops : as of `filter_rows`
+    rows, states, samples, order, ops : see `filter_rows`
 
     Returns
     -------

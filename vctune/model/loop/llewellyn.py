@@ -27,7 +27,7 @@ def moduli(loop: LoopResponse, ops: Arithmetic) -> Number:
     Returns
     -------
     Number
-        Of the shape of the loop's frequencies, (N s/m)^2 times `scale2`: both factors carry the scale.
+        The result has the shape of the loop's frequencies, (N s/m)^2 times `scale2`: both factors carry the scale.
     """
     C, D = loop.C_scaled, loop.D_scaled
     return ops.modulus(C.re, C.im) * ops.modulus(D.re, D.im)
@@ -46,7 +46,7 @@ def modulus_excess(loop: LoopResponse, ops: Arithmetic) -> Number:
     Returns
     -------
     Number
-        Of the shape of the loop's frequencies, not scaled.
+        The result has the shape of the loop's frequencies, not scaled.
     """
     product = moduli(loop, ops)
     P = re_conj_product(loop.C_scaled, loop.D_scaled)
@@ -68,7 +68,7 @@ def llewellyn_demand(loop: LoopResponse, ops: Arithmetic) -> Number:
     Returns
     -------
     Number
-        Of the shape of the loop's frequencies, not scaled.
+        The result has the shape of the loop's frequencies, not scaled.
     """
     excess = modulus_excess(loop, ops)
     return excess if loop.operator_relief is None else excess - loop.operator_relief

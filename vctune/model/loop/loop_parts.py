@@ -81,7 +81,7 @@ def loop_with_parts(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopRe
     Returns
     -------
     LoopResponse
-        Of the shape of omega; the scale is omega with an integrator and 1 without.
+        The result has the shape of omega; the scale is omega with an integrator and 1 without.
     """
     omega, integral = at.omega, not ops.is_zero(gains.position)
     scale = _Scale(omega, None) if integral else _Scale(None, omega)

@@ -95,7 +95,7 @@ class Arithmetic(Protocol):
         Returns
         -------
         Number
-            Of the shape of x.
+            The result has the shape of x.
         """
 
     def interpolated(self, x: Number, table: tuple[tuple[float, float], ...]) -> Number:
@@ -125,7 +125,7 @@ class Arithmetic(Protocol):
         Returns
         -------
         Number
-            Of the shape of x; plain numbers are their own middle.
+            The result has the shape of x; plain numbers are their own middle.
         """
 
     def magnitude(self, x: Number) -> float:
@@ -149,7 +149,7 @@ class ArrayArithmetic(Arithmetic, Protocol):
         Returns
         -------
         Number
-            Of shape (n, k, ...).
+            The result has shape (n, k, ...).
         """
 
 

@@ -347,7 +347,7 @@ def applied(matrix: Matrix, vector: Vector) -> Vector:
     Returns
     -------
     Vector
-        Of length n.
+        The result has length n.
     """
     return tuple(dot(row, vector) for row in matrix)
 
@@ -435,6 +435,6 @@ def column(matrix: Matrix, index: int) -> Vector:
     Returns
     -------
     Vector
-        Of length n.
+        The result has length n.
     """
     return tuple(row[index] for row in matrix)

@@ -84,7 +84,7 @@ def any_hand(device: Device, whole: Number, theta: Number, ops: Arithmetic, *, f
     Returns
     -------
     AnyHand
-        Of the shape of theta.
+        The result has the shape of theta.
     """
     disc, sine = _disc(device, whole, theta, ops, fractional=fractional), ops.sin(theta / 2)
     return AnyHand(*disc, firmware_filter(device, theta, ops), sine * sine)

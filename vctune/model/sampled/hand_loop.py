@@ -152,7 +152,7 @@ def required_in_limp_hand(
     Returns
     -------
     Required
-        Of the shape of theta.
+        The result has the shape of theta.
     """
     F, felt = _next_to_rest(plant, velocity, theta, rest, ops)
     # with K_p = integrator rho m/T^2 and 2 s = turned rho both parts of the law have the denominator j turned
@@ -166,13 +166,13 @@ def seen_in_limp_hand(plant: PlantInHand, velocity: Number, theta: Number, rest:
 
     Parameters
     ----------
-    plant, velocity, theta, ops : as of `required_in_limp_hand`
+    plant, velocity, theta, ops : see `required_in_limp_hand`
     rest : without a share of the integrator
 
     Returns
     -------
     Seen
-        Of the shape of theta.
+        The result has the shape of theta.
     """
     F, felt = _next_to_rest(plant, velocity, theta, rest, ops)
     lost = velocity * (felt.even * F.even + F.square * (felt.odd * F.odd))
@@ -350,7 +350,7 @@ def room(
     Returns
     -------
     Number
-        Of the shape of theta.
+        The result has the shape of theta.
     """
     if isinstance(coupling, SpringDamper):
         there = offered_at_spring(coupling, device, theta, ops)

@@ -219,7 +219,7 @@ def flattest(
 
     Parameters
     ----------
-    strip, worlds, lead, sample_time, theta, ops : as of `shares_of`
+    strip, worlds, lead, sample_time, theta, ops : see `shares_of`
     rest : of its result
     """
     at = _condition(worlds, lead, sample_time, theta, ops)
@@ -233,7 +233,7 @@ def tangent_at(
 
     Parameters
     ----------
-    strip, worlds, lead, sample_time, theta, ops : as of `shares_of`, in numbers that have a sign
+    strip, worlds, lead, sample_time, theta, ops : see `shares_of`, in numbers that have a sign
     """
     at = _condition(worlds, lead, sample_time, theta, ops)
     level, least = at.flat * at.square, at.corner * at.width
@@ -256,7 +256,7 @@ def tangent_of_one(
     Parameters
     ----------
     strip : of one mass and one damping
-    worlds, lead, sample_time, theta, ops : as of `shares_of`
+    worlds, lead, sample_time, theta, ops : see `shares_of`
     """
     at = _condition(worlds, lead, sample_time, theta, ops)
     slope = at.flat * at.square + 2 / at.width * (sum_of(strip.high) / strip.size)
@@ -268,7 +268,7 @@ def tangent_at_rest(worlds: Worlds, lead: Number, sample_time: Number, theta: Nu
 
     Parameters
     ----------
-    worlds, lead, sample_time, theta, ops : as of `shares_of`
+    worlds, lead, sample_time, theta, ops : see `shares_of`
     """
     at = _condition(worlds, lead, sample_time, theta, ops)
     return Tangent(at.flat * at.square, 0, 0)

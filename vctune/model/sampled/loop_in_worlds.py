@@ -89,7 +89,7 @@ class DisjunctsOfForce(NamedTuple):
 
     Attributes
     ----------
-    resistive, above, below : as of `Disjuncts`; the real part without any damping of the environment
+    resistive, above, below : see `Disjuncts`; the real part without any damping of the environment
     damped : the real part suffices with the least damping; None if that is 0
     """
 
@@ -174,7 +174,7 @@ def disjuncts_of_force(
     Parameters
     ----------
     offered : by the coupling
-    worlds, sample_time, seen, theta, ops : as of `disjuncts`
+    worlds, sample_time, seen, theta, ops : see `disjuncts`
     share : y, from 1/g to 1
     """
     sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)

@@ -142,7 +142,7 @@ def left_by_older(rates: Matrix, older: Number, ops: Arithmetic) -> Vector:
     Returns
     -------
     Vector
-        Of length n, the force's own row last.
+        The result has length n, the force's own row last.
     """
     return _moved_on(*_halves(rates, older, ops))
 

@@ -289,7 +289,7 @@ def difference_slope(theta: Number, ops: Arithmetic) -> Pair:
     Returns
     -------
     Pair
-        Of the shape of theta; j at theta = 0.
+        The result has the shape of theta; j at theta = 0.
     """
     half = theta / 2
     return Pair(ops.sin(half) * ops.sinc(half), ops.sinc(theta))

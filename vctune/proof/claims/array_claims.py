@@ -361,7 +361,7 @@ def limp_hands_margins(
     demands : the constraints
     uncertain : numbers of the device that the margins take from among their values
     delays : whole samples, the same for all of them
-    lead : as of `hands_margins`
+    lead : see `hands_margins`
     """
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)

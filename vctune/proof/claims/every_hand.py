@@ -133,7 +133,7 @@ def prove_stable_in_middle(design: Design, demands: Demands) -> Outcome:
 
     Parameters
     ----------
-    design, demands : as of `prove_hands`
+    design, demands : see `prove_hands`
 
     Returns
     -------

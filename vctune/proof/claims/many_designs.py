@@ -239,7 +239,7 @@ def negative_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> Fla
     ----------
     margin : function of a frequency and of values by name
     cells : n cells of designs
-    at : as of `over_each`
+    at : see `over_each`
 
     Returns
     -------
@@ -256,7 +256,7 @@ def lower_bound_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> 
     ----------
     margin : function of a frequency and of values by name
     cells : n cells of designs
-    at : as of `over_each`
+    at : see `over_each`
 
     Returns
     -------

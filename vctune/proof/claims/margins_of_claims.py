@@ -478,7 +478,7 @@ def model_curve(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> Pair:
     Returns
     -------
     Pair
-        Of the shape of omega; its argument alone has a meaning.
+        The result has the shape of omega; its argument alone has a meaning.
     """
     D = loop_response(at, gains, ops).D_scaled
     if not ops.is_zero(gains.position):

@@ -80,7 +80,7 @@ def limp_walls_margin(
     Parameters
     ----------
     strip : over rho^2, with a greatest mass
-    met, lead, sample_time, theta, ops : as of `walls_margins`
+    met, lead, sample_time, theta, ops : see `walls_margins`
     """
     tangent = tangent_at_rest(met.worlds, lead, sample_time, theta, ops)
     found = shares_of(strip, tangent, met.worlds, lead, sample_time, theta, ops)

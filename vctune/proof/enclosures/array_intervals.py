@@ -45,7 +45,7 @@ def raised(total: Floats, terms: int) -> Floats:
     Returns
     -------
     array of float
-        Of the shape of the sum.
+        The result has the shape of the sum.
     """
     return total * (1 + (terms + 8) * UNIT)
 
@@ -190,7 +190,7 @@ def matmul(a: Enclosure, b: Enclosure) -> Enclosure:
     Returns
     -------
     Enclosure
-        Of shape (n, k, ...).
+        The result has shape (n, k, ...).
     """
     size_a, size_b = np.abs(a.mid), np.abs(b.mid)
     rad = _products(size_a, b.rad + len(b.mid) * UNIT * size_b) + _products(a.rad, size_b + b.rad)

@@ -287,7 +287,7 @@ def in_chunks(f: Callable[[Boxes], Any], boxes: Boxes) -> Any:
     Returns
     -------
     array
-        Of shape (..., n).
+        The result has shape (..., n).
     """
     starts = range(0, max(len(boxes), 1), CHUNK)
     return np.concatenate([f(boxes.subset(slice(i, i + CHUNK))) for i in starts], axis=-1)
