@@ -57,7 +57,7 @@ def solve(
     ----------
     problem : problem in SI units
     progress : function that receives the current stage
-    gap : prove that no design has an error lower by more than this share
+    gap : prove that no design has an error that is lower by more than this share; None for no such proof
     exhaustive : whether to search every box if the optimiser finds no design
 
     Returns

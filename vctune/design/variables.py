@@ -80,7 +80,7 @@ def coordinates(problem: Problem, *, integrator: bool) -> tuple[Coordinate, ...]
 
     Parameters
     ----------
-    problem : dimensionless
+    problem : problem, dimensionless
     integrator : whether the law has its term K_p/s
 
     Returns

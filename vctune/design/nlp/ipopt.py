@@ -89,7 +89,7 @@ def numbers_of(
 
     Parameters
     ----------
-    posed : dimensionless
+    posed : prepared problem, dimensionless
     structure : structure of the NLP
     free : its n variables
     start : the five numbers to start from; those that are not free stay
@@ -215,7 +215,7 @@ def unmodelled_radius(posed: Posed, point: ConstraintPoint) -> float:
 
     Parameters
     ----------
-    posed : dimensionless, with an unmodelled disc
+    posed : prepared problem, dimensionless, with an unmodelled disc
     point : only its frequency matters, rad per sample time
 
     Returns

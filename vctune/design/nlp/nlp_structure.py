@@ -95,7 +95,7 @@ def nlp_structure(
 
     Parameters
     ----------
-    posed : dimensionless
+    posed : prepared problem, dimensionless
     free : its variables
     working_set : points at which the constraints are imposed
     panels : panels of the quadrature of the error

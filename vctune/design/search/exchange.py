@@ -78,7 +78,7 @@ def polish(
 
     Parameters
     ----------
-    posed : dimensionless
+    posed : prepared problem, dimensionless
     start : start from the scan
     scanned : result of the scan, which decides with which constraints the NLP begins
     incumbent : give up once the error cannot get below this: more frequencies only raise it

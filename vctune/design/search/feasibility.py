@@ -48,7 +48,7 @@ def loop_feasibility(problem: Problem, samples: Samples, gains: Gains, bands: li
 
     Parameters
     ----------
-    problem : dimensionless
+    problem : problem, dimensionless
     samples : samples of the scan
     gains : arrays that fit each other
     bands : the loops' responses on the stability band, device by device (`grid.responses`)

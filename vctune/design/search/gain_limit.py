@@ -54,7 +54,7 @@ class GainLimits:
 
         Parameters
         ----------
-        problem : dimensionless
+        problem : problem, dimensionless
         grid : grid whose limits these are
         minima : indices of designs in `scores`
 
@@ -76,7 +76,7 @@ def gain_limits(problem: Problem, samples: Samples, grid: Axes, loops: LoopFeasi
 
     Parameters
     ----------
-    problem : dimensionless
+    problem : problem, dimensionless
     samples : samples of the scan
     grid : one grid of designs
     loops : violations of its loops, shape (velocities, corners)

@@ -125,7 +125,7 @@ def axes(posed: Posed, *, integral: bool) -> Axes:
 
     Parameters
     ----------
-    posed : dimensionless
+    posed : prepared problem, dimensionless
     integral : whether K_p > 0; without it the one corner is 0
 
     Returns
@@ -176,7 +176,7 @@ def position_gain(problem: Problem, K_v: Floats, corner: Floats) -> Floats:
 
     Parameters
     ----------
-    problem : dimensionless
+    problem : problem, dimensionless
     K_v : velocity gains, in the optimiser's units, an array of any shape
     corner : K_p/(b + K_v), an array that broadcasts against K_v
 
@@ -195,7 +195,7 @@ def evaluated(problem: Problem, samples: Samples, at: Axes) -> tuple[Scores, Loo
 
     Parameters
     ----------
-    problem : dimensionless
+    problem : problem, dimensionless
     samples : samples of the scan
     at : the axes of the grids
 
@@ -232,7 +232,7 @@ def least_errors(posed: Posed, gains: Gains) -> Floats:
 
     Parameters
     ----------
-    posed : dimensionless
+    posed : prepared problem, dimensionless
     gains : K_v and K_p, arrays of two dimensions
     """
     problem, samples = posed.problem, samples_of(posed, integrator=bool(np.any(gains.position)))
@@ -260,7 +260,7 @@ def responses(samples: Samples, gains: Gains) -> list[LoopResponse]:
     Parameters
     ----------
     samples : samples of the scan
-    gains : dimensionless arrays that fit each other
+    gains : gains, dimensionless arrays that fit each other
 
     Returns
     -------

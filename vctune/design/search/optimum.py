@@ -92,7 +92,7 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
 
     Parameters
     ----------
-    prepared : prepared problem that leaves something free
+    prepared : prepared problem that leaves a number free
     scanned : result of its scan, dimensionless
     progress : function that receives the current stage
     """
@@ -126,7 +126,7 @@ def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
 
     Parameters
     ----------
-    problem : problem that leaves something free
+    problem : problem that leaves a number free
     """
     if impossible(problem) is not None:
         return None
@@ -176,7 +176,7 @@ def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | 
 
     Parameters
     ----------
-    prepared : prepared problem that leaves something free
+    prepared : prepared problem that leaves a number free
     gains : gains to start from, SI units; the function tries any coupling beside them
     incumbent : `Judgement.compared` to fall below
     """
@@ -200,7 +200,7 @@ def local_optima(
 
     Parameters
     ----------
-    prepared : prepared problem that leaves something free
+    prepared : prepared problem that leaves a number free
     scanned : starts of the problem, dimensionless
     progress : function that receives the current stage
     worth : factor by which a start's error may exceed the least known

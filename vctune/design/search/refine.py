@@ -75,7 +75,7 @@ def refined(problem: Problem, samples: Samples, near: Axes) -> list[Start]:
 
     Parameters
     ----------
-    problem : dimensionless
+    problem : problem, dimensionless
     samples : samples of the scan
     near : each minimum between its neighbours, axes of shape (minima, 3)
 

@@ -94,7 +94,7 @@ def samples_of(posed: Posed, *, integrator: bool) -> Samples:
 
     Parameters
     ----------
-    posed : dimensionless
+    posed : prepared problem, dimensionless
     integrator : whether the law has its term K_p/s
 
     Returns

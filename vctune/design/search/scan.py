@@ -127,8 +127,8 @@ def start_at(posed: Posed, gains: Gains) -> Start | None:
 
     Parameters
     ----------
-    posed : dimensionless
-    gains : dimensionless; with K_p = 0 no integrator is tried
+    posed : prepared problem, dimensionless
+    gains : gains, dimensionless; with K_p = 0 no integrator is tried
     """
     problem, (samples, fine) = posed.problem, _surroundings(posed, gains)
     scores, _ = evaluated(problem, samples, fine)
@@ -143,7 +143,7 @@ def better_start_near(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Star
 
     Parameters
     ----------
-    posed : dimensionless
+    posed : prepared problem, dimensionless
     gains, coupling : the polished design, dimensionless
 
     Returns
@@ -189,9 +189,9 @@ def in_same_basin(posed: Posed, starts: list[Start], gains: Gains) -> list[Start
 
     Parameters
     ----------
-    posed : dimensionless
+    posed : prepared problem, dimensionless
     starts : starts, of which only the feasible ones are used, with an integrator if the gains have one
-    gains : dimensionless
+    gains : gains, dimensionless
     """
     problem = posed.problem
     law = [start for start in starts if start.admissible and (start.gains.position > 0) == (gains.position > 0)]

@@ -112,7 +112,7 @@ def time_constants(problem: Problem, low: float, high: float) -> tuple[float, fl
 
     Parameters
     ----------
-    problem : dimensionless
+    problem : problem, dimensionless
     low, high : the band, rad/s
     """
     bounds = problem.bounds

@@ -33,7 +33,7 @@ def stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | 
 
     Parameters
     ----------
-    problem : dimensionless, with the bounds of the gains
+    problem : problem, dimensionless, with the bounds of the gains
     cases : the problem of each device that is evaluated
     start : the design, dimensionless
 

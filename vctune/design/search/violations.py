@@ -66,7 +66,7 @@ def violations(
 
     Parameters
     ----------
-    posed : dimensionless
+    posed : prepared problem, dimensionless
     cases : the problem of each device that is evaluated, those of `posed` and others
     values : K_v, K_p, b_c, m_c, b_0
     tightening : relative tightening of the constraints
@@ -247,7 +247,7 @@ def near_peak(cases: list[Problem], gains: Gains) -> ConstraintPoint | None:
     Parameters
     ----------
     cases : the problem of each device that is evaluated, dimensionless
-    gains : dimensionless
+    gains : gains, dimensionless
     """
     loops = of_own_loops(cases)
     return _near_peak(loops, gains, [sensitivity_maxima(case, gains) for case in loops])

@@ -16,7 +16,7 @@ from vctune.model.problem import Criterion, Problem
 from vctune.running import OutOfTimeError
 
 COMPARISON = "the comparison of criteria"
-"""A stage that a time limit may cut short."""
+"""Name of a stage that a time limit may cut short."""
 
 
 def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:

@@ -73,7 +73,7 @@ if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
 
 PROVED_BAND = "the proof of a wider band"
-"""A stage that a time limit may cut short."""
+"""Name of a stage that a time limit may cut short."""
 SHOWN = 200
 """Rounds and open boxes of a search that are kept."""
 

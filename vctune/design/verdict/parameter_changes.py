@@ -169,7 +169,7 @@ def parameter_changes(document: dict[str, Any], problem: Problem) -> list[Parame
     Parameters
     ----------
     document : parsed TOML
-    problem : problem that it states
+    problem : problem that the document states
     """
     return [*_of_device(problem), *_of_operator(problem), *changes_of_demands(document, problem)]
 
@@ -180,7 +180,7 @@ def changes_of_demands(document: dict[str, Any], problem: Problem) -> list[Param
     Parameters
     ----------
     document : parsed TOML
-    problem : problem that it states
+    problem : problem that the document states
     """
     band = _of_band(document, problem) if problem.passive else ()
     return [*band, *_of_worlds(problem), *_of_demands(problem), *_of_gains(document, problem)]

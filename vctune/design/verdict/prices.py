@@ -22,7 +22,7 @@ from vctune.proof.claims.whole_samples import kept_at_whole_sample, sensed_force
 from vctune.running import OutOfTimeError, check_time
 
 PRICES = "the prices of the device's numbers"
-"""A stage that a time limit may cut short."""
+"""Name of a stage that a time limit may cut short."""
 
 STEP = 1e-5
 """Relative change of a number over which the derivative is taken, each way: its error is about as great, and rounding

@@ -41,7 +41,7 @@ ROUNDS = 10
 """Number of corrections of a first estimate: a little more if it does not suffice, a tenth less if less suffices. Two
 or three times are usual; half as many leave out repairs, twice as many wait for none."""
 REPAIRS = "the repairs"
-"""A stage that a time limit may cut short."""
+"""Name of a stage that a time limit may cut short."""
 LONGEST = 30.0
 """Seconds after which vctune tries no more changes; only a device whose every answer takes long needs so many. Half
 leaves out repairs on a slow machine, and vctune says so (`CUT_SHORT`); the listed repairs are the same."""

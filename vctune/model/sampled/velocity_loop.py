@@ -203,7 +203,7 @@ def return_difference(plant: SampledPlant, theta: Number, ops: Arithmetic, *, po
 
     Parameters
     ----------
-    plant : a device without a hand, over a sample
+    plant : a device without a hand, over one sample
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of plant and theta
     position : whether the law has K_p > 0; if not, the position's part is 0 and F is the F of the velocity loop
