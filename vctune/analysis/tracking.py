@@ -13,7 +13,7 @@ from vctune.model.problem import Problem
 from vctune.model.transparency import log_quadrature, loop_terms
 
 NODES = 64
-"""Frequencies of `tracking_terms`: half as many draw the same line."""
+"""Number of frequencies of `tracking_terms`; half as many draw the same line."""
 
 
 def tracking_terms(problem: Problem, gains: Gains) -> Floats:
@@ -21,8 +21,8 @@ def tracking_terms(problem: Problem, gains: Gains) -> Floats:
 
     Parameters
     ----------
-    problem : of the nominal device
-    gains : K_v and K_p, arrays that fit each other
+    problem : problem of the nominal device
+    gains : K_v and K_p, arrays that broadcast against each other
 
     Returns
     -------

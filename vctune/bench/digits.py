@@ -46,7 +46,7 @@ def exact(case: Case, omega: Any) -> Exact:
     Parameters
     ----------
     case : one case of plain numbers; each float stands for the decimal that it prints as
-    omega : rad/s, > 0
+    omega : frequency, rad/s, > 0
 
     Returns
     -------
@@ -75,7 +75,7 @@ def sensitivity(case: Case, omega: Any) -> Any:
     Parameters
     ----------
     case : one case of plain numbers
-    omega : rad/s, > 0
+    omega : frequency, rad/s, > 0
 
     Returns
     -------

@@ -162,7 +162,7 @@ def required(case: Case, omega: Any) -> Any:
     Parameters
     ----------
     case : one case or n
-    omega : rad/s, not 0, shape (k,)
+    omega : frequency, rad/s, not 0, shape (k,)
 
     Returns
     -------
@@ -185,7 +185,7 @@ def stability_ratio(case: Case, omega: Any) -> Any:
     Parameters
     ----------
     case : one case or n
-    omega : rad/s, not 0, shape (k,)
+    omega : frequency, rad/s, not 0, shape (k,)
 
     Returns
     -------
@@ -208,7 +208,7 @@ def sensitivity(case: Case, omega: Any) -> Any:
     Parameters
     ----------
     case : one case or n
-    omega : rad/s, > 0, shape (k,)
+    omega : frequency, rad/s, > 0, shape (k,)
 
     Returns
     -------
@@ -353,7 +353,7 @@ def squared_error(problem: Problem, case: Case, omega: Any) -> Any:
     ----------
     problem : weights and reference impedance
     case : one case or n
-    omega : rad/s, not 0, shape (k,)
+    omega : frequency, rad/s, not 0, shape (k,)
 
     Returns
     -------

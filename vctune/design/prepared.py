@@ -84,7 +84,7 @@ class Posed:
 
         Parameters
         ----------
-        gains, coupling : plain floats, in the units of the problem
+        gains, coupling : a design with plain floats, in the units of the problem
         """
         return max(transparency_error(case, gains, coupling).error for case in self.objective)
 

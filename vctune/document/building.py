@@ -95,7 +95,7 @@ def problem(source: ProblemSource) -> ProblemFile:
     Raises
     ------
     InputError
-        Listing every mistake, each with dotted key, value and remedy, and the line if there is a file.
+        If it is invalid; the error lists every mistake with dotted key, value and remedy, and the line in a file.
     """
     if isinstance(source, ProblemFile):
         return source
@@ -123,7 +123,7 @@ def design(gains: DesignSource, coupling: AnyCoupling | None = None, kind: Displ
     Raises
     ------
     InputError
-        Listing every mistake, each with dotted key, value and remedy, and the line if there is a file.
+        If it is invalid; the error lists every mistake with dotted key, value and remedy, and the line in a file.
     """
     if isinstance(gains, GainsFile) and coupling is None:
         return gains

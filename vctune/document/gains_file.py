@@ -21,7 +21,7 @@ def design_numbers(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[s
     Parameters
     ----------
     kind : kind of the device
-    gains, coupling : plain floats
+    gains, coupling : a design with plain floats
     """
     numbers = zip(kind.keys, astuple(gains) + astuple(coupling), strict=True)
     return {key: number for key, number in numbers if key not in kind.absent}
@@ -33,7 +33,7 @@ def design_tables(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[st
     Parameters
     ----------
     kind : kind of the device
-    gains, coupling : plain floats
+    gains, coupling : a design with plain floats
     """
     tables: dict[str, dict[str, float]] = {}
     for key, number in design_numbers(kind, gains, coupling).items():
@@ -48,7 +48,7 @@ def numbers_text(kind: Display, gains: Gains, coupling: AnyCoupling) -> str:
     Parameters
     ----------
     kind : kind of the device
-    gains, coupling : plain floats
+    gains, coupling : a design with plain floats
     """
     return " ".join(repr(number) for number in design_numbers(kind, gains, coupling).values())
 
@@ -79,7 +79,7 @@ def gains_text(
     Parameters
     ----------
     kind : kind of the device
-    gains, coupling : plain floats, written in their shortest exact decimals
+    gains, coupling : a design with plain floats, written in their shortest exact decimals
     origin : keys and texts or numbers of the [design] table, beside the display and the units
     units : units of the device
     """

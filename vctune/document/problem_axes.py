@@ -65,7 +65,7 @@ def read_axes(path: str | Path) -> AxesFile | None:
     Raises
     ------
     InputError
-        Listing every mistake, each with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
     """
     if not Path(path).is_file() or Path(path).suffix != ".toml":
         return None
@@ -92,7 +92,7 @@ def read_problem_or_axes(path: str | Path) -> ProblemFile | AxesFile:
     Raises
     ------
     InputError
-        Listing every mistake, each with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
     """
     text = toml.read_text(Path(path))
     return axes_file(text, Path(path)) or problem_file(text, Path(path))
@@ -103,13 +103,13 @@ def axes_file(text: str, path: Path) -> AxesFile | None:
 
     Parameters
     ----------
-    text : TOML
+    text : text in TOML
     path : path of the file, whose stem is the problem's name unless the text has one
 
     Raises
     ------
     InputError
-        Listing every mistake, each with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
     """
     path = toml.called(path)
     raw, source = toml.parse(text, str(path)), str(path)

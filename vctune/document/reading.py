@@ -34,7 +34,7 @@ class ProblemFile:
     Attributes
     ----------
     problem : every default filled in
-    text : TOML
+    text : text in TOML
     source : the path of its file; "problem" if there is none
     """
 
@@ -68,7 +68,7 @@ def read_problem(path: str | Path) -> ProblemFile:
     Raises
     ------
     InputError
-        Listing every mistake, each with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
     """
     return problem_file(toml.read_text(Path(path)), Path(path))
 
@@ -78,13 +78,13 @@ def problem_file(text: str, path: Path) -> ProblemFile:
 
     Parameters
     ----------
-    text : TOML
+    text : text in TOML
     path : path of the file, whose stem is the problem's name unless the text has one
 
     Raises
     ------
     InputError
-        Listing every mistake, each with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
     """
     path = toml.called(path)
     name = path.stem.encode("utf-8", "replace").decode()
@@ -96,14 +96,14 @@ def parse_problem(text: str, source: str, default_name: str) -> Problem:
 
     Parameters
     ----------
-    text : TOML
-    source : its name in messages
+    text : text in TOML
+    source : name of the file in messages
     default_name : default name of the problem, unless the text has one
 
     Raises
     ------
     InputError
-        Listing every mistake, each with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
     """
     problem, faults = pose(toml.parse(text, source), default_name)
     if problem is None:
@@ -192,13 +192,13 @@ def gains_file(text: str, path: Path) -> GainsFile:
 
     Parameters
     ----------
-    text : TOML
+    text : text in TOML
     path : path of the file, for messages
 
     Raises
     ------
     InputError
-        Listing every mistake, each with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
     """
     path = toml.called(path)
     kind = _kind_of(toml.parse(text, str(path)))

@@ -104,7 +104,7 @@ def read_admittance(path: Path) -> AdmittanceFile:
     Raises
     ------
     InputError
-        Listing every mistake, each with line, dotted key, value and remedy; or if there is no PyYAML.
+        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy; or if there is no PyYAML.
     """
     source = str(path)
     try:

@@ -100,7 +100,7 @@ def designed_scene(device: Device, gains: Gains, coupling: AnyCoupling, experime
 
     Parameters
     ----------
-    device : plain numbers, SI units
+    device : device with plain numbers, SI units
     gains, coupling : the design
     experiment : the experiment of the run
     """
@@ -112,7 +112,7 @@ def baseline_scene(device: Device, experiment: Experiment, pid: Baseline) -> Sce
 
     Parameters
     ----------
-    device : plain numbers, SI units
+    device : device with plain numbers, SI units
     experiment : the experiment of the run
     pid : the regular controller
     """

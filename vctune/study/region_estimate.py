@@ -96,7 +96,7 @@ class _Asked:
 
     Attributes
     ----------
-    omega : rad/s, at which the coupling is met, of an impedance display theta, rad, shape (places,)
+    omega : frequency, rad/s, at which the coupling is met, of an impedance display theta, rad, shape (places,)
     needed : the least Re Z_c there, N s/m, or Re(1/Z_c)/s^2, shape (n, places)
     place : the place of each cell as `Places` has it, from one of these numbers each
     """

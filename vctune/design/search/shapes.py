@@ -34,7 +34,7 @@ def unit_response(device: Device, omega: Floats, time_constant: Floats) -> tuple
     Parameters
     ----------
     device : device whose firmware runs the coupling
-    omega : rad/s, > 0
+    omega : frequency, rad/s, > 0
     time_constant : time constant, s, an array that broadcasts against omega
     """
     if device.kind.inverse:

@@ -273,7 +273,7 @@ def least_resistance(problem: Problem, gains: Gains) -> Minima:
     Parameters
     ----------
     problem : problem of one device
-    gains : plain floats, in the problem's units
+    gains : gains with plain floats, in the problem's units
 
     Returns
     -------

@@ -66,7 +66,7 @@ class Worst:
     Attributes
     ----------
     ratio : Re Z_c / R, or Re(D + Z_h)/|D| where that is not positive
-    omega : rad/s
+    omega : frequency, rad/s
     device : a device that is not a vertex of the box
     """
 

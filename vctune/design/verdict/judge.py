@@ -214,7 +214,7 @@ def judge(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Judgement:
     Parameters
     ----------
     problem : problem with all defaults filled in
-    gains, coupling : plain floats, N s/m, N/m and kg
+    gains, coupling : a design with plain floats, N s/m, N/m and kg
 
     Returns
     -------
@@ -231,7 +231,7 @@ def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
     Parameters
     ----------
     posed : prepared problem in SI units
-    gains, coupling : plain floats, N s/m, N/m and kg
+    gains, coupling : a design with plain floats, N s/m, N/m and kg
 
     Returns
     -------
@@ -276,7 +276,7 @@ def with_best_corner(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Posed
     Parameters
     ----------
     posed : prepared problem in SI units
-    gains, coupling : a design, plain floats
+    gains, coupling : a design with plain floats
     """
     worlds = posed.demands.worlds
     if worlds is None or not worlds.walls or worlds.corner is not None:
@@ -371,12 +371,12 @@ def least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[
     Parameters
     ----------
     problem : problem of a device with exactly known numbers
-    gains, coupling : a design, plain floats
+    gains, coupling : a design with plain floats
 
     Returns
     -------
     ratio : least ratio; inf if nothing is required
-    omega : rad/s; 0 or inf at an end of the axis
+    omega : frequency, rad/s; 0 or inf at an end of the axis
     """
     device, band = problem.device, problem.stability.band
     minima = ratio_minima(problem, gains, coupling)

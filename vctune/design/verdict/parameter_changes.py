@@ -172,7 +172,7 @@ def parameter_changes(document: dict[str, Any], problem: Problem) -> list[Parame
 
     Parameters
     ----------
-    document : parsed TOML
+    document : parsed document
     problem : problem that the document states
     """
     return [*_of_device(problem), *_of_operator(problem), *changes_of_demands(document, problem)]
@@ -183,7 +183,7 @@ def changes_of_demands(document: dict[str, Any], problem: Problem) -> list[Param
 
     Parameters
     ----------
-    document : parsed TOML
+    document : parsed document
     problem : problem that the document states
     """
     band = _of_band(document, problem) if problem.passive else ()

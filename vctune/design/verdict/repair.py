@@ -208,7 +208,7 @@ def find_cures(document: dict[str, Any], problem: Problem, progress: Progress = 
 
     Parameters
     ----------
-    document : parsed TOML
+    document : parsed document
     problem : problem that the document states, whose own design does not use its loop
     progress : function that receives the current stage
     """
@@ -245,7 +245,7 @@ def find_repairs(
 
     Parameters
     ----------
-    document : parsed TOML
+    document : parsed document
     changes : the numbers that may be changed
     test : functions that test changed problems
     progress : function that receives the current stage
@@ -280,7 +280,7 @@ class _Search:
 
     Attributes
     ----------
-    document : parsed TOML
+    document : parsed document
     change : number to change
     test : functions that test changed problems
     posed : function that returns the problem that a document states, or None

@@ -29,7 +29,7 @@ def design_of(value: Any, source: str) -> DesignRecord:
     Parameters
     ----------
     value : the object
-    source : its name in messages
+    source : name of the file in messages
 
     Raises
     ------

@@ -56,8 +56,8 @@ def validated(model: type[Document], text: str, source: str, check: Check) -> Do
     Parameters
     ----------
     model : class of the document
-    text : TOML
-    source : its name in messages
+    text : text in TOML
+    source : name of the file in messages
     check : function that finds contradictions between valid values
 
     Raises

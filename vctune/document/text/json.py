@@ -53,7 +53,7 @@ def as_record(value: Any, part: type[Record], source: str, *, kind: str, remedy:
     ----------
     value : the object
     part : class of the record
-    source : its name in messages
+    source : name of the file in messages
     kind : the expected object, for the message
     remedy : remedy for one that is damaged
 

@@ -68,7 +68,7 @@ def parse(text: str, source: str) -> dict[str, Any]:
     Parameters
     ----------
     text : text of a file
-    source : its name in messages
+    source : name of the file in messages
 
     Returns
     -------

@@ -74,7 +74,7 @@ def smooth(omega: Floats, cutoff_hz: float) -> Floats:
 
     Parameters
     ----------
-    omega : rad/s
+    omega : frequency, rad/s
     cutoff_hz : Hz
     """
     return np.exp(-0.5 * log(2) * (omega / (2 * np.pi * cutoff_hz)) ** 2)
@@ -126,7 +126,7 @@ def drive(device: Device, omega: Floats) -> Complex:
     Parameters
     ----------
     device : its sample time, delay, hold and actuator are used
-    omega : rad/s
+    omega : frequency, rad/s
     """
     at = device_response(device, omega, FLOATS).drive
     return np.asarray(at.re - 1j * omega * at.lag)

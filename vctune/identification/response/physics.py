@@ -81,7 +81,7 @@ def compliances(device: Device, omega: Floats) -> tuple[Complex, Complex]:
     Parameters
     ----------
     device : the mechanism
-    omega : rad/s, > 0
+    omega : frequency, rad/s, > 0
     """
     at = device_response(
         Device(device.mass, device.damping, device.sample_time, structure=device.structure), omega, FLOATS
@@ -104,7 +104,7 @@ def held_compliance(device: Device, omega: Floats) -> Complex:
     Parameters
     ----------
     device : device with its delay and actuator; a delay below 0 is a sample earlier and the rest of it later
-    omega : rad/s, 0 < omega <= pi/T
+    omega : frequency, rad/s, 0 < omega <= pi/T
     """
     T = device.sample_time
     early = max(0, ceil(-float(device.delay) / T))

@@ -76,7 +76,7 @@ def covered(
     Parameters
     ----------
     device, bounds, radii : as in the file
-    omega : rad/s
+    omega : frequency, rad/s
     held : whether the force is a command
 
     Returns

@@ -87,7 +87,7 @@ def sampled_response(omega: Floats, T: float, delay: float, bandwidth_hz: float,
 
     Parameters
     ----------
-    omega : rad/s
+    omega : frequency, rad/s
     T : sample time, s
     delay, bandwidth_hz, order : those of the servo
     """

@@ -27,7 +27,7 @@ def response_of(device: Device, omega: Floats) -> Complex:
     Parameters
     ----------
     device : device with a servo
-    omega : rad/s
+    omega : frequency, rad/s
     """
     servo = device.servo
     assert servo is not None

@@ -64,7 +64,7 @@ class DeviceResponse(NamedTuple):
 
     Attributes
     ----------
-    omega : rad/s
+    omega : frequency, rad/s
     mass, damping : mass and damping of the motor's part, kg and N s/m; a rigid device is all motor's part
     drive : A H
     estimate : F, from the motor's velocity to the firmware's estimate; None for 1
@@ -141,7 +141,7 @@ def hold_response(device: Device, omega: Number, ops: Arithmetic) -> DriveRespon
     Parameters
     ----------
     device : device; the function uses only sample_time, delay and hold
-    omega : rad/s, may be 0; a number or an array of any shape
+    omega : frequency, rad/s, may be 0; a number or an array of any shape
     ops : arithmetic of omega and of the device's numbers
 
     Returns

@@ -10,7 +10,7 @@ def hertz(omega: float) -> float:
 
     Parameters
     ----------
-    omega : rad/s, may be 0 or inf
+    omega : frequency, rad/s, may be 0 or inf
 
     Returns
     -------
@@ -25,6 +25,6 @@ def finite_hertz(omega: float | None) -> float | None:
 
     Parameters
     ----------
-    omega : rad/s, or None
+    omega : frequency, rad/s, or None
     """
     return None if omega is None or omega == inf else hertz(omega)

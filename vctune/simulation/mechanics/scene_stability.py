@@ -75,7 +75,7 @@ def least_virtual(device: Device, experiment: Experiment, pid: Baseline) -> floa
 
     Parameters
     ----------
-    device : plain numbers, SI units
+    device : device with plain numbers, SI units
     experiment : the experiment of the run
     pid : the regular controller, with the mass and the damping that are varied
 
