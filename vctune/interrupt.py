@@ -49,8 +49,7 @@ def interrupt_noted() -> Iterator[Callable[[], bool]]:
     """Record the first SIGINT or SIGTERM within the block, without interrupting it. Yield a function that reports it.
 
     The block is work whose partial result is useful. A second signal goes to the previous handler, which ends the work
-    at
-    once. Python delivers signals to the main thread only.
+    at once. Python delivers signals to the main thread only.
     """
     with _held(at_most=1) as came:
         yield lambda: bool(came)

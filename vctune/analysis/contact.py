@@ -24,8 +24,7 @@ LOWEST = 1e-3
 digit."""
 PER_DECADE = 120
 """Number of angles per decade: neighbours are 2 % apart, with eight angles to each of ten samples of latency at
-Nyquist.
-Half as many may step over the hardest frequency of a contact; twice as many take twice as long."""
+Nyquist. Half as many may step over the hardest frequency of a contact; twice as many take twice as long."""
 
 
 HALVINGS = 40

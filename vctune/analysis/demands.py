@@ -28,17 +28,14 @@ from vctune.model.transparency import Terms, log_quadrature, loop_terms, squared
 
 END_DECADES = 5
 """Number of sampled decades of an endless band beyond every corner of the device. A value that approaches its limit
-like
-omega^2 or faster equals it there to 1e-8. With half as many decades it would only be 1e-4, which a search would notice;
-twice as many only make the grid longer."""
+like omega^2 or faster equals it there to 1e-8. With half as many decades it would only be 1e-4, which a search would
+notice; twice as many only make the grid longer."""
 RIPPLE_POINTS = 6
 """Number of grid points while e^{-2j omega tau} makes one turn. Half as many may miss one of two neighbouring extrema.
-Twice
-as many make the grid twice as long for bands far above 1/tau."""
+Twice as many make the grid twice as long for bands far above 1/tau."""
 QUADRATURE_TOLERANCE = 1e-9
 """Relative change of the mean squares at which doubling the panels ends. The error of Gauss's rule falls so fast that
-the
-last change is far greater than the error. Half and twice this change end at the same number of panels."""
+the last change is far greater than the error. Half and twice this change end at the same number of panels."""
 
 
 def response(device: Device, gains: Gains, omega: Floats) -> LoopResponse:
@@ -112,8 +109,7 @@ def sampled_span(problem: Problem) -> tuple[float, float]:
     """Return the part of the stability band that sampling can reach.
 
     The code cuts a band from 0 or to inf at `END_DECADES` decades beyond every corner of the device and of the
-    transparency
-    band. Beyond these, the limits at the ends of the axis hold to better than 1e-8.
+    transparency band. Beyond these, the limits at the ends of the axis hold to better than 1e-8.
     """
     device, band = problem.device, problem.stability.band
     corners = [problem.transparency.band.min, problem.transparency.band.max, problem.nyquist]

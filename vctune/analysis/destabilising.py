@@ -3,12 +3,11 @@
 Where Re(Z_c + Z_seen) < 0, a spring or mass cancels the imaginary part. A damper in parallel supplies the missing
 resistance and thus holds a pole on the unit circle. The code follows the pole while it removes the damper. If the
 constraint is just missed, the pole moves outwards. If it is missed by much, the pole may come back, and some of the
-damper
-remains. The functions of the loop in a hand are analytic in theta, z = e^(j theta), so the same formulas describe the
-moving pole.
+damper remains. The functions of the loop in a hand are analytic in theta, z = e^(j theta), so the same formulas
+describe the moving pole.
 
-For an impedance display the same holds with admittances. A spring or mass cancels the imaginary part of
-1/Z_c + G_y/(1 + K_v F G_y). A damper in series with it holds the pole and is then removed (section 15).
+For an impedance display the same holds with admittances. A spring or mass cancels the imaginary part of 1/Z_c + G_y/(1
++ K_v F G_y). A damper in series with it holds the pole and is then removed (section 15).
 """
 
 from __future__ import annotations
@@ -49,8 +48,7 @@ GROWTH = 1e-10
 twice it find the same growth."""
 STEPS, CONVERGED, DIFFERENCE = 8, 1e-12, 1e-6
 """Number of Newton's steps, the relative step that ends them, and the relative difference for the derivative, which is
-then
-correct to 1e-10. Half and twice as many steps follow the same poles."""
+then correct to 1e-10. Half and twice as many steps follow the same poles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,9 +280,8 @@ def _seen(plant: AnyPlantInHand, gains: Gains, theta: complex) -> complex:
     """Return Z_seen = P/(2 j s F).
 
     The form is o/(2 N) + e/(2 j s N) with e + j s o = P (F.even - j s F.odd) and N = F.even^2 + s^2 F.odd^2. On the
-    circle its
-    terms are the real and the imaginary part. Near theta = 0 the rounding error of one would otherwise exceed the
-    other.
+    circle its terms are the real and the imaginary part. Near theta = 0 the rounding error of one would otherwise
+    exceed the other.
     """
     loop, s = loop_in_hand(plant, theta, FLOATS), complex(np.sin(theta / 2))
     F, P = loop.closed(gains), loop.numerator(gains)

@@ -16,12 +16,11 @@ Floats = NDArray[np.float64]
 
 POINTS_PER_DECADE = 60
 """Points per decade of the grid, 4 % apart, whose local minima are refined. Half as many would merge two minima within
-8 %
-of each other. Twice as many double the evaluations in every judgement of a design."""
+8 % of each other. Twice as many double the evaluations in every judgement of a design."""
 ZOOMS = 3
 """Number of rounds with a finer grid, each of which narrows an interval 8 times. Half as many leave the parabola an
-interval
-23 times as wide, and a frequency correct to 1e-5. Twice as many narrow it below what rounding permits for a minimum."""
+interval 23 times as wide, and a frequency correct to 1e-5. Twice as many narrow it below what rounding permits for a
+minimum."""
 ZOOM_POINTS = 17
 """Number of points of a finer grid, including both ends. Half and twice as many narrow it 4 and 16 times in each
 round."""
@@ -67,10 +66,8 @@ def local_minima(f: Callable[[Floats], Floats], grid: Floats) -> Minima:
     """Find the local minima of f over the grid's span, ends included.
 
     Each local minimum of the grid is refined, all of them together, by `ZOOMS` rounds of a finer grid between its
-    neighbours,
-    and by the vertex of the parabola through the last points. For a smooth f the frequency is correct to about 1e-7,
-    and the
-    value to 1e-14 of its variation.
+    neighbours, and by the vertex of the parabola through the last points. For a smooth f the frequency is correct to
+    about 1e-7, and the value to 1e-14 of its variation.
 
     Parameters
     ----------

@@ -44,14 +44,12 @@ class Feel:
     ----------
     mass, damping : apparent mass and damping in free motion at each of `FREE_HZ`, kg and N s/m
     static_stiffness, stiffness : stiffness of the stiffest wall at 0 and at `WALL_HZ`, N/m; inf for a servo, which
-        stands
-        still
+        stands still
     force : force that moves the handle steadily at `SPEED`, N
     loop_latency : lag around the loop at low frequency, s; for a servo, the lag from its command to its motion
     force_latency : lag from the hand's force to the resulting velocity at `WALL_HZ`, s
     tracking_bandwidth : frequency up to which |G_he| is at least `HALF_POWER`, Hz, at most the Nyquist frequency; 0 if
-        there
-        is none. For an impedance display it is the bandwidth of |A H/N|
+        there is none. For an impedance display it is the bandwidth of |A H/N|
     """
 
     mass: tuple[float | None, ...]
@@ -143,8 +141,7 @@ def impedance_at_handle(device: Device, gains: Gains, omega: Floats, beyond: Com
     gains : gains of its loop
     omega : frequency, rad/s, > 0, or 0 for quantities that are finite there; shape (n,)
     beyond : Z_c + Z_e of the coupling and an environment, an array of shape (n,); None for a rigid environment, or
-        without
-        a loop
+        without a loop
     """
     if beyond is None and device.servo is not None:
         return np.full(np.shape(omega), complex(inf))

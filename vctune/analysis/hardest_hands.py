@@ -25,8 +25,8 @@ from vctune.running import check_time
 
 ROUNDS = 22
 """Number of refinement steps, each of which moves to the best neighbour or halves the distance: down to 1e-4 of the
-first
-distance, whose square affects the ratio. Half as many reach 1e-2, and the prover finds the rest at its own cost."""
+first distance, whose square affects the ratio. Half as many reach 1e-2, and the prover finds the rest at its own
+cost."""
 DRIVEN = 1e6
 """Value of 1/ratio above which a coupling supplies energy where it must not. Half and twice it give the same
 designs."""
@@ -39,8 +39,7 @@ def needs_in_worlds(
     """Return 1/ratio for each of the margins of which one must be positive (`vctune.model.sampled.loop_in_worlds`).
 
     For the real part, the ratio is (Re Z_c + g b_1)/R. For a reactance, it is g times the exponential of its relative
-    reserve.
-    In either case a ratio of g suffices, and the ratio tells the missing or the spare share.
+    reserve. In either case a ratio of g suffices, and the ratio tells the missing or the spare share.
 
     Parameters
     ----------

@@ -29,8 +29,7 @@ SEARCHED = 6
 hands."""
 SHARP = 0.03
 """Damping ratio below which the code evaluates the angles where a hand resonates with the device, which no grid meets.
-Half
-and twice this ratio lead to the same design of a display with hardly any damping."""
+Half and twice this ratio lead to the same design of a display with hardly any damping."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,8 +111,7 @@ def least_ratios_in_hands(
 
 WINDOW = np.exp(np.linspace(-0.3, 0.3, 121))
 """Relative range of angles around a worst angle at which the environments of a box are tried. Half and twice the range,
-or
-the number of angles, give the same designs."""
+or the number of angles, give the same designs."""
 
 
 def windows(
@@ -126,8 +124,7 @@ def windows(
     """Return the ends of the windows of angles in which the constraint for a box of environments is violated.
 
     At an end of a window, one margin must replace another that fails. A constraint in the middle of the window alone
-    would
-    only move the window.
+    would only move the window.
 
     Parameters
     ----------
@@ -229,8 +226,7 @@ def _resonant(device: Device, hands: Hands, gains: Gains) -> list[tuple[float, H
     """Return angles at which hands resonate sharply with the device, and those hands.
 
     They are the stiffest hands, where the angle is greatest and the damping ratio least, and hands with a hundredth of
-    their
-    stiffness.
+    their stiffness.
     """
     found = []
     damping = device.damping + hands.low.damping + gains.velocity

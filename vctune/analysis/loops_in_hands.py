@@ -24,12 +24,10 @@ SHARES = (0.0, 0.01, 0.1, 0.4, 1.0)
 within little. Half or twice as many lead to the same designs, in more rounds or in more time."""
 LOWEST, PER_DECADE = 1e-4, 24
 """Least angle omega T above 0, and angles per decade. Values below the least angle equal their limit to 1e-8. Half as
-many
-angles may miss one of two neighbouring extrema; twice as many take twice the time."""
+many angles may miss one of two neighbouring extrema; twice as many take twice the time."""
 SOFT = np.geomspace(1e-12, 1.0, 97)
 """Shares of the range of stiffness that are evaluated at angle 0. There a soft spring and a late loop require drag, the
-most
-at about K_p, which is small in slow loops. Half or twice as many find the same hand, which is then refined."""
+most at about K_p, which is small in slow loops. Half or twice as many find the same hand, which is then refined."""
 
 
 @dataclass(frozen=True, slots=True)

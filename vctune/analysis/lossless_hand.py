@@ -1,10 +1,9 @@
 """Find the lossless hand in which a refused impedance display grows (model/README.md, section 15).
 
 The disc of any hand is a sum of discs, one for each alias of the frequency. At its worst point each of them is at its
-edge,
-which requires a certain reactance of the hand at each alias. By Foster's theorem a mass or a spring with resonators has
-this reactance at any number of aliases. In this hand, the search for the environment with which the exact sampled loop
-grows is the same as in a hand of a box.
+edge, which requires a certain reactance of the hand at each alias. By Foster's theorem a mass or a spring with
+resonators has this reactance at any number of aliases. In this hand, the search for the environment with which the
+exact sampled loop grows is the same as in a hand of a box.
 """
 
 from __future__ import annotations
@@ -30,24 +29,19 @@ from vctune.model.sampled.impedance_display import firmware_filter, spring_dampe
 
 TURNED = (1, 3, 5, 9, 17, 33)
 """Numbers of aliases, the nearest first, at which the hand has the worst reactance; the search uses the least number
-that
-suffices. Among designs that are refused by 1 % or more, one in 160 needs 33 aliases. Every second of these numbers, or
-twice as many, serve the same other designs."""
+that suffices. Among designs that are refused by 1 % or more, one in 160 needs 33 aliases. Every second of these
+numbers, or twice as many, serve the same other designs."""
 DETUNED = (0.1, 1e-2, 1e-3, 1e-4)
 """Relative distances of a resonator from its alias. The smaller the distance, the less the resonator acts at other
-aliases,
-and the slower a motion grows. Half as many distances find growth up to eight times slower; twice as many find a hand
-for
-one more design in 60."""
+aliases, and the slower a motion grows. Half as many distances find growth up to eight times slower; twice as many find
+a hand for one more design in 60."""
 SUMMED = 250
 """Number of aliases on either side that are summed for the hand's response; the rest is below 1e-5. Half and twice as
-many
-give the same growth to four digits."""
+many give the same growth to four digits."""
 FROM_ENDS = (0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3)
 """Distances from 0 Hz and Nyquist, where nothing grows, at which the hand is sought, rad; the first success ends the
-search.
-Half and twice as many find hands for the same designs, some with a sixth of the growth and some with six times the
-growth."""
+search. Half and twice as many find hands for the same designs, some with a sixth of the growth and some with six times
+the growth."""
 
 
 @dataclass(frozen=True, slots=True)

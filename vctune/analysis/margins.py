@@ -18,34 +18,27 @@ from vctune.model.numbers.pair import Pair
 
 BISECTIONS = 40
 """Number of bisections of an interval of the grid, down to 1e-12 of it, which is finer than the output shows. Half as
-many
-reach 1e-6, which the output shows; twice as many reach rounding errors."""
+many reach 1e-6, which the output shows; twice as many reach rounding errors."""
 MARGIN_POINTS_PER_DECADE = 100
 """Points per decade of the grid for crossings. Half as many may miss two crossings within 5 %; twice as many take twice
-the
-time."""
+the time."""
 DECADES_BELOW_NYQUIST = 7
 """Number of decades below Nyquist that are searched. Only a loop with a bandwidth of a millionth of its sampling rate
-crosses
-over that far below. Half as many miss crossings of slow loops; twice as many are wasted."""
+crosses over that far below. Half as many miss crossings of slow loops; twice as many are wasted."""
 STEPS, FARTHEST = 16, 32
 """Number of steps in which the delay grows to its estimated margin, and the multiple of the margin up to which it is
 followed. With half as many steps, an unstable interval of delays that is stepped over may be twice as long. Twice as
-many
-take twice the time."""
+many take twice the time."""
 NEWTON_STEPS = 8
 """Number of Newton's steps. From the accuracy of ten bisections, quadratic convergence takes three; the others serve a
-double
-crossing, where convergence is linear. Half as many suffice for a simple crossing; twice as many reach rounding
+double crossing, where convergence is linear. Half as many suffice for a simple crossing; twice as many reach rounding
 errors."""
 DIFFERENCE = 1e-6
 """Step of the central differences in Newton's method, in log omega and in delay over sample time. Its error of 1e-12
-and its
-rounding error of 1e-10 slow the method down but do not change its limit, nor do half and twice this step."""
+and its rounding error of 1e-10 slow the method down but do not change its limit, nor do half and twice this step."""
 FARTHEST_CORRECTION = 0.05
 """Greatest share of the delay by which Newton's method may correct a bisection, which is correct to 1e-4 of the
-estimate. If
-it moves farther, it has found another crossing. Half and twice this share decide alike."""
+estimate. If it moves farther, it has found another crossing. Half and twice this share decide alike."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,8 +132,7 @@ def _delay_margin(device: Device, gains: Gains, estimate: float) -> float:
     """Return the least delay with which F passes through 0; inf if there is no such delay.
 
     The estimate, phase divided by frequency, is good only far below Nyquist. A fraction of a sample of delay even eases
-    a loop
-    that rings at Nyquist, because the held force then acts on two samples.
+    a loop that rings at Nyquist, because the held force then acts on two samples.
     """
 
     def stable(delay: float) -> bool:

@@ -12,14 +12,12 @@ from vctune.model.device import Device
 
 RESONANCE_REACH, NARROWEST = 1.1, 2e-3
 """Range around a structure's resonances in which the grid's spacing is half their damping ratio, and its finest
-spacing.
-Half and twice the range decide alike, because the loop moves a resonance between the two. A grid half as fine may miss
-the effect of a resonance between two frequencies, which the proof would then find. A grid twice as fine takes twice the
-time there."""
+spacing. Half and twice the range decide alike, because the loop moves a resonance between the two. A grid half as fine
+may miss the effect of a resonance between two frequencies, which the proof would then find. A grid twice as fine takes
+twice the time there."""
 NARROWER = 6.0
 """Factor by which a drawn curve samples a resonance more finely than its width. Half this factor shows corners; twice
-this
-factor makes the file twice as long."""
+this factor makes the file twice as long."""
 
 
 def with_resonance(device: Device, grid: Floats) -> Floats:

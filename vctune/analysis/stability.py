@@ -29,20 +29,17 @@ FIRST_ANGLE, ANGLES_PER_DECADE = 1e-4, 46
 decide more loops; twice as many take twice the time of a scan."""
 TOO_CLOSE = 0.03
 """Least |F| at which the grid counts as reliable, slightly less than the distance of neighbouring angles. With half of
-it,
-chords may pass 0 on the wrong side; with twice, the proof has to decide more loops. Neither endangers a verdict."""
+it, chords may pass 0 on the wrong side; with twice, the proof has to decide more loops. Neither endangers a verdict."""
 LARGEST_TURN = 1.0
 """Greatest turn between neighbouring angles that counts as reliable, rad. It is well below half a turn, at which the
-direction
-is lost. Half and twice it leave more and fewer loops to the proof."""
+direction is lost. Half and twice it leave more and fewer loops to the proof."""
 CROSSING_POINTS, CROSSING_ROUNDS = 33, 3
 """Number of points, and of rounds, in the search along a segment of gains for a pole's crossing, down to 1/32768 of the
 segment. A cut need not be closer, because several rounds follow. Half and twice as many points reach 1/4096 and
 1/262144."""
 DIFFERENCE = 1e-4
 """Relative step of the central difference in theta that gives the direction of a cut, correct to 1e-8 with a rounding
-error
-of 1e-12. Half and twice this step give the same direction."""
+error of 1e-12. Half and twice this step give the same direction."""
 
 Curve = Callable[[Floats, Floats, Floats], Complex]
 """The function F(theta, K_v, K_p) = 1 + loop gain, affine in the gains; theta is omega T, rad."""
@@ -127,8 +124,8 @@ def makes_no_turn(F: Pair) -> NDArray[np.bool_]:
     """Return whether a closed loop's return difference on `unit_circle`, the last axis, makes no turn around 0.
 
     F is real at the last angle. The turn from the first angle to the last is the angle from F at the first to the
-    positive real
-    axis, plus a full turn for each crossing of the negative real axis, which chords between neighbouring angles show.
+    positive real axis, plus a full turn for each crossing of the negative real axis, which chords between neighbouring
+    angles show.
     """
     up = F.im >= 0
     cross = F.re[..., :-1] * F.im[..., 1:] - F.re[..., 1:] * F.im[..., :-1]
@@ -177,8 +174,7 @@ def stability_cut(device: Device, inside: Gains, outside: Gains, level: float) -
     """Return the tangent to the stability boundary between a stable and an unstable pair of gains.
 
     On the boundary F(theta) = 0 for some theta. Since theta changes along the boundary, its tangent is where dF is
-    parallel to
-    dF/dtheta. The function examines both the sampled loop and the frequency model.
+    parallel to dF/dtheta. The function examines both the sampled loop and the frequency model.
 
     Parameters
     ----------

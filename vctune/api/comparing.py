@@ -32,8 +32,7 @@ def compare(
     """Compare two designs. vctune solves a problem that comes without a design; it writes nothing.
 
     Both errors are measured over the band and with the Z_0 of `a`, and a problem `b` is solved for that band and Z_0.
-    If
-    `b` states its own band or Z_0, or is a design that was made for another, both errors are given for both.
+    If `b` states its own band or Z_0, or is a design that was made for another, both errors are given for both.
 
     Parameters
     ----------
@@ -77,8 +76,7 @@ def _alike(a: Problem, b: Problem) -> bool:
 
 def _same(a: Transparency, b: Transparency) -> bool:
     """Return whether two yardsticks are equal. The last digits of a number may differ, where one problem states it and
-    the
-    other takes the default."""
+    the other takes the default."""
     numbers = [(each.band.min, each.band.max, each.reference_impedance) for each in (a, b)]
     close = all(isclose(*pair, rel_tol=SAME) for pair in zip(*numbers, strict=True))
     return close and (a.norm, a.weights) == (b.norm, b.weights)

@@ -131,8 +131,7 @@ def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> dict[
     """Write design.json and gains.toml, and remove the report of an earlier design.
 
     If the design has changed, the function renames the other files of the earlier design, such as its firmware. If
-    there is
-    no design now, it renames gains.toml.
+    there is no design now, it renames gains.toml.
 
     Parameters
     ----------

@@ -42,8 +42,7 @@ class Simulation:
     file : the problem
     gains, coupling : the design
     experiments : results of the experiments; each has the runs of the design and of the regular PID (`traces`,
-        `metrics`,
-        `mode`)
+        `metrics`, `mode`)
     controller : name of the compiled controller that ran instead of the design's own; None without one
     made_for : digest of the problem that this controller was made for; None without one
     """
@@ -97,11 +96,9 @@ def simulate(
     coupling : coupling of the design, N s/m and kg
     experiment : the only experiment to simulate, by name or as an object; None for all experiments of the problem
     controller : a compiled controller, its path, or its folder, to run instead of the design's own; each experiment
-        then
-        has its `difference`
+        then has its `difference`
     tolerance : greatest permitted difference between its commands and the design's, in their unit; None for the effect
-        of
-        rounding
+        of rounding
     progress : function that receives the current stage
 
     Returns

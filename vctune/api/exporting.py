@@ -67,8 +67,7 @@ def export(
     ----------
     source : path of a design.json or of a problem file, the tables of a problem, a problem, or the record of a design
     gains : N s/m and N/m, given together with `coupling`; or a gains file or its path; None for the gains of the
-        design.json,
-        or those that the problem fixes
+        design.json, or those that the problem fixes
     coupling : coupling of the design, N s/m and kg
     to : "c" for C source with vectors to replay, "fmu", "json", or "ros2" for the parameters of an
         admittance_controller

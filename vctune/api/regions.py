@@ -44,8 +44,7 @@ DRAWING = 1.5
 machine leaves regions without a picture; with twice as many, the search leaves more cells undecided."""
 LOADING = 0.5
 """Seconds to load the drawing packages, which nothing can interrupt. If less time is left, vctune draws no picture.
-With
-half as many seconds, the command ends late."""
+With half as many seconds, the command ends late."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,8 +117,7 @@ def region(
     problem : path of a problem file, its tables as a dict, or the problem
     x, y : dotted keys of two free variables; None for K_v and K_p, or for b_c and k_c of an impedance display. If other
         variables are free, a cell is feasible if some of their values within their bounds suffice. If x and y are
-        numbers
-        of an environment, the region has the environments that may be rendered in every hand of the problem
+        numbers of an environment, the region has the environments that may be rendered in every hand of the problem
     gains, coupling : the design that renders the environments, or its file; None for the problem's own design
     resolution : side of the smallest cell as a share of the plane's side, 1/2048 to 1/8
     solved : the result of `solve` for the problem; None to solve it first

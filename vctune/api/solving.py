@@ -41,8 +41,7 @@ def solve(
     Solved
         `status`, and `judgement`, the best design and its proved claims. Without a design `judgement` is None; `reason`
             says why, and `repairs` has the changes of one number that give a design, the least error first. `prices`,
-            if
-            requested, has the greatest gain first.
+            if requested, has the greatest gain first.
 
     Raises
     ------

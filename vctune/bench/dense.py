@@ -54,8 +54,7 @@ class Dense:
         """Return the logarithm of the error, and the constraints minus their levels.
 
         A design satisfies a constraint if its number is >= 0. Where Re G_hh <= 0 the logarithm does not exist, and the
-        number
-        of such a constraint is `MISSED`.
+        number of such a constraint is `MISSED`.
         """
         f, g = functions(self.structure).values(z, self.numbers.parameters)
         beyond = np.nan_to_num(np.array(g).ravel()[self.posed] - self.levels, nan=-MISSED, neginf=-MISSED)

@@ -40,8 +40,8 @@ class Exact:
 def exact(case: Case, omega: Any) -> Exact:
     """Evaluate the definitions for one case at one frequency, with `DIGITS` digits.
 
-    The two-port with the operator's Z_h absorbed: h11 = 1/(W + C), h12 = -C/(W + C), h21 = (Z_d + C)/(W + C),
-    h22 = Z_h C/(W + C), W = Z_d + Z_h. With q = -h12 h21, R = (|q| - Re q)/(2 Re h11) - Re h22.
+    The two-port with the operator's Z_h absorbed: h11 = 1/(W + C), h12 = -C/(W + C), h21 = (Z_d + C)/(W + C), h22 = Z_h
+    C/(W + C), W = Z_d + Z_h. With q = -h12 h21, R = (|q| - Re q)/(2 Re h11) - Re h22.
 
     Parameters
     ----------

@@ -156,8 +156,7 @@ def required(case: Case, omega: Any) -> Any:
 
     The two-port has absorbed the operator's damping: h11 = 1/(W + C), h22 = b_h C/(W + C), q = -h12 h21 = C (Z_d +
     C)/(W + C)^2 with W = Z_d + b_h. Where Re q > 0, the code computes |q| - Re q as (Im q)^2/(|q| + Re q), and Im q
-    from
-    1 - q, so that no digits cancel. A mass in the hand changes nothing, because any reactance is allowed anyway.
+    from 1 - q, so that no digits cancel. A mass in the hand changes nothing, because any reactance is allowed anyway.
 
     Parameters
     ----------
@@ -202,8 +201,7 @@ def sensitivity(case: Case, omega: Any) -> Any:
     """Return |S| = 1/|1 + K_v G_v + K_p G_x| of the sampled loop without a hand.
 
     G_v and G_x are the sampled velocity and the sampled position, divided by the commanded force. A commanded force
-    acts
-    `whole` samples and `late` seconds later.
+    acts `whole` samples and `late` seconds later.
 
     Parameters
     ----------
@@ -278,8 +276,7 @@ def loop_matrices(case: Case) -> Floats:
     """Return the matrices that advance v, x and the forces on their way by one sample.
 
     The cases are arrays with the same number of whole samples of delay. Either all have K_p > 0, or none; without K_p
-    the
-    state has no x.
+    the state has no x.
     """
     order, whole = 2 if case.K_p[0] > 0 else 1, int(_samples(case)[0][0])
     late, n = _samples(case)[1], len(case.K_v)

@@ -69,8 +69,7 @@ class Row:
     ----------
     grid : number of frequencies of each kind; 0 for vctune, which chooses its own
     seconds : median processor time; every solver's functions are compiled before. Only vctune's time includes the scan
-        for
-        the starts and the proof
+        for the starts and the proof
     pace : vctune's time divided by the solver's time, the median over pairs measured one after the other
     starts : number of the solver's starts
     unstable : number of its answers whose sampled loop is unstable

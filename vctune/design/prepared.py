@@ -62,8 +62,7 @@ class Posed:
     ----------
     problem : problem in SI or in the optimiser's units
     cases : problems with exactly known devices: the nominal device, for an uncertain device the vertices of its box,
-        and
-        each of these with the other delays for which the constraints hold, too
+        and each of these with the other delays for which the constraints hold, too
     hand_cases : problems of the devices that are evaluated in hands: those of `cases`, with other delays if they matter
     objective : the devices whose greatest error is the objective
     box : box of devices for all of which a design is to be proved; None for the problem's own device
@@ -186,10 +185,8 @@ def acting_terms(problem: Problem) -> tuple[TermName, ...]:
     """Return the terms of the error that have a weight and can differ between designs.
 
     No design of an impedance display changes how it follows the commanded force. If K_v is fixed, no design changes its
-    free
-    motion either. A rigid impedance display follows the command alike with any K_v. On a servo the coupling alone
-    changes the
-    error. In the mean square the other terms would only hide the effect of the coupling.
+    free motion either. A rigid impedance display follows the command alike with any K_v. On a servo the coupling alone
+    changes the error. In the mean square the other terms would only hide the effect of the coupling.
     """
     objective, device, fixed = problem.transparency, problem.device, set[str]()
     if not device.kind.banded and objective.norm == "rms" and objective.weights.coupling > 0:
@@ -202,8 +199,7 @@ def of_one_device(problem: Problem) -> Problem | None:
     """Return a problem of an exactly known device with the same feasible couplings; None if there is none.
 
     An uncertain device has such a counterpart if all that is uncertain moves as one with the hand
-    (`vctune.proof.device_box`)
-    and no loop is closed without the coupling.
+    (`vctune.proof.device_box`) and no loop is closed without the coupling.
     """
     box = pose(problem).box
     if box is None:

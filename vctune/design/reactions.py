@@ -1,8 +1,7 @@
 """Find the environments that put a pole of the loop on the unit circle: a curve for each hand, in double precision.
 
 At each angle theta, in a hand and with a share of the coupling, exactly one Z_e = damping + j reactance brings the loop
-to
-its limit: -Y, or -1/Y for an impedance display (model/README.md, section 18).
+to its limit: -Y, or -1/Y for an impedance display (model/README.md, section 18).
 """
 
 from __future__ import annotations

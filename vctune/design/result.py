@@ -90,8 +90,7 @@ class Repair:
     """A change of one number of the problem file that makes a design possible, while 90 % of the change does not.
 
     If the number is 0, any other value may suffice; the repair is then a small value. A given number of a design does
-    not
-    change as little as possible, but to the value with the least error, or back to that of the solved design.
+    not change as little as possible, but to the value with the least error, or back to that of the solved design.
 
     Attributes
     ----------

@@ -30,22 +30,18 @@ BOUND = "the search of every box"
 """Name of another stage that a time limit may cut short."""
 SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
 """Number of boxes in the search for a design, or for the proof that there is none, if the optimiser found none; all
-devices
-at which a box is evaluated share it. It takes as long as somebody waits for an answer. Half as many boxes prove fewer
-problems infeasible, twice as many a few more. SEARCH_GAP is the gap at which the search accepts a design, 1 %."""
+devices at which a box is evaluated share it. It takes as long as somebody waits for an answer. Half as many boxes prove
+fewer problems infeasible, twice as many a few more. SEARCH_GAP is the gap at which the search accepts a design, 1 %."""
 STABILITY_BOXES = 1_500_000
 """Number of boxes in proofs that loops are stable or unstable, which take a tenth of the time each. Searches of
-problems/
-take about as many as lower bounds. A loop that is sampled once in half an hour takes a hundred times as many and never
-ends. Half and twice as many take half and twice as long to give up."""
+problems/ take about as many as lower bounds. A loop that is sampled once in half an hour takes a hundred times as many
+and never ends. Half and twice as many take half and twice as long to give up."""
 EARLY_BOXES = 20_000
 """Number of boxes in a first proof that there is no design, before the optimiser tries an infeasible problem: a small
-share
-of `SEARCH_BOXES`. Nothing is lost, since the later search continues where this one ended."""
+share of `SEARCH_BOXES`. Nothing is lost, since the later search continues where this one ended."""
 BOUND_BOXES = 20_000_000
 """Number of boxes in the search for a required bound, in practice unlimited. Ctrl-C or a time limit ends the search
-earlier
-and leaves the bound reached."""
+earlier and leaves the bound reached."""
 
 
 @np.errstate(all="ignore")
@@ -55,10 +51,8 @@ def solve(
     """Find the most transparent feasible design and prove it. If the problem fixes every number, judge that design.
 
     If the optimiser finds no design, a search over all designs (`vctune.design.bound`) finds one, proves that there is
-    none,
-    or gives up. If the device is uncertain, the function also solves for the nominal device alone. That design is a
-    start,
-    and its error shows the cost of robustness.
+    none, or gives up. If the device is uncertain, the function also solves for the nominal device alone. That design is
+    a start, and its error shows the cost of robustness.
 
     Parameters
     ----------

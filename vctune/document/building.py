@@ -85,8 +85,7 @@ def problem(source: ProblemSource) -> ProblemFile:
     Parameters
     ----------
     source : path of a problem file; its tables as a dict, `{"device": {"mass": 0.4, ...}, ...}`, whose numbers may be
-        NumPy's
-        and whose tables may be `Device`, `Range` and so on; or a `Problem`, changed with `dataclasses.replace`
+        NumPy's and whose tables may be `Device`, `Range` and so on; or a `Problem`, changed with `dataclasses.replace`
 
     Returns
     -------

@@ -81,8 +81,7 @@ class Study:
         """Return the document of the problem at a point. It may be invalid.
 
         If the document leaves a band or a range at its default and an axis varies one of its ends, the other end is
-        that of the
-        default at this point, or of the yardstick.
+        that of the default at this point, or of the yardstick.
         """
         return _posed(self.document, self.axes, values, self.yardstick)
 

@@ -52,8 +52,7 @@ def ros2_firmware(axes: Sequence[RosAxis]) -> list[Firmware]:
         If a device is not a servo, for which vctune designs the loop that follows the command itself; if an axis and
         its
             device have different kinds of motion; or if the axes need different values of a parameter that the
-            controller has
-            only once.
+            controller has only once.
     """
     for axis in axes:
         _require_servo(axis)

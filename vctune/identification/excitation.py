@@ -23,8 +23,7 @@ LONGEST = 8.0
 """Longest period, s."""
 PEAK = 1.0
 """Greatest force, as a share of the logs' greatest force. Half this force might not overcome the friction. The speed is
-at
-most that of the logs."""
+at most that of the logs."""
 SPREAD = 0.005
 """Target for the relative standard deviation of a line."""
 PERIODS = (5, 60)

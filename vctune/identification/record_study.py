@@ -29,8 +29,7 @@ HELD, MEASURED = "held command", "measured force"
 """Possible roles of a force that is recorded without a command: the firmware's held command, or a sensor's sample."""
 EVIDENCE, HALF = 10.0, 2.0
 """Gain in log likelihood that decides between the two roles, or factor by which chi2 must be smaller. Slow motions gain
-less
-than 1, the noise of a closed loop 5 and more, multisines hundreds."""
+less than 1, the noise of a closed loop 5 and more, multisines hundreds."""
 
 
 @dataclass(frozen=True, slots=True)

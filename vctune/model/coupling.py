@@ -34,8 +34,7 @@ def sampled_resistance(coupling: Coupling, sample_time: Number, theta: Number, o
     """Return Re Z_c of the coupling as the firmware runs it, with s -> (2/T)(z - 1)/(z + 1).
 
     See model/README.md, section 14. The result equals Re Z_c of the continuous coupling at omega = (2/T) tan(theta/2).
-    At
-    the Nyquist frequency the result is the limit.
+    At the Nyquist frequency the result is the limit.
 
     Parameters
     ----------

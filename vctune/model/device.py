@@ -45,13 +45,11 @@ class Device:
     hold : "zoh", the exact (1-e^{-sT})/(sT), or "lag", the paper's 2/(2+sT)
     operator : the least operator, whose hand is always at the handle; None if the hand may be absent
     velocity, actuator, force_sensor, structure, servo : parts of the device (`vctune.model.parts`); None for a part
-        that the
-        device lacks or that is ideal. The servo is the vendor's loop
+        that the device lacks or that is ideal. The servo is the vendor's loop
     unmodelled : one response of the uncertainty set; None for the nominal response
     display : name of the kind of display (`vctune.model.display`)
     units : whether the handle moves along a line or about an axis (`vctune.model.numbers.units`); about an axis, mass
-        is
-        inertia
+        is inertia
     """
 
     mass: Number

@@ -32,8 +32,7 @@ class Display:
     senses_force : whether the firmware reads the force of the hand
     differences : whether the firmware differences positions to get the velocity, unless a file says otherwise
     banded : True if the claim for any passive hand holds on a band of the frequency model; False if it holds in the
-        sampled
-        loop up to the Nyquist frequency
+        sampled loop up to the Nyquist frequency
     band : default transparency band, Hz times the lag of the loop
     own_loop : whether the firmware closes a loop around the device, which then has a sensitivity
     terms : terms of the error that are not always 0

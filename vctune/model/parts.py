@@ -57,8 +57,7 @@ class ForceSensor:
     order : 1 or 2
     delay : s, >= 0
     filter_coefficient : a of the firmware's filter y += a (x - y) of the samples, in (0, 1); None without a filter.
-        Only
-        a servo may have it
+        Only a servo may have it
     """
 
     bandwidth_hz: Number | None = None
@@ -78,13 +77,10 @@ class Servo:
     order : order of that low-pass, 1, or 2 with damping ratio 1/sqrt(2)
     command : "velocity", held over a sample, or "position", interpolated linearly over it
     stiffness : stiffness of a spring by which the firmware pulls the measured position to a reference, N/m; None
-        without
-        one. Its force does not pass the force sensor
+        without one. Its force does not pass the force sensor
     radii : points (Hz, r) of a disc around 1 that contains the unknown factor of the sensed response. r is linear
-        between
-        the points on logarithmic axes, constant above the last point, and proportional to the frequency below the
-        first,
-        because a servo at rest is where its command puts it. Empty if the response is known exactly
+        between the points on logarithmic axes, constant above the last point, and proportional to the frequency below
+        the first, because a servo at rest is where its command puts it. Empty if the response is known exactly
     """
 
     delay: Number

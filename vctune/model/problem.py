@@ -138,11 +138,9 @@ class Uncertainty:
     ----------
     half_widths : relative half-widths of numbers of the device, by their keys, 0 < width < 1
     objective : "nominal" for the error with the device's nominal numbers, "worst" for the greatest error at a corner of
-        the
-        box
+        the box
     unmodelled : points (frequency in Hz, radius) of a disc around 1 that contains the factor of the device's response.
-        The
-        radius is linear between them on logarithmic axes and constant outside; empty without a disc
+        The radius is linear between them on logarithmic axes and constant outside; empty without a disc
     """
 
     half_widths: tuple[tuple[str, float], ...]

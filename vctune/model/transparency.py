@@ -39,8 +39,7 @@ class LoopTerms(NamedTuple):
     """The squares of the two terms that do not contain the coupling, those of G_hh and of 1 - G_he, with Z_0 = 1.
 
     For an impedance display they are the dual terms: those of 1/G_hh, the impedance in free motion, and of 1 - A H/N,
-    the
-    relative error of the handle's force against the commanded force.
+    the relative error of the handle's force against the commanded force.
     """
 
     admittance: Number

@@ -140,8 +140,7 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
     Certificate
         Each claim is proved, refuted or undecided. A claim is undecided if the time limit ends before its proof. If the
             sensed force jumps at a whole number of samples of delay, and the delay is near one, a claim is proved only
-            if it
-            also holds on both sides of that number.
+            if it also holds on both sides of that number.
     """
     question = Question(design, demands, box)
     own, beside = _certificate(question), _beside(question)
@@ -211,8 +210,7 @@ def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | No
     """Prove that several designs of one device meet their constraints, as `certify` does for one.
 
     Array arithmetic proves most designs together. Arb decides the others. With a box of devices or with hands, each
-    design
-    is proved separately.
+    design is proved separately.
 
     Parameters
     ----------

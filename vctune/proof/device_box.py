@@ -26,8 +26,7 @@ class DeviceBox:
     ----------
     nominal : the device with its stated numbers
     low, high : devices with the least and the greatest values. They are decimals within the intended box, to two units
-        in
-        the last place. If the responses are not known exactly, they are at the edge of the disc (proof/README.md,
+        in the last place. If the responses are not known exactly, they are at the edge of the disc (proof/README.md,
         section 9)
     """
 
@@ -100,8 +99,7 @@ def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
     ----------
     device : the nominal device, with plain floats
     uncertainty : relative half-widths by key, and the disc of unmodelled dynamics; half-widths for parts that the
-        device lacks
-        are ignored
+        device lacks are ignored
 
     Returns
     -------
@@ -165,8 +163,7 @@ def late_as_one(box: DeviceBox) -> bool:
     """Return whether two delays of a box are uncertain but only their sum matters.
 
     The sensed response to a command passes through servo and sensor alike. The firmware's own spring is different: it
-    acts on
-    the measured position, to which the sensor's delay does not apply.
+    acts on the measured position, to which the sensor's delay does not apply.
 
     Parameters
     ----------

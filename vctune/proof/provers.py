@@ -95,8 +95,7 @@ def _unmodelled(question: Question, known: Outcomes) -> Outcome:
     """Prove that no response within the discs around those of a box makes the loop unstable.
 
     If |S| is bounded by its limit, |1 - S| is bounded by that limit plus 1. A disc smaller than the reciprocal of this
-    bound
-    needs no proof of its own.
+    bound needs no proof of its own.
     """
     design, box, demands = question.design, question.box, question.demands
     assert box is not None and box.nominal.unmodelled is not None

@@ -14,18 +14,15 @@ from vctune.simulation.run import Traces
 
 TURNING_POINT = 0.1
 """Share of the travel at each end that counts as a turning point; also the share of the greatest speed that counts as
-near
-zero. The hand gains speed within the first 6 % of the travel (`vctune.simulation.mechanics.intended_motion.RAMP`). Half
-this share would still measure that part; twice would drop a part of the stroke. Both change the ripple, which serves to
-compare controllers, only slightly."""
+near zero. The hand gains speed within the first 6 % of the travel (`vctune.simulation.mechanics.intended_motion.RAMP`).
+Half this share would still measure that part; twice would drop a part of the stroke. Both change the ripple, which
+serves to compare controllers, only slightly."""
 N_POSITIONS = 400
 """Number of positions at which loading and unloading are compared, more than a figure shows. Half as many still follow
-the
-curves; twice as many add nothing."""
+the curves; twice as many add nothing."""
 SATURATED = 1 - 1e-9
 """Share of the limit above which a force counts as at the limit, which allows for rounding. Half and twice the
-allowance
-give the same samples."""
+allowance give the same samples."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +49,7 @@ class Metrics:
     Attributes
     ----------
     non_overlap : for a spring, the greatest distance between the force curves over position of loading and unloading
-        strokes,
-        without the turning points, N
+        strokes, without the turning points, N
     fits : felt values of the environment's mass, damping and stiffness; for free motion the felt damping
     offset : force of the fit at the origin, N
     residual : root mean square of the force around the fit, N
@@ -62,8 +58,7 @@ class Metrics:
     environment_energy : energy absorbed by the environment, J
     motor_energy : work of the commanded motor force on the device, J; None for a servo
     handle_deficit, environment_deficit : greatest energy that handle and environment have returned beyond what they
-        took, J,
-        as by a passivity observer
+        took, J, as by a passivity observer
     peak_motor : greatest |u|, the command, N; for a commanded velocity m/s, for a commanded position m
     saturated : share of the samples at the actuator's limit
     peak_force : greatest |f_h|, N

@@ -15,8 +15,7 @@ from vctune.simulation.scene import Scene
 
 DIVERGENCE = 1e3
 """Multiple of the hand's travel by which the handle must leave its target for the run to count as diverged. No stable
-loop
-comes near it. An unstable loop passes half and twice this multiple within a few samples of each other."""
+loop comes near it. An unstable loop passes half and twice this multiple within a few samples of each other."""
 
 
 @dataclass(frozen=True, slots=True)

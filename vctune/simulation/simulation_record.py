@@ -33,8 +33,7 @@ from vctune.version import __version__
 
 TOLERANCE = 1.5e-3
 """Share of the plotted range by which a thinned curve may differ, less than the width of a line. Half this share gives
-more
-points in simulation.json and the same picture. With twice this share, corners begin to show in print."""
+more points in simulation.json and the same picture. With twice this share, corners begin to show in print."""
 
 
 def simulation_record(

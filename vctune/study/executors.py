@@ -25,8 +25,7 @@ from vctune.version import __version__
 PENDING_PER_WORKER = 3
 """Number of points handed out for each worker, so that no worker waits for its next point: solving takes tens of
 milliseconds at least, handing a point out takes one. With half as many, a worker on another machine may wait; with
-twice
-as many, none waits less."""
+twice as many, none waits less."""
 CONNECT_SECONDS = 5
 ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
@@ -34,8 +33,7 @@ ENVIRONMENT = {
     "DASK_LOGGING__DISTRIBUTED": "critical",
 }
 """Environment variables of worker processes: single-threaded linear algebra, and no messages when a run is interrupted
-or
-killed."""
+or killed."""
 
 
 @dataclass(slots=True)
@@ -70,8 +68,7 @@ def worker_pool(choice: str, jobs: int) -> Iterator[WorkerPool]:
     Parameters
     ----------
     choice : "serial" for this process alone, "processes", "dask" for a Dask cluster on this machine, or "dask:ADDRESS"
-        for a
-        running cluster
+        for a running cluster
     jobs : number of workers to start
 
     Returns

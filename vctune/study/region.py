@@ -81,8 +81,7 @@ def region(
 
     If b_c, m_c or b_0 are free and not on an axis, a cell is feasible if some values within their bounds suffice. The
     constraints ease as m_c and b_0 grow, so their upper bounds decide. The search examines coarse cells before fine
-    ones, so
-    that it has decided most of the plane whenever it is stopped.
+    ones, so that it has decided most of the plane whenever it is stopped.
 
     Parameters
     ----------

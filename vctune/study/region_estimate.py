@@ -32,8 +32,7 @@ from vctune.proof.engine.boxes import Cells, Integers
 POINTS_PER_DECADE = 24
 LOOPS_AT_ONCE = 16
 """Number of loops whose arrays, a hundred hands at a hundred angles each, fit into the processor's cache. It only
-affects
-speed."""
+affects speed."""
 DAMPING = KEYS.index("coupling.damping")
 
 

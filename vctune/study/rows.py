@@ -1,8 +1,8 @@
 """The rows of a study: a file that only grows, one line of JSON for each finished point.
 
 The first line names the study. The operating system receives each row in one write. So a killed run leaves complete
-lines
-and at most one torn last line, which is dropped when the file is opened again. Files of one study may be concatenated.
+lines and at most one torn last line, which is dropped when the file is opened again. Files of one study may be
+concatenated.
 """
 
 from __future__ import annotations

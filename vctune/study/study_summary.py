@@ -17,8 +17,7 @@ def summary(study: Study, table: Table) -> SweepRecord:
     designs.
 
     The corner is the smallest box over the axes that contains every point without a certified design. Its `share` is
-    the share
-    of the points in it that have no design.
+    the share of the points in it that have no design.
 
     Parameters
     ----------

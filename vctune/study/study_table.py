@@ -42,8 +42,7 @@ class Table:
     status, reason : texts; the reason of a certified point is ""
     idle : whether each design is certified but hardly uses its velocity loop
     numbers : error, terms, design, ratio, felt numbers and yardstick (`vctune.document.records.rows_json.COLUMNS`); nan
-        for
-        a number that does not exist
+        for a number that does not exist
     system : the problem's system of units
     """
 

@@ -1,8 +1,7 @@
 """Find the environments that given gains can render, as cells of a plane of two numbers of an environment.
 
 A cell is a box of environments. It is feasible if the claim about a box of environments is proved for it. It is
-infeasible
-if each of its members has a pole on the unit circle in some hand (`vctune.proof.claims.world_cells`).
+infeasible if each of its members has a pole on the unit circle in some hand (`vctune.proof.claims.world_cells`).
 """
 
 from __future__ import annotations
@@ -28,8 +27,7 @@ from vctune.study.region import Kind, Kinds, Progress, Region, divided
 MASS, DAMPING, STIFFNESS = range(3)
 DECADES = (3.5, 1.5)
 """Number of decades that the plane reaches below and above the greatest mass, damping and stiffness of the hands. With
-the
-default hands of a linear device, the axes go from 0.2 g to 20 kg and from 0.9 N/m to 90 kN/m."""
+the default hands of a linear device, the axes go from 0.2 g to 20 kg and from 0.9 N/m to 90 kN/m."""
 PERIOD = 0.01
 """Time, s, that relates mass, damping and stiffness where no hand of the box determines the others."""
 GREATEST = 1e9

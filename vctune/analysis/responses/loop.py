@@ -81,8 +81,7 @@ class Loop:
         """The impedance of the loop in a hand that the environment of an admittance display or a servo sees.
 
         It is the response of the sensed force to the environment's velocity, with the sign of a resistance: R = -Re
-        Z_seen is what
-        the hand requires of the coupling.
+        Z_seen is what the hand requires of the coupling.
         """
         hand = self.hand
         if hand is None:
@@ -179,8 +178,7 @@ class Loop:
         """Return the states if the environment moves. The law then acts on the errors of velocity and position.
 
         The trapezoidal rule integrates the environment's velocity. The state is the difference of its position and the
-        motor's, so
-        that there is no integrator where nothing depends on either position alone.
+        motor's, so that there is no integrator where nothing depends on either position alone.
         """
         T, K_v, K_p = float(self.device.sample_time), float(self.gains.velocity), float(self.gains.position)
         command = total([(K_v + K_p * T / 2, {INPUT: 1.0}), (K_p, {"error": 1.0}), (-K_v, plant.velocity)])

@@ -2,8 +2,7 @@
 
 The mechanism and its filters come from `mechanism_in_hand`, or for a servo from `servo_rates`; `stepped` steps them
 exactly over a sample. A force that is sensed with a delay of a fraction of a sample is the force within an earlier
-sample.
-All numbers are in SI units.
+sample. All numbers are in SI units.
 """
 
 from __future__ import annotations
@@ -173,8 +172,7 @@ def velocity_states(device: Device, hand: Hand) -> PlantStates:
     duplicated.
 
     The low-passes of the velocity act on the command, so that their memory is that of the delay. A differenced velocity
-    is the
-    distance moved in the previous sample.
+    is the distance moved in the previous sample.
 
     Parameters
     ----------

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 
 POINTS, DECADES = 1600, 5.0
 """Number of drawn frequencies, and decades below Nyquist. Half as many frequencies show corners; twice as many make the
-file
-twice as long."""
+file twice as long."""
 MOST_SHOWN = 20
 """Number of rows of a response that a notebook shows."""
 

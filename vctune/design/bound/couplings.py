@@ -1,9 +1,8 @@
 """The coupling of a display in the bound: its response, its greatest values, and how much of it the hand feels.
 
 A coupling has two elements. More of each is safer, but the hand feels more of it. The elements are b_c and m_c, or
-1/k_c
-and 1/b_c for an impedance display. The constraints and the bounds of the variables leave a least value of both to each
-box (design/bound/README.md, section 1).
+1/k_c and 1/b_c for an impedance display. The constraints and the bounds of the variables leave a least value of both to
+each box (design/bound/README.md, section 1).
 """
 
 from __future__ import annotations
@@ -110,8 +109,7 @@ class SeriesCouplings:
         """Return a lower bound of |Z_c|^2 = b_0^2 + 2 b_0 b_c s + b_c^2 s, s = x^2/(1 + x^2) or its mean, weighted.
 
         The number s grows with tau_c, and s/tau_c^2 falls. Expressed by b_c, the last term is therefore least at the
-        least tau_c;
-        expressed by m_c, it is least at the greatest tau_c. The bound is the larger of both.
+        least tau_c; expressed by m_c, it is least at the greatest tau_c. The bound is the larger of both.
 
         Parameters
         ----------

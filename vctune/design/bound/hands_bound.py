@@ -4,8 +4,7 @@
 In a hand, F and P are affine in the gains; their constants depend on the angle and the hand
 (`vctune.model.sampled.hand_loop`). So both sides of |F|^2 Re Z_c >= factor (-o/2) are quadratic in the gains. In any
 passive hand on an impedance display both sides are quadratic in K_v (`vctune.model.sampled.any_hand`). The bound is
-valid
-for any set of places.
+valid for any set of places.
 """
 
 from __future__ import annotations
@@ -52,8 +51,7 @@ class SampledConditions:
         """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes that permit no coupling.
 
         In such a box the denominator of R is negative throughout at some place: a passive hand makes the loop of K_v
-        alone
-        unstable.
+        alone unstable.
         """
         middle = 0.5 * (boxes.low + boxes.high)
         K_v, K_p = middle[K_V][:, None], middle[K_P][:, None]

@@ -28,8 +28,7 @@ class LowerBounds:
     ----------
     error : a lower bound on the error of the feasible designs; inf if no design is feasible
     infeasibility : a lower bound of the greatest of |S| and the coupling's elements relative to their limits; above 1
-        no
-        design is feasible
+        no design is feasible
     """
 
     error: Floats

@@ -1,8 +1,7 @@
 """The error of the designs of a box, term by term, bounded from below (design/bound/README.md, section 1).
 
 Every term is a quotient of expressions that are affine in two numbers: |X|^2/|Y|^2 in the gains, and 1/|Z_c|^2 in b_c
-and
-k_c. Let X_0 be X without gains. By Cauchy and Schwarz, the mean of |X|^2/|Y|^2 over an interval is at least
+and k_c. Let X_0 be X without gains. By Cauchy and Schwarz, the mean of |X|^2/|Y|^2 over an interval is at least
 |integral of X conj X_0|^2/(integral of |X_0|^2 |Y|^2). Arb encloses these integrals of known functions.
 """
 
@@ -44,8 +43,7 @@ from vctune.running import check_time
 
 PRECISION = 2.0**-44
 """Relative precision of the integrals, 6e-14, about the size of `GUARD`. Half and twice this precision change the bound
-by
-as much, and the time by one node of Gauss's rule."""
+by as much, and the time by one node of Gauss's rule."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,21 +14,18 @@ GUARD = 1e-14
 """Allowance for the rounding of a quadratic in the gains and of the operations after it, relative to their moduli.
 
 It is 90 u with u = 2^-53. A coefficient of such a quadratic has at most 3 roundings. In `less` these are the product,
-the
-difference, and the sum with its share of `GUARD`; in `rounded_up` they are two sums. A square's term has at most 6
-further
-roundings: 3 in gain (linear + gain square), and 3 in the sum of the terms. The other terms have fewer. So the value is
-wrong by at most 9 u times the sum of the moduli of its terms, except for products of roundings (Higham 2002, section
-3.1).
-Since no gain is negative, raising each coefficient by `GUARD` of its modulus raises the value by ten times that.
+the difference, and the sum with its share of `GUARD`; in `rounded_up` they are two sums. A square's term has at most 6
+further roundings: 3 in gain (linear + gain square), and 3 in the sum of the terms. The other terms have fewer. So the
+value is wrong by at most 9 u times the sum of the moduli of its terms, except for products of roundings (Higham 2002,
+section 3.1). Since no gain is negative, raising each coefficient by `GUARD` of its modulus raises the value by ten
+times that.
 
 The minimum of a convex quadratic is attained where its slope is 0, so that the rounding of that point has only a
 second-order effect. With curvatures from l to h over gains up to w, the point is wrong by at most w and by h u/l of w.
 This lowers the value by at most min(l, h^2 u^2/l) w^2 <= h u w^2.
 
 In `lower_bounds.py` a factor 1 - 10 `GUARD` covers 900 u, which includes some 30 operations and a logarithm with 8
-units
-in the last place. Half and twice this allowance change the bound by as many units of its fourteenth digit.
+units in the last place. Half and twice this allowance change the bound by as many units of its fourteenth digit.
 """
 
 
@@ -68,8 +65,7 @@ class Quadratic:
         """Return an upper bound of the values over each box of gains, shape (boxes, points).
 
         If no square is negative or there is no cross term, it is the greatest value, which occurs at a vertex.
-        Otherwise it is
-        the sum of the greatest values of the terms.
+        Otherwise it is the sum of the greatest values of the terms.
         """
         if self.cross is not None and self.square is not None and all(np.all(square >= 0) for square in self.square):
             vertices = [(K_v, K_p) for K_v in self._ends(K_V, boxes) for K_p in self._ends(K_P, boxes)]
@@ -207,8 +203,8 @@ class LeastQuotient:
         """Return a lower bound of the quotient over each box where it is positive, else 0.
 
         If m is the least value of above - r below, the quotient is at least r + m/below, for any r. The better r is,
-        the tighter
-        is the bound. The function evaluates it for 0, for the guess, and then for the better of the two results.
+        the tighter is the bound. The function evaluates it for 0, for the guess, and then for the better of the two
+        results.
 
         Parameters
         ----------

@@ -3,10 +3,8 @@
 See model/README.md, section 8; design/bound/README.md, section 1.
 
 The relaxation imposes the constraints only at some frequencies, angles and hands; all of them together are harder to
-meet.
-At these places all constants are known, and only the gains are not (`llewellyn_bound.py`, `hands_bound.py`). The error
-is
-bounded term by term (`objective.py`).
+meet. At these places all constants are known, and only the gains are not (`llewellyn_bound.py`, `hands_bound.py`). The
+error is bounded term by term (`objective.py`).
 """
 
 from __future__ import annotations

@@ -39,12 +39,10 @@ from vctune.running import OutOfTimeError, out_of_time
 
 FREQUENCIES, INTERVALS = 40, 48
 """Number of the first frequencies for the conditions and for |S|, and of intervals of the transparency band. The time
-grows
-in proportion to both. Fewer of them give weaker bounds, so that the search needs more boxes."""
+grows in proportion to both. Fewer of them give weaker bounds, so that the search needs more boxes."""
 MOST_FREQUENCIES = 160
 """Number of frequencies up to which the search adds those that the middle of a box violates: four times the first
-number,
-at four times the cost of a bound. Near the end of a search no new constraint is violated."""
+number, at four times the cost of a bound. Near the end of a search no new constraint is violated."""
 LOWEST_ANGLE = 1e-3
 """Least angle above 0 for any passive hand, relative to pi. Below it R equals its limit to 1e-5."""
 SHARES_IN_HANDS, ANGLES_IN_HANDS = (0.0, 0.1, 1.0), 12
@@ -53,21 +51,17 @@ LITTLE = 1e-3
 """Substitute for a gain of 0, relative to its upper bound, when the search tries the design in the middle of a box."""
 CHUNK = 1024
 """Number of boxes halved together. It is large enough that NumPy's calls cost little, and small enough that the bounds
-of
-all halves (4 axes, 2 halves, 160 frequencies) take tens of MB. Half as many boxes are chosen slightly better and take
-slightly more time each; for twice as many it is the other way round."""
+of all halves (4 axes, 2 halves, 160 frequencies) take tens of MB. Half as many boxes are chosen slightly better and
+take slightly more time each; for twice as many it is the other way round."""
 TRY_EVERY = 8
 """Number of rounds after which the search tries the best box: it looks for violated frequencies and for a better
-design.
-Half as many rounds find better designs earlier; twice as many waste less."""
+design. Half as many rounds find better designs earlier; twice as many waste less."""
 VIOLATED = 1e-4
 """Relative violation of a constraint above which its frequency is added. Smaller violations would not raise a bound
-that
-matters."""
+that matters."""
 BETTER = 1e-3
 """Share by which a design's error must be lower to count as better than the incumbent. It is less than a usual gap of 1
-%,
-and more than the difference between polishing one optimum from two starts."""
+%, and more than the difference between polishing one optimum from two starts."""
 
 Improve = Callable[[Gains, float], Judgement | None]
 """Function that returns a certified design found from given gains with an error below a limit, or None."""

@@ -34,14 +34,12 @@ def proved_stability(posed: Posed, boxes: DesignBoxes) -> Stability:
     """Return the boxes whose designs all have stable loops, and those whose designs all have an unstable loop.
 
     With K_p = 0 the loop does not contain the position. A box whose K_p starts at 0 includes this face, which has its
-    own
-    proof.
+    own proof.
 
     Parameters
     ----------
     posed : the problem; its constraints decide which loops must be stable: the sampled loop without a hand, the sampled
-        loop
-        in a hand, the frequency model
+        loop in a hand, the frequency model
     boxes : n boxes; only their gains matter
 
     Returns

@@ -47,19 +47,15 @@ from vctune.model.worlds import WorldsMet
 
 NEAR_SIDE = 1e-2
 """Distance at which a point counts as lying on a side of the box. Where the error is flat, IPOPT's barrier keeps a
-point off
-the side. If a point counts as on a side, the exchange takes another round. Half this distance misses some optima that
-lie
-on a side; twice this distance takes another round."""
+point off the side. If a point counts as on a side, the exchange takes another round. Half this distance misses some
+optima that lie on a side; twice this distance takes another round."""
 TRACKING_REACH = 0.5
 """Distance in log frequency by which the NLP may move a tracked peak of |S|. It is less than the distance of two peaks,
 which a delay separates by about a factor of two. Half this distance takes more rounds, because an answer at the limit
-is
-not settled. With twice this distance the NLP may end at another stationary point of |S|."""
+is not settled. With twice this distance the NLP may end at another stationary point of |S|."""
 KEPT = 4096
 """Number of loops in hands that are cached, because each round of a search needs the loops of earlier rounds again.
-Half and
-twice as many are as fast."""
+Half and twice as many are as fast."""
 
 
 @dataclass(frozen=True, slots=True)

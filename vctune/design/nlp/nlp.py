@@ -64,8 +64,8 @@ OPTIONS: dict[str, Any] = {
     "ipopt.max_refinement_steps": 1,
 }
 """Options of IPOPT. The multipliers of the parameters are not needed, and CasADi warns on stderr if one is not finite.
-The
-last six options are for speed: some thirty well scaled equations need neither scaling nor exact barrier problems."""
+The last six options are for speed: some thirty well scaled equations need neither scaling nor exact barrier
+problems."""
 
 
 class _SymbolArithmetic:
@@ -213,8 +213,7 @@ def _room(L: Pair) -> Number:
 
 SCALE_IN_HAND = 0.05
 """Re Z_c, in units of Z_0, above which the constraint in a hand compares logarithms. Below it the constraint compares
-the
-numbers themselves, because R may be 0 or negative there. Half and twice this number take as many iterations."""
+the numbers themselves, because R may be 0 or negative there. Half and twice this number take as many iterations."""
 
 
 def _coupling_response(coupling: AnyCoupling, frequency: dict[str, ca.SX]) -> Pair:
@@ -245,10 +244,8 @@ UNPOSED = 1e3
 """Amount subtracted from a margin that can never be positive, so that it is never the greatest."""
 BLUNT = 1e-2
 """Smoothing of the greatest of several margins where two are nearly equal, so that IPOPT can move from one to the
-other. At
-a frequency at which an optimum needs two of them, it makes the coupling too large by 0.7 of this number. With a tenth
-of
-it exchanges do not converge; with three tenths they take twice as many rounds."""
+other. At a frequency at which an optimum needs two of them, it makes the coupling too large by 0.7 of this number. With
+a tenth of it exchanges do not converge; with three tenths they take twice as many rounds."""
 
 
 def _margin_in_worlds(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
@@ -345,8 +342,7 @@ def assembled(structure: NlpStructure) -> dict[str, ca.MX]:
         x, f, g and p for `casadi.nlpsol`. x has the free coordinates, the log frequencies of tracked peaks and the
         epigraph
             variable; f is log(error); g has the constraints in the order of `DEMANDS`, then those of tracked peaks,
-            then those
-            of the mean errors; p has the parameters in the layout of `nlp_parameters.packed`.
+            then those of the mean errors; p has the parameters in the layout of `nlp_parameters.packed`.
     """
     one = _at_one_frequency(structure)
     columns = {name: ca.MX.sym(name, table.rows, table.columns) for name, table in tables(structure).items()}

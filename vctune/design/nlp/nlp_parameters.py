@@ -1,8 +1,7 @@
 """The parameters of an NLP by name: one layout for CasADi's symbols and for the numbers.
 
 The parameters are tables, stored one after another and column by column. The table `common` has one column; each kind
-of
-frequency has a table with one column for each frequency. A layout names the rows of a table.
+of frequency has a table with one column for each frequency. A layout names the rows of a table.
 """
 
 from __future__ import annotations
@@ -210,8 +209,7 @@ def packed(parts: dict[str, Table], numbers: dict[str, dict[str, Any]]) -> Float
     ----------
     parts : the tables, from `tables`
     numbers : for each table with columns, arrays of shape (columns,) or (rows, columns) by the names of its rows.
-        Unused
-        columns repeat the last one; the columns of a table without numbers are 0
+        Unused columns repeat the last one; the columns of a table without numbers are 0
     """
     return np.concatenate([_packed(table, numbers.get(name)) for name, table in parts.items()])
 

@@ -22,8 +22,8 @@ DEMANDS = ("ratio", "sensitivity", "stability", "peak", "unmodelled", "in_hand")
 CAPACITY_STEPS = (12, 12, 4, 12, 12, 12)
 """Steps in which the number of slots for each kind of constraint grows. Open bounds switch off unused slots, so that a
 growing working set rarely needs another solver. Compiling a solver takes tens of milliseconds, an unused constraint
-some
-microseconds. Half these steps cause more compiling, twice these steps slower iterations; the answers are the same."""
+some microseconds. Half these steps cause more compiling, twice these steps slower iterations; the answers are the
+same."""
 IN_WORLDS = 36
 """Step for the loops in hands with a box of environments, whose points join in windows of frequencies. Half this step
 compiles twice; twice this step makes every iteration slower."""

@@ -1,11 +1,9 @@
 """Write a design for a servo as parameters of a ROS 2 admittance_controller.
 
 The controller's law is a coupling with b_c = 2 m_c/T, m_c = M - D T and b_0 = D (see `admittance_problem`). So M = m_c
-+
-D T and D = b_0 render the mass and drag of a design. The controller has no damper in series with the mass. The file
-states
-D as a damping ratio of M and S, and as joint_damping. All axes share joint_damping, and without a stiffness it damps
-alone.
++ D T and D = b_0 render the mass and drag of a design. The controller has no damper in series with the mass. The file
+states D as a damping ratio of M and S, and as joint_damping. All axes share joint_damping, and without a stiffness it
+damps alone.
 """
 
 from __future__ import annotations
@@ -26,8 +24,7 @@ DIGITS = 7
 greater; nobody reads twice as many."""
 RETURN = 1e4
 """Time constant in seconds with which a spring that only serves its damping ratio pulls an axis back. Half and twice
-this
-time cost a millionth of the damping."""
+this time cost a millionth of the damping."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,15 +1,12 @@
 """The problem of a device whose coupling is a ROS 2 admittance: problem file and parameter file together.
 
 The controller steps M dv/dt + D v + S x = f explicitly: (M/T) (v - v_before) + D v_before + S x_before = f. This equals
-a
-mass M - D T by backward Euler, a drag D - S T/2 and a lossless spring S. The mass is the coupling of the trapezoidal
-rule
-with b_c = 2 (M - D T)/T and m_c = M - D T. The proof covers every passive environment, and thus the spring.
+a mass M - D T by backward Euler, a drag D - S T/2 and a lossless spring S. The mass is the coupling of the trapezoidal
+rule with b_c = 2 (M - D T)/T and m_c = M - D T. The proof covers every passive environment, and thus the spring.
 
 For a servo nothing is approximated. S pulls the measured position, which lags as the servo does. So S is the servo's
-own
-spring and takes nothing more from the drag. The controller's filter filters samples, as the servo's does. A commanded
-position is the sum of T v; since the servo interpolates between commands, it moves as if v were commanded.
+own spring and takes nothing more from the drag. The controller's filter filters samples, as the servo's does. A
+commanded position is the sum of T v; since the servo interpolates between commands, it moves as if v were commanded.
 """
 
 from __future__ import annotations

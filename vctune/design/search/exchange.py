@@ -33,43 +33,36 @@ from vctune.running import OutOfTimeError, check_time
 
 TIGHTENING = 1e-6
 """Relative tightening of the constraints. It covers the rounding to eight digits and IPOPT's tolerance of 1e-9. The
-error
-grows by about as much. If the tightening is too small, the exchange tightens tenfold at the proof's witness."""
+error grows by about as much. If the tightening is too small, the exchange tightens tenfold at the proof's witness."""
 ROUNDS = 40
 """Greatest number of NLPs in an exchange; one to three are usual. Half as many cut off an exchange that creeps along a
 boundary; twice as many wait for it."""
 RADIUS = 2.0
 """Half-widths of the first and of the widest trust box in log coordinates: a factor of 7 around the start, which is
-near a
-local minimum. With twice this width IPOPT ends beyond |S| = inf more often; with half this width it needs another
-round."""
+near a local minimum. With twice this width IPOPT ends beyond |S| = inf more often; with half this width it needs
+another round."""
 GROWTH = 2.0
 """Factor by which the box grows after a useful answer. Any other answer halves the box."""
 NEARER = 0.8
 """Ratio of successive violations below which an answer is useful although the box contains no feasible design yet, for
 example because the scan has missed a sharp resonance. With half this ratio the exchange stops on the way to such a
-design
-of a display with hardly any damping; with 0.9 it finds the design in as many rounds."""
+design of a display with hardly any damping; with 0.9 it finds the design in as many rounds."""
 LEAST_RADIUS = 1e-3
 """Size of the box, 0.1 %, at which the exchange ends; basins are distinguished to that. Half or twice this size is a
 round."""
 FIRST_FREQUENCIES = 9
 """Number of log-spaced frequencies at which the exchange first imposes each constraint, enough that the first answer
 violates no constraint grossly. Missing frequencies join later. Half as many take a round or two more; twice as many
-make
-every round slower."""
+make every round slower."""
 PANELS = 4
 MAX_PANELS = 256
 """First and greatest number of panels of the error's quadrature, with eight nodes each. The exchange doubles them until
-the
-NLP's error is accurate to `OBJECTIVE_TOLERANCE`. Half the first number costs another round; half the greatest is too
-few
-for an undamped resonance."""
+the NLP's error is accurate to `OBJECTIVE_TOLERANCE`. Half the first number costs another round; half the greatest is
+too few for an undamped resonance."""
 OBJECTIVE_TOLERANCE = {"rms": 1e-7, "peak": 1e-4}
 """Permitted relative difference between the NLP's objective and the error of its answer. With norm "peak" every round
-gains
-a factor of only three or four, because the greatest error moves with the gains; 1e-5 would cost 5 % of the total time.
-Half or twice this number changes the error by as much."""
+gains a factor of only three or four, because the greatest error moves with the gains; 1e-5 would cost 5 % of the total
+time. Half or twice this number changes the error by as much."""
 UPHILL = 1e-4
 """Share by which an answer must be worse than a known design to count as in another basin. It exceeds the effect of the
 tightening and of IPOPT's tolerance, and is well below 0.1 %, the resolution of basins."""
@@ -261,8 +254,7 @@ def _sharper_objective(problem: Problem, search: _Search, design: Polished, *, j
     """Refine the next NLP's objective if it misses the error of the last answer; return whether that was possible.
 
     With norm "rms" the quadrature gets more panels. With norm "peak" the NLP gets the frequencies of the greatest
-    errors, if
-    any of them is new: without them the NLP understates the error, and its optimum is not an optimum.
+    errors, if any of them is new: without them the NLP understates the error, and its optimum is not an optimum.
     """
     norm = problem.transparency.norm
     error = min(design.error, search.best.error) if norm == "peak" and search.best else design.error

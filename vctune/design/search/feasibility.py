@@ -28,8 +28,7 @@ class LoopFeasibility:
     ----------
     missed : the most serious violated constraint, over all devices
     violation : amount of that violation: log(|S|/max_sensitivity), or how negative Re(D + Z_h) is relative to the
-        loop's
-        impedance, or for an unstable loop the magnitude of its gains, since weaker unstable loops are nearer to
+        loop's impedance, or for an unstable loop the magnitude of its gains, since weaker unstable loops are nearer to
         stability
     peak_sensitivity : greatest |S| up to Nyquist on any device
     """

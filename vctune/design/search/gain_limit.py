@@ -7,10 +7,8 @@
         +----------------- corner K_p/(b + K_v)
 
 The error falls with K_v up to the limit. Half a step of the grid below the limit, the error may be a third higher than
-on
-the limit. So the scan first finds the limit by dividing the step that contains it. The limit then forms a grid of its
-own
-over the other three axes.
+on the limit. So the scan first finds the limit by dividing the step that contains it. The limit then forms a grid of
+its own over the other three axes.
 """
 
 from __future__ import annotations
@@ -33,8 +31,7 @@ ROUNDS, PARTS = 3, 4
 """Number of times that the step with the limit is divided, and number of parts: 64 parts of a step, 1 % of K_v."""
 BELOW, ABOVE = 0.93, 1.03
 """Factors of a limit between which its neighbours lie. The best design for the coupling lies below the limit and may
-need a
-slightly smaller gain. Little lies above, because the scan's frequencies determine the limit to 1 %."""
+need a slightly smaller gain. Little lies above, because the scan's frequencies determine the limit to 1 %."""
 
 
 @dataclass(frozen=True, slots=True)

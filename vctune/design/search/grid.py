@@ -42,17 +42,14 @@ COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}
 A basin only has to appear as a local minimum; the limits of the gains and the refinement then locate it. Half as many
 K_v, corners or time constants lose no reference problem and no basin of the tests by more than 0.1 %, so there is a
 reserve of a factor of two. With half as many drags one problem has twice the error. Twice as many points on any axis
-find
-no better design.
+find no better design.
 """
 PER_DECADE = 3.5
 """Least number of corners, and of time constants, in a decade. Usual bounds give as many with `COUNTS`; wide bounds
-keep this
-density."""
+keep this density."""
 LEAPS = 2
 """Number of intervals of forbidden scales that the scan passes one after the other. Half and twice as many give starts
-that
-are as good."""
+that are as good."""
 MOST = 1e100
 """Substitute for infinity where numbers are multiplied."""
 LOOPS_AT_ONCE = 160

@@ -35,29 +35,23 @@ from vctune.running import OutOfTimeError, check_time, out_of_time, seconds_left
 
 WORTH_POLISHING = 1.05
 """Factor by which a start's scanned error may exceed the best polished error for the start to be polished. It is about
-the
-accuracy of the refined grid at a local minimum. A smaller factor skips a start that polishing would make the best; a
-greater factor polishes starts that do not win."""
+the accuracy of the refined grid at a local minimum. A smaller factor skips a start that polishing would make the best;
+a greater factor polishes starts that do not win."""
 PROOF_ROUNDS, MORE_DIGITS = 4, 2
 """Number of times that a refuted optimum is polished again, and number of digits added to it. With 4 rounds the
-tightening
-reaches 1e-3, which makes a design 0.1 % worse. Half as many rounds give up designs that a third round proves; twice as
-many try designs that cost more than another start."""
+tightening reaches 1e-3, which makes a design 0.1 % worse. Half as many rounds give up designs that a third round
+proves; twice as many try designs that cost more than another start."""
 LONG_SHOTS = 2
 """Number of starts to polish if none is feasible, since the nearest misses may be feasible between the points of the
-grid.
-One start would rely on the scan's order. More starts cost time before the search of every box, which finds them as
-well."""
+grid. One start would rely on the scan's order. More starts cost time before the search of every box, which finds them
+as well."""
 NEARLY = 0.1
 """Greatest share by which a start may miss a constraint to be polished for an estimate; the grid's refined spacing is
-half
-of that. Half this share misses existing repairs; twice this share polishes in vain."""
+half of that. Half this share misses existing repairs; twice this share polishes in vain."""
 PROOF_BOXES = 300_000
 """Number of boxes in undecided proofs after which the design stays undecided and the search tries no sharper design and
-no
-other start: a proof never resolves hands that resonate far above Nyquist. Half as many boxes try once; twice as many
-wait
-for a third failure."""
+no other start: a proof never resolves hands that resonate far above Nyquist. Half as many boxes try once; twice as many
+wait for a third failure."""
 NEW_HANDS = 12
 """Number of hands known only to the proof with which an optimum is polished: a resonance above Nyquist occurs in a few
 hands of the box alone. Half and twice as many give the same designs. With none, a device sampled at 20 Hz has no
@@ -65,15 +59,13 @@ design."""
 SHARPENING, DECIDABLE = 10.0, 1e-3
 """Factor by which the constraints are tightened again if a proof refutes a design, and least tightening if a proof is
 undecided. The number of boxes grows with the inverse of the remaining reserve. Twice these numbers cost error, at most
-in
-proportion; half of them cost proofs."""
+in proportion; half of them cost proofs."""
 
 SEARCH, PROOF = "the search", "the proof"
 """Names of stages that a time limit may cut short."""
 SEARCHING = 0.6
 """Share of a time limit after which no more starts are polished once one has led to an optimum, since a proof takes
-about
-as long as a polish. Half this share finds worse designs; the whole time leaves none proved."""
+about as long as a polish. Half this share finds worse designs; the whole time leaves none proved."""
 
 Progress = Callable[[str], None]
 
@@ -163,8 +155,7 @@ def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
     """Return a design of a problem that the optimiser considers feasible, SI units; None if it finds none.
 
     The function stops at the first design and proves nothing. If it finds none, it does not search the boxes. It gives
-    an
-    estimate in a fraction of the time of `solve`.
+    an estimate in a fraction of the time of `solve`.
 
     Parameters
     ----------
@@ -284,8 +275,7 @@ def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Ite
     digits.
 
     If a hand requires more than the tightening gives, only the proof has found it. The search must then add the hand,
-    not
-    tighten the constraints.
+    not tighten the constraints.
     """
     polished: Polished | None = optimum
     tightening, witnesses, sharpened = TIGHTENING, WorkingSet(), 0

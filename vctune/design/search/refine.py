@@ -15,8 +15,7 @@ from vctune.model.problem import Problem
 
 HALVINGS = 3
 """Number of times that the spacing of the grid around a local minimum is halved: to an eighth, 5 % of K_v. This
-suffices for
-the order of the starts; the optimiser does the rest in a millisecond."""
+suffices for the order of the starts; the optimiser does the rest in a millisecond."""
 
 Index = tuple[int, ...]
 """Index of a design on a grid: K_v, corner, tau_c, b_0."""

@@ -34,14 +34,12 @@ FREQUENCIES = 64
 between them. Half as many change no reference problem and no basin of the tests by 0.1 %, but give worse starts."""
 FEW, FEW_ANGLES, FEW_SPRINGS = (0.0, 0.1, 1.0), 12, 4
 """Shares of the ranges of hands, and angles per decade, at which starts are compared. The ends of the ranges alone lead
-to
-the same designs in more rounds; half or twice as many angles lead to the same designs. The third number is the count of
-soft springs per two decades at angle 0, between which R is at most 8 % greater. Without them, starts have no drag where
-much drag is needed."""
+to the same designs in more rounds; half or twice as many angles lead to the same designs. The third number is the count
+of soft springs per two decades at angle 0, between which R is at most 8 % greater. Without them, starts have no drag
+where much drag is needed."""
 PANELS = 3
 """Number of panels of the quadrature over the transparency band, eight nodes each. Starts are only compared to a few
-per
-cent."""
+per cent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +65,7 @@ class Samples:
     band : frequencies of the stability band
     nodes, averages : nodes and weights of the transparency band's quadrature
     circles : return differences of the sampled loops on the unit circle, first that of the device without a hand; empty
-        for
-        a device that shares its loops with another
+        for a device that shares its loops with another
     radius : radius of the unmodelled dynamics on the first circle; None without one
     in_hand : loop in some hands, with springs at angle 0, or loop in any hand; empty if the problem has no claim in
         hands

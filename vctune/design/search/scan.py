@@ -23,28 +23,23 @@ from vctune.model.problem import Problem
 
 STARTS = 8
 """Greatest number of local minima to refine on a grid, to refine on its gain limits, and to return. Half as many lose
-none
-of the tests' basins."""
+none of the tests' basins."""
 CLOSE = 0.02
 """Relative difference of all numbers of a design up to which two starts count as one. It is less than the refined
 spacing."""
 AROUND = {"velocity": np.array([0.8, 0.9, 0.96, 0.99, 1.0, 1.02, 1.1]), "corner": np.geomspace(0.25, 4.0, 13)}
 """Factors of given gains around which other couplings are tried. K_v is often at its limit, so most of its factors are
-below
-1, with small steps near 1. The error is flat in the corner, whose factors therefore range further."""
+below 1, with small steps near 1. The error is flat in the corner, whose factors therefore range further."""
 STEPS, FLAT = 9, 1.001
 """Number of points on the way from a start to an optimum, and factor by which the error may seem to rise between them,
-which
-allows for the scan's few frequencies. A greater factor loses another basin behind a low rise; a smaller factor polishes
-twice."""
+which allows for the scan's few frequencies. A greater factor loses another basin behind a low rise; a smaller factor
+polishes twice."""
 WORTH_ANOTHER = 0.9995
 """Ratio of errors below which another start near an optimum is worth polishing. Basins are distinguished to 0.1 %, and
-the
-scan's frequencies resolve half of that."""
+the scan's frequencies resolve half of that."""
 PROMISING = 3.0
 """Factor by which the error of a local minimum of the coarse grid may exceed the least error for the minimum to be
-refined.
-It allows for a narrow basin between the points of the grid. All minima are refined together, so that more cost
+refined. It allows for a narrow basin between the points of the grid. All minima are refined together, so that more cost
 little."""
 
 
@@ -66,8 +61,7 @@ def scan(posed: Posed) -> ScanResult:
     """Scan a dimensionless problem for starts.
 
     The scan treats K_p = 0 separately, because without the integrator the constraints at low frequency differ. It drops
-    other
-    minima at the lowest K_p, because they belong to that basin.
+    other minima at the lowest K_p, because they belong to that basin.
     """
     problem, faces = posed.problem, _faces(posed.problem)
     found: list[Start] = []
@@ -117,9 +111,7 @@ def _faces(problem: Problem) -> list[bool]:
     """Return whether to search without and with an integrator, as the bounds and the limit at 0 permit.
 
     With damping or a force sensor's lag, without drag and without an operator's damping, no K_p > 0 is feasible on a
-    band
-    from 0.
-    band from 0.
+    band from 0. band from 0.
     """
     position, device = problem.bounds.position, problem.device
     held = device.operator is not None and device.operator.damping > 0

@@ -1,10 +1,8 @@
 """A coupling as a scale times a shape. The least feasible scale has a closed form (README, section 3).
 
 For an admittance display the scale is b_c, the time constant is m_c/b_c, and Z_c = b_0 + b_c (u + j v). For an
-impedance
-display, which is the dual, the scale is 1/k_c, the time constant is b_c/k_c, and 1/Z_c = (u + j v)/k_c. A rigid
-coupling
-of an admittance display has the time constant 0 and the scale m_c: Z_c = b_0 + m_c j omega.
+impedance display, which is the dual, the scale is 1/k_c, the time constant is b_c/k_c, and 1/Z_c = (u + j v)/k_c. A
+rigid coupling of an admittance display has the time constant 0 and the scale m_c: Z_c = b_0 + m_c j omega.
 """
 
 from __future__ import annotations
@@ -24,8 +22,7 @@ from vctune.model.sampled.loop_in_worlds import offered_at
 
 SLACK = 1e-2
 """Share of T below which the time constant b_c/k_c hardly matters: the sampled spring alone is as good as with a damper
-of
-k_c T/2. Half and twice this share lead to the same designs."""
+of k_c T/2. Half and twice this share lead to the same designs."""
 
 
 def unit_response(device: Device, omega: Floats, time_constant: Floats) -> tuple[Floats, Floats]:
@@ -112,8 +109,7 @@ def time_constants(problem: Problem, low: float, high: float) -> tuple[float, fl
     """Return the least and the greatest time constant worth evaluating; both are equal if it is fixed.
 
     Two decades outside the band, a coupling acts as a mass alone or a damper alone within the band (as a spring or a
-    damper
-    for an impedance display). If the least b_c is large, the range extends further.
+    damper for an impedance display). If the least b_c is large, the range extends further.
 
     Parameters
     ----------

@@ -16,17 +16,15 @@ from vctune.proof.engine.interval import Verdict
 
 GAIN_REDUCTIONS = (1.0, 0.99, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
 """Factors of K_p, or of both gains, that are tried until a start's loops are proved stable. On its frequencies the scan
-is
-wrong by some per cent, which the first factors cover; the last are for devices that no estimate fits. The NLP moves on
-from there within its box, so that other factors lead to the same optimum."""
+is wrong by some per cent, which the first factors cover; the last are for devices that no estimate fits. The NLP moves
+on from there within its box, so that other factors lead to the same optimum."""
 STABILITY_MARGIN = 1e-4
 """Least distance from the stability boundary, as a share of the open loop's F, if no other constraint stops a design. A
 limit on |S| keeps a design further away. Without one, half or twice this distance changes the gains by as small a
 share."""
 MAX_CUTS = 24
 """Greatest number of tangents of the stability boundary, which is a curve in the plane of the gains; a box contains a
-piece
-of it. If there are more, the exchange halves the box as after any bad step."""
+piece of it. If there are more, the exchange halves the box as after any bad step."""
 
 
 def stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | None:

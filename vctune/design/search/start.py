@@ -12,8 +12,7 @@ class Missed(IntEnum):
     """The most serious constraint that a design violates.
 
     A more serious violation makes the lesser ones meaningless. An unstable loop has no margins, and where Re(D + Z_h) <
-    0 no
-    coupling suffices.
+    0 no coupling suffices.
     """
 
     NOTHING = 0

@@ -1,8 +1,7 @@
 """Requirements that no design can meet: theorems with numbers filled in.
 
 The code evaluates each limit at the most favourable vertex of the bounds. It refuses a requirement only if even that
-vertex fails.
-fails.
+vertex fails. fails.
 """
 
 from __future__ import annotations
@@ -66,8 +65,7 @@ def _in_limp_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
     """In hands with only a stiffness K, R at omega = 0 tends to K (b/K_p + tau_s) for K -> 0, while Re Z_c is the drag.
 
     The loss in a structure's spring may ease this. Without an integrator, both sides of the constraint vanish like
-    omega^2 in
-    hands without damping and stiffness, and a margin that vanishes cannot be proved.
+    omega^2 in hands without damping and stiffness, and a margin that vanishes cannot be proved.
     """
     device, bounds, units = problem.device, problem.bounds, problem.units
     if hands.high.stiffness == 0 == bounds.position.max and bounds.velocity.max > 0:
@@ -130,10 +128,8 @@ def _least_velocity(problem: Problem) -> float:
     """Return the K_v above which Re G_hh > 0 at the band's lower edge with the least K_p; -inf if it is not known.
 
     For omega -> 0, Re D > 0 requires tau K_p < b + K_v. For an ideal device with hold "lag" and no delay it requires
-    tau K_p <
-    b (1 + (omega tau)^2) + K_v, since there Re D = b + (K_v - tau K_p)/(1 + (omega tau)^2). An operator's b_h adds to
-    b. The
-    loss in a structure's spring eases the requirement by an amount that grows with K_p.
+    tau K_p < b (1 + (omega tau)^2) + K_v, since there Re D = b + (K_v - tau K_p)/(1 + (omega tau)^2). An operator's b_h
+    adds to b. The loss in a structure's spring eases the requirement by an amount that grows with K_p.
     """
     device, omega = problem.device, problem.stability.band.min
     if device.structure is not None or (omega > 0 and not is_rational(device)):

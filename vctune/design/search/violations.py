@@ -33,8 +33,7 @@ from vctune.model.worlds import WorldsMet
 
 TRACKED_FROM = 0.8
 """Share of its limit above which the peak of |S| is tracked. A greater share would omit a peak that the next answer
-brings
-to the limit, which takes another round; a smaller share tracks peaks that do not bind."""
+brings to the limit, which takes another round; a smaller share tracks peaks that do not bind."""
 
 
 @dataclass(slots=True)

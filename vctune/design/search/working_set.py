@@ -47,9 +47,8 @@ def stacked(points: Sequence[ConstraintPoint]) -> tuple[Device, Floats]:
 
 TIGHTENING_IN_HANDS = 1e-4
 """Least relative tightening of the constraint in hands. A design may reach its limit in many hands and at many
-frequencies
-at once, for example at omega = 0 in hands of any mass. The number of boxes in the proof then grows with one over the
-square root of this tightening. The error grows by about as much as the tightening."""
+frequencies at once, for example at omega = 0 in hands of any mass. The number of boxes in the proof then grows with one
+over the square root of this tightening. The error grows by about as much as the tightening."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,7 @@
 """Estimate the devices of an uncertain box on which the ratio Re Z_c / R of a design is least, or |S| greatest.
 
 At a frequency omega the delay d matters only through the phase omega d, which makes a full turn within 2 pi/omega. So
-the
-delays of one turn represent all longer ones.
+the delays of one turn represent all longer ones.
 """
 
 from __future__ import annotations
@@ -28,35 +27,28 @@ from vctune.running import check_time
 SHARES, DELAY_SHARES, MOST_DEVICES = 5, 13, 325
 """Number of values that are tried for each uncertain number, including its ends; the same for delays and unmodelled
 responses; and greatest number of devices. The ratio is smooth in mass and damping. A delay or an unmodelled response
-turns
-a phase once, and 13 values sample every half turn six times. Half as many values may miss a minimum, which the proof
-then
-finds. Twice as many mean four to eight times the devices, whose number is limited: with many uncertain numbers, three
-or
-two values of each are tried."""
+turns a phase once, and 13 values sample every half turn six times. Half as many values may miss a minimum, which the
+proof then finds. Twice as many mean four to eight times the devices, whose number is limited: with many uncertain
+numbers, three or two values of each are tried."""
 MOST = 24
 """Number of minima over frequency that are refined, the lowest ones, all at once on arrays. A long delay makes more
-minima,
-but the higher ones do not bind."""
+minima, but the higher ones do not bind."""
 FIRST_STEP = 0.02, 0.1
 """First steps of the refinement: the relative step in frequency, and the step of a number as a share of its range. They
-are
-about half of the grid's steps. With smaller steps a minimum takes more rounds; larger steps may reach another
+are about half of the grid's steps. With smaller steps a minimum takes more rounds; larger steps may reach another
 minimum."""
 STEPS, SHRINK = 40, 0.5
 """Number of rounds of the refinement, and factor by which its steps shrink if no neighbour is lower. In 40 rounds, half
-of
-them for moving, the steps shrink to 1e-10. The ratio is flat at its minimum, so half as many still give it to 1e-6."""
+of them for moving, the steps shrink to 1e-10. The ratio is flat at its minimum, so half as many still give it to
+1e-6."""
 MANY, TOGETHER = 5, 2
 """Greatest number of variables, including the frequency, of which any may move in one step; and for more variables, how
 many may move at once. For nine variables this leaves 162 of 19,682 steps. Half and twice as many at once lead to
-designs
-that are as good."""
+designs that are as good."""
 
 SWEEPS = 3
 """Number of times that all numbers are moved to their ends for a greater |S|. Once mostly suffices, and the proof finds
-any
-remaining rise. Half and twice as many find the same devices."""
+any remaining rise. Half and twice as many find the same devices."""
 
 
 @dataclass(frozen=True, slots=True)

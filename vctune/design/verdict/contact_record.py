@@ -24,8 +24,7 @@ from vctune.running import unlimited
 
 RESERVE = 1e-3
 """Share by which the proved contact is softer than the stiffest contact in double precision. A closer contact takes
-many
-more boxes: with half this share up to twice as many."""
+many more boxes: with half this share up to twice as many."""
 DIGITS = 4
 """Number of digits of the stiffest contact."""
 

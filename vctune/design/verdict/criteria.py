@@ -23,8 +23,7 @@ def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:
     """Return a solved problem with the errors that either criterion alone would permit; unchanged with one criterion.
 
     Such an error is the result of the file with the other criterion, including the defaults that depend on it. It is
-    measured
-    on the same band and with the same Z_0.
+    measured on the same band and with the same Z_0.
 
     Parameters
     ----------

@@ -21,8 +21,7 @@ from vctune.running import check_time
 
 MOST_DRAG = 10.0
 """Greatest drag that is tried, in units of the reference impedance; alone it causes an error of about ten. Half and
-twice
-this drag omit, or add, designs that nobody wants to feel."""
+twice this drag omit, or add, designs that nobody wants to feel."""
 
 
 def repair_of(change: ParameterChange, new: float, design: Judgement) -> Repair:
@@ -96,8 +95,7 @@ def best_values(stated: dict[str, Any], judgement: Judgement, test: RepairTest) 
     """Yield for each number of a design its value with the least error while the others stay.
 
     The search solves the problem with that number alone free, in the range that the file states or in the default
-    range. If
-    the first estimate rejects all numbers, the search tries all of them nevertheless.
+    range. If the first estimate rejects all numbers, the search tries all of them nevertheless.
 
     Parameters
     ----------

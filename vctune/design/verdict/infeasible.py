@@ -28,8 +28,7 @@ CUT_SHORT = "the time limit ended the search before it had found a design"
 
 NEXT_TO_NOTHING = 1e-9
 """Ratio below which Re Z_c counts as vanishing where R does not, as at 0 Hz without drag. Half and twice it give the
-same
-words."""
+same words."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +40,7 @@ class Infeasibility:
     cause : violated constraint, with its place and amount
     advice : possible repair
     proved : True if the reason follows from a theorem or from a search that pruned every box of gains; False if it
-        follows
-        from a search without result
+        follows from a search without result
     """
 
     cause: str

@@ -56,18 +56,14 @@ STATUS_OF = {
 
 IDLE = 0.5
 """Mean or greatest |1 - G_he| above which the design hardly uses its velocity loop. Without a loop it is 1, and at 0.5
-half
-of what the operator should feel is lost. It decides on a warning and its cures, not on a design. Half this number warns
-of
-more designs; twice this number warns of none."""
+half of what the operator should feel is lost. It decides on a warning and its cures, not on a design. Half this number
+warns of more designs; twice this number warns of none."""
 
 
 PROVING = 0.85
 """Share of the remaining time that the proof of a design may take if there is a time limit. The rest is for the numbers
-in
-double precision, which take a second for an uncertain device. Half this share leaves designs unproved; the whole time
-ends
-late."""
+in double precision, which take a second for an uncertain device. Half this share leaves designs unproved; the whole
+time ends late."""
 CUT = " (the time limit cut its proof)"
 """Note on a claim whose proof the time limit ended."""
 

@@ -25,16 +25,14 @@ from vctune.model.transparency import TERMS
 
 ACTIVE = 1e-5
 """Multiplier below which a constraint is not listed. IPOPT's barrier leaves a small multiplier on constraints that do
-not
-bind."""
+not bind."""
 
 
 def active(solved: Solved) -> list[ActiveRecord]:
     """Return the constraints that limit the design, with kind, frequency and multiplier, the greatest multiplier first.
 
     The multiplier is d log(error)/d log(constraint): the per cent by which the error falls if the constraint is eased
-    by one
-    per cent.
+    by one per cent.
     """
     if solved.polished is None:
         return []

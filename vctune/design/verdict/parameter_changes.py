@@ -43,8 +43,7 @@ class ParameterChange:
     """A number of a problem file that may change in one direction.
 
     Changes are relative to the smaller of the old and the new value. If the old value is 0, they are relative to the
-    natural
-    size. If it is infinite, the same holds for the reciprocals.
+    natural size. If it is infinite, the same holds for the reciprocals.
 
     Attributes
     ----------

@@ -26,12 +26,10 @@ PRICES = "the prices of the device's numbers"
 
 STEP = 1e-5
 """Relative change of a number, up and down, over which the derivative is taken. Its error is about as great, and
-rounding
-errors are far smaller. Half and twice this step give the same four digits."""
+rounding errors are far smaller. Half and twice this step give the same four digits."""
 STEEPEST = 50.0
 """Slope d log error/d log number above which a change counts as a jump, for example where the delay of a servo passes a
-whole
-number of samples; no slope is above 10. Half and twice this limit decide alike."""
+whole number of samples; no slope is above 10. Half and twice this limit decide alike."""
 BETTER = 0.01
 """Share by which a number improves. Up to this share the least error is linear, except for a bend at the optimum."""
 

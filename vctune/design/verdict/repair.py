@@ -39,14 +39,12 @@ SHARE = 0.9
 """Share of a repair that must not suffice."""
 ROUNDS = 10
 """Number of corrections of a first estimate: slightly more if it does not suffice, a tenth less if less suffices. Two
-or
-three corrections are usual. Half as many omit repairs; twice as many find no more."""
+or three corrections are usual. Half as many omit repairs; twice as many find no more."""
 REPAIRS = "the repairs"
 """Name of a stage that a time limit may cut short."""
 LONGEST = 30.0
 """Seconds after which vctune tries no more changes; only a device whose every answer takes long needs so many. Half as
-many
-seconds omit repairs on a slow machine, and vctune says so (`CUT_SHORT`); the listed repairs are the same."""
+many seconds omit repairs on a slow machine, and vctune says so (`CUT_SHORT`); the listed repairs are the same."""
 CUT_SHORT = Note("warn-repairs-cut-short", f"repairs were looked for during {LONGEST:g} s; there may be more of them")
 FINER = 30.0
 """Factor between smaller changes that are tried while even the least one suffices; then the interval is bisected."""
@@ -121,10 +119,8 @@ def _seems_in_use(problem: Problem) -> bool:
 OF_FIXED = RepairTest(_seems_admissible, _judged, 2e-3)
 OF_FREE = RepairTest(_seems_solvable, _solved, 0.05, furthest_first=True)
 """Tests for problems that fix every number, and for those that leave a number free. The former are judged in a
-millisecond,
-so that the least change can be found closely; the latter are solved in a second. Half or twice the width costs one
-trial
-more or less for each number."""
+millisecond, so that the least change can be found closely; the latter are solved in a second. Half or twice the width
+costs one trial more or less for each number."""
 OF_FIXED_IN_USE = RepairTest(_seems_in_use, lambda problem: _in_use(_judged(problem)), OF_FIXED.width)
 OF_FREE_IN_USE = RepairTest(_seems_solvable_in_use, lambda problem: _in_use(_solved(problem)), OF_FREE.width)
 """The same tests, which require designs that use the velocity loop."""
@@ -170,8 +166,7 @@ def repairs_of_design(
     stated : the problem's document
     judgement : judgement of the design
     changed : numbers that were edited since the design was solved, with their earlier values as limits. If none are
-        known,
-        vctune solves the problem; a design that differs from the solution in one number counts as edited there
+        known, vctune solves the problem; a design that differs from the solution in one number counts as edited there
     progress : function that receives the current stage
 
     Returns
@@ -180,8 +175,7 @@ def repairs_of_design(
         First the numbers restored to those of the solved design. If none of these passes, each number at its value with
         the
             least error, or at its least change if solving finds none. Then the least changes of the problem. In each
-            part the
-            least error comes first.
+            part the least error comes first.
     """
     pasted = stated | design_tables(judgement.kind, judgement.gains, judgement.coupling)
     problem, _ = pose(pasted, "")
@@ -238,10 +232,8 @@ def find_repairs(
     """Return the least changes of one number that repair a problem, as many as time permits.
 
     The search tries each change as a user would: it changes the number in the document and reads the problem again with
-    its
-    defaults. It then solves the problem or, if every number is fixed, judges it. It tries small changes of all numbers
-    before
-    large changes of any.
+    its defaults. It then solves the problem or, if every number is fixed, judges it. It tries small changes of all
+    numbers before large changes of any.
 
     Parameters
     ----------

@@ -1,8 +1,7 @@
 """The record of a design: each key of design.json once, with its type and its label (README.md, section 3).
 
 The fields of these classes determine what is written, what a file must contain to be read back, and the rows of the
-table
-and of the report's page. A new number is a new field.
+table and of the report's page. A new number is a new field.
 """
 
 from __future__ import annotations

@@ -104,8 +104,7 @@ class CheckedProblemRecord(Part):
 class RegionDocument(Document):
     """The plane of gains and its cells, in SI units: the object of region.json.
 
-    If it was `interrupted`, skipped cells are undecided. In `others` the
-    infinite damping of a rigid coupling is null.
+    If it was `interrupted`, skipped cells are undecided. In `others` the infinite damping of a rigid coupling is null.
     """
 
     SCHEMA = "vctune/region/1"

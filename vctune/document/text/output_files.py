@@ -22,18 +22,15 @@ def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = (), as
     """Replace the files of an earlier run by those of a new run. SIGINT and SIGTERM wait until this is done.
 
     When all new files are complete, the function deletes the stale files, the last first. It then renames the files to
-    set
-    aside, replaces the first file, and then the others in order. So the files always belong to one run, even if the
-    process is
-    killed. The first file must be useful alone. The last file should be the one that displays the others.
+    set aside, replaces the first file, and then the others in order. So the files always belong to one run, even if the
+    process is killed. The first file must be useful alone. The last file should be the one that displays the others.
 
     Parameters
     ----------
     files : contents by path
     stale : files of an earlier run that the new run does not write; they are deleted first
     aside : outdated files and folders that may still be wanted; they are renamed from NAME.SUFFIX to
-        NAME.previous.SUFFIX,
-        also if a new file takes their place
+        NAME.previous.SUFFIX, also if a new file takes their place
 
     Raises
     ------

@@ -99,10 +99,8 @@ class Lines:
     """The lines of the keys in a TOML text.
 
     tomllib gives no positions, but it can parse beginnings of the text. The key stands on the line after the longest
-    parsable
-    beginning that lacks it. Whether a beginning has the key grows with its length, so a bisection finds the line in a
-    few
-    parses, which are remembered for the next key.
+    parsable beginning that lacks it. Whether a beginning has the key grows with its length, so a bisection finds the
+    line in a few parses, which are remembered for the next key.
     """
 
     def __init__(self, text: str) -> None:

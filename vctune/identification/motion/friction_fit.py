@@ -16,8 +16,7 @@ from vctune.identification.motion.spectral_filters import filtered, smooth, spec
 
 CLEAR = 4.0
 """Required significance of the rise at low speed, in standard deviations. It is high because the velocity of the rise
-is
-chosen after looking at the data."""
+is chosen after looking at the data."""
 TRIED = 24
 """Number of velocities tried for the curve, from a hundredth to a half of the peak speed."""
 WITHIN = 12
@@ -32,8 +31,7 @@ class FrictionFound:
     ----------
     coulomb : friction at high speed, N
     stiction, stribeck_velocity : friction at vanishing speed, N, and speed of the transition, m/s; None if the data do
-        not
-        show them
+        not show them
     """
 
     coulomb: float

@@ -3,8 +3,7 @@
     F(t - delay) + f_h(t + sensor) = m a + b_+ v_+ + b_- v_- + c_+ [v > 0] - c_- [v < 0]
 
 is linear in all numbers except the delays, which the method of Gauss and Newton finds. Both sides pass the same
-low-pass,
-and so do the signs of the velocity.
+low-pass, and so do the signs of the velocity.
 """
 
 from __future__ import annotations

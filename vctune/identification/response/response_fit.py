@@ -29,8 +29,7 @@ UNKNOWN = 1e-12
 deviation."""
 BLOCKS = 8
 """Number of blocks of neighbouring lines that are omitted in turn. Model error extends over many lines, and the
-resulting
-intervals allow for it."""
+resulting intervals allow for it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +44,7 @@ class ResponseFit:
     covariance : diagonal matrix, shape (p, p), with the larger of the variances from correlated and from independent
         residuals
     model_errors : relative model errors of position and handle with which chi2 per degree of freedom is 1; 0 where
-        noise
-        alone explains the residual
+        noise alone explains the residual
     chi2 : chi2 with the noise alone, per degree of freedom
     lines : number of lines of all outputs
     speed : root mean square speed of the motor, m/s

@@ -5,8 +5,7 @@ A low-pass H with poles p_i responds to a step of the velocity command with the 
     S(t) = t - lag + sum r_i e^(p_i t),   H(s)/s^2 = 1/s^2 - lag/s + sum r_i/(s - p_i).
 
 A held velocity is a sum of such steps, one for each of its jumps. A position command that is interpolated linearly over
-a
-sample equals the held velocity that reaches it.
+a sample equals the held velocity that reaches it.
 """
 
 from __future__ import annotations

@@ -2,8 +2,7 @@
 
 The steps of the position have a banded covariance. An encoder's noise r affects two successive steps. Let a velocity
 command arrive early or late by a random time with deviation q. It permanently shifts the position by q times its jump.
-A
-position command shifts it by q times its speed, for that sample only. The servo's lag spreads both effects.
+A position command shifts it by q times its speed, for that sample only. The servo's lag spreads both effects.
 """
 
 from __future__ import annotations

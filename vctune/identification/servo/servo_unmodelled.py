@@ -17,8 +17,7 @@ from vctune.model.device import Device
 
 RIDGE = 40
 """Number of servos with the latency of the fit that are tried in addition to random ones; a slow motion cannot tell
-them
-apart."""
+them apart."""
 BEYOND = 40
 """Number of frequencies up to Nyquist at which a servo of the other order is compared with the box."""
 

@@ -46,8 +46,7 @@ class LoopConstants:
     controller, C : C_0 and F_s C_0
     D, miss, numerator, motor : D, D - C_0, N and W
     factor : e = 1 + y Z_2, the factor of C_f in D. Without a loop the motor's admittance is e/D, and the handle moves
-        by
-        1/D per unit of the motor's force
+        by 1/D per unit of the motor's force
     """
 
     controller: Affine
@@ -63,8 +62,7 @@ def loop_constants(at: DeviceResponse) -> LoopConstants:
     """Return the constants of a device's loop at omega > 0. They do not depend on the gains.
 
     In C_0, the coefficient of K_p is that of K_v turned by a right angle. The same holds in W and D, unless the
-    firmware
-    estimates the velocity.
+    firmware estimates the velocity.
     """
     if at.follows:
         return _following(at)

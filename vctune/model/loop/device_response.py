@@ -109,8 +109,7 @@ def mechanism(device: Device, structure: Structure, ops: Arithmetic) -> Mechanis
     """Return the masses and the spring of a structure from its free resonance (model/README.md, section 12).
 
     With the reduced mass mu of motor and handle, k = mu (2 pi f)^2 and c = 2 zeta mu 2 pi f. A load adds to the
-    handle's
-    mass and does not change the spring.
+    handle's mass and does not change the spring.
 
     Parameters
     ----------

@@ -1,8 +1,7 @@
 """Non-ideal parts of a device at a frequency: velocity estimate, actuator, force sensor (README, section 12).
 
 Each part has unit gain at omega = 0. The code computes 1 - H directly instead of subtracting H from 1, so that no
-digits
-cancel.
+digits cancel.
 """
 
 from __future__ import annotations
@@ -99,8 +98,7 @@ def interpolation(sample_time: Number, omega: Number, ops: Arithmetic) -> Filter
     """Return (1 + e^(-s T))/2 at s = j omega, the filter between a held velocity and an interpolated position.
 
     If the servo interpolates a position command over a sample, the effect is that of a held velocity command behind
-    this
-    filter (model/README.md, section 17).
+    this filter (model/README.md, section 17).
 
     Parameters
     ----------

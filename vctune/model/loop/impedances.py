@@ -14,8 +14,7 @@ class LoopResponse(NamedTuple):
     """The loop's impedances times a common real scale, and the numbers that must not be formed by subtraction.
 
     With an integrator, C_0 grows like 1/omega for omega -> 0. All impedances are then multiplied by the scale omega,
-    which
-    makes them regular at omega = 0. Without an integrator the scale is 1.
+    which makes them regular at omega = 0. Without an integrator the scale is 1.
 
     Attributes
     ----------
@@ -27,11 +26,9 @@ class LoopResponse(NamedTuple):
     im_C_conj_D_scaled : scale * Im(F_s C_0 conj D), which is scale * |D|^2 Im q (model/README.md, section 5)
     im_slope : `im_C_conj_D_scaled` divided by omega, regular at omega = 0; None if the former does not vanish there
     resistance : Re(N conj D) + b_h |N|^2, not scaled, N s/m. It is |D|^2 Re G_hh without an operator; for a rigid
-        device in
-        the hand of its least operator it is Re(D + Z_h)
+        device in the hand of its least operator it is Re(D + Z_h)
     operator_relief : 2 b_h Re(F_s C_0 conj N), the term by which an operator eases the conditions, (N s/m)^2, not
-        scaled;
-        None without an operator
+        scaled; None without an operator
     """
 
     C_scaled: Pair

@@ -6,8 +6,7 @@ With G_hh = N/D and q = C/D (`vctune.model.loop.loop`), in the hand of an operat
     Re Z_c >= R = (|C||D| - Re(C conj D) - 2 Re Z_h Re(C conj N))/(2 (Re(N conj D) + Re Z_h |N|^2)),
 
 which for Z_h = 0 is condition 3 of model/README.md, section 4. The operator's mass does not appear, because the hand
-may
-have any reactance anyway. See model/README.md, section 9.
+may have any reactance anyway. See model/README.md, section 9.
 """
 
 from __future__ import annotations
@@ -99,8 +98,7 @@ def rollett_factor(loop: LoopResponse, Z_c: Pair, ops: Arithmetic) -> Number:
     """Return Rollett's stability factor K = (2 Re p11 Re p22 - Re p12 p21)/|p12 p21| (model/README.md, section 4).
 
     The two-port includes the least operator and Z_c. The function multiplies numerator and denominator by |D + Z_h
-    N|^2. If
-    the loop's resistance is positive, K >= 1 exactly where Re Z_c >= R.
+    N|^2. If the loop's resistance is positive, K >= 1 exactly where Re Z_c >= R.
 
     Parameters
     ----------

@@ -1,8 +1,7 @@
 """The velocity loop at a frequency (model/README.md, sections 1, 2 and 12; paper eqs. 7, 9, 10, 11).
 
 With C_0 = A H (K_v + K_p/s), C_f = A H (K_v F + K_p/s), the motor's part W = m_1 s + b + C_f, the handle's impedance
-Z_2
-and the admittance y of the spring between them,
+Z_2 and the admittance y of the spring between them,
 
     N = 1 + y W,   D = W + Z_2 N,   G_hh = N/D,   G_he = C_0/D,   q = F_s C_0/D.
 

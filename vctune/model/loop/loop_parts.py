@@ -70,8 +70,7 @@ def loop_with_parts(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopRe
     """Evaluate the velocity loop of a device that is not ideal (model/README.md, section 12).
 
     The device may have a velocity estimate, an actuator, a force sensor, and a spring between motor and handle. The
-    code
-    never forms the imaginary part of a product by subtracting its large terms.
+    code never forms the imaginary part of a product by subtracting its large terms.
 
     Parameters
     ----------

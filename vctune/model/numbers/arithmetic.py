@@ -85,15 +85,13 @@ class Arithmetic(Protocol):
         """Return yes() where x is certainly > 0, and no() elsewhere.
 
         Where an enclosure of x contains both signs, the result is no(), so that no() must also hold for positive x.
-        Both are
-        functions because an arithmetic of single numbers evaluates only one of them.
+        Both are functions because an arithmetic of single numbers evaluates only one of them.
 
         Parameters
         ----------
         x : real number whose sign decides
         yes, no : functions without arguments that return a number of x's shape; yes() need not be valid where the
-            result is
-            no()
+            result is no()
 
         Returns
         -------

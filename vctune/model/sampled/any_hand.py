@@ -27,8 +27,7 @@ from vctune.model.sampled.impedance_display import Required, firmware_filter
 
 ALIASES = 24
 """Number of pairs of aliases that are summed one by one behind an actuator or a spring; the code bounds the rest. Half
-as
-many pairs give R to a thousandth at the Nyquist frequency, twice as many to a tenth of that."""
+as many pairs give R to a thousandth at the Nyquist frequency, twice as many to a tenth of that."""
 
 
 class InAnyHand(NamedTuple):
@@ -192,8 +191,8 @@ def drive_at(device: Device, theta: Number, at: Number, ops: Arithmetic) -> Pair
 def motor_disc(device: Device, omega: Number, ops: Arithmetic) -> tuple[Number, Number, Number | None]:
     """Return the disc with radius rho and centre C that contains the motor's admittance in every passive hand.
 
-    C = rho (1 + 2 g (b - j omega m_1)), with g = Re 1/Z_s of the spring between motor and handle. A rigid device has
-    C = rho = 1/(2 b).
+    C = rho (1 + 2 g (b - j omega m_1)), with g = Re 1/Z_s of the spring between motor and handle. A rigid device has C
+    = rho = 1/(2 b).
 
     Parameters
     ----------

@@ -7,10 +7,8 @@ difference and the impedance that the environment sees:
     Delta = 1 + K_v G_v + K_p G_x,   Z_seen = -G_f (K_v + (T/2) K_p (1 + z^-1)/d)/Delta,
 
 where the firmware samples f just before the next command acts. Cleared of denominators they are F and P/(2 j s),
-numbers
-even + j s odd. F and P stay regular at theta = 0, and are affine in the gains. Their constants depend on device and
-hand
-alone:
+numbers even + j s odd. F and P stay regular at theta = 0, and are affine in the gains. Their constants depend on device
+and hand alone:
 
     R = -Re Z_seen = -o/(2 |F|^2),   P conj F = e + j s o.
 """
@@ -189,8 +187,8 @@ def _next_to_rest(
     """Return F and the sensed force divided by rho, as numbers even + j turned odd.
 
     Near theta = 0, K = 0 and K_p = 0, both vanish with rho. The function replaces the unknown x_1, the position, by rho
-    x_1.
-    This divides the position's column of the equations by rho, whose terms contain the factors 2 s and K of the column.
+    x_1. This divides the position's column of the equations by rho, whose terms contain the factors 2 s and K of the
+    column.
     """
     at, turned, half = circle(theta, ops), rest.turned, rest.rho / 2
     square = turned * turned
@@ -341,8 +339,7 @@ def room(
     """Return (offered - factor R) times a positive number. The result has the sign of the margin.
 
     The positive number is the product of both denominators. The function divides by nothing, so that the result is
-    regular
-    where `offered` or R is 0/0.
+    regular where `offered` or R is 0/0.
 
     Parameters
     ----------

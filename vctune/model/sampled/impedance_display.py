@@ -10,8 +10,7 @@ Re 1/Z_c > R = -Re(G_y/(1 + K_v F G_y)), where G_y is the response of y to the c
 omega = 0 with s^2 = sin^2(theta/2) and are therefore divided by it: the offer is Re(1/Z_c)/s^2, the requirement R/s^2.
 
 In one hand, G_y = 2 j s e^{-j theta/2} G_x/T comes from the sampled mechanism (`hand_loop`). The module `any_hand`
-covers
-any passive hand.
+covers any passive hand.
 """
 
 from __future__ import annotations

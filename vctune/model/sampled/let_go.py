@@ -35,8 +35,7 @@ class PlantLetGo:
     rates, step : A and Q
     push, older : b and b_1; b_1 is None if it is 0
     lead : coefficient of the bend's rate in the motor's velocity, which is the centre of mass's velocity plus that
-        term; None
-        for a rigid device
+        term; None for a rigid device
     whole_samples : N, the number of whole samples in the delay
     sample_time, mass : T and m, which define the units
     difference : whether the firmware differences positions to get the velocity
@@ -112,8 +111,7 @@ def _mechanism(device: Device, ops: Arithmetic) -> tuple[Matrix, Vector, Number 
     """Return A, b, the lead, and the unit of mass in b.
 
     Let V be the velocity of the centre of mass, B the bend of the spring, and r the handle's share of the mass m.
-    Without a
-    load they follow
+    Without a load they follow
 
         m V' = u - b v,   B'' = (u - b v)/((1 - r) m) - w^2 B - 2 zeta w B',   v = V + r B'.
     """

@@ -1,23 +1,20 @@
 """The sampled loop in a hand with every wall of a box of environments (model/README.md, section 19).
 
 A wall is a force phi of the position x_e + l (T/2) v_e: fixed, monotone, with slopes from k_1 to k_2. It acts in
-parallel
-with a mass and a damping of the box. The trapezoidal rule has l = 0, backward Euler l = 1. Let Y = y Z_c + Z_seen,
-s_d = j u, u = h t, h = 2/T, t = s/c, s = sin(theta/2), c = cos(theta/2), kappa = k_2 - k_1. With the multiplier
+parallel with a mass and a damping of the box. The trapezoidal rule has l = 0, backward Euler l = 1. Let Y = y Z_c +
+Z_seen, s_d = j u, u = h t, h = 2/T, t = s/c, s = sin(theta/2), c = cos(theta/2), kappa = k_2 - k_1. With the multiplier
 (1 - z^-1)/(1 - a z^-1) of Zames and Falb, whose corner is w_c = h (1 - a)/(1 + a), let
 
     p = k_1 - m u^2 - u Im Y,   f = n p + p^2/kappa + C,   n = 1 - l w_c/h,
     r = Re Y + b,               g = w r + u^2 r^2/kappa,   w = w_c + l h t^2 (1 + 2 k_1/kappa),
 
 and C = l k_1 (w_c/h + t^2 (1 + k_1/kappa)). E = f(p) + g(r) must be positive for all masses and dampings of the box.
-Both
-terms are convex. So E is at least the sum of two tangents,
+Both terms are convex. So E is at least the sum of two tangents,
 
     f >= tau/c^2 p - kappa/4 (tau/c^2 - n)^2 + C,   g >= (w + 2 u^2 r_0/kappa) r - u^2 r_0^2/kappa,
 
 The sum is least at the greatest mass if tau > 0, at the least mass if tau < 0, and at the least damping if the slope in
-r
-is not negative. Tangents at the minima of f and g give E itself; any other tangents give a lower bound.
+r is not negative. Tangents at the minima of f and g give E itself; any other tangents give a lower bound.
 """
 
 from __future__ import annotations
@@ -151,8 +148,7 @@ def disjuncts_in_walls(
     """Return the terms of sums, the margins. E is positive if and only if one of the margins is.
 
     The first margin says that r suffices, whatever p is. The others say that p lies above, or below, every value at
-    which E
-    could vanish with this r.
+    which E could vanish with this r.
 
     Parameters
     ----------

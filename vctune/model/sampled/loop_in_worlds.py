@@ -1,7 +1,7 @@
 """The sampled loop in a hand with every environment of a box (model/README.md, section 18).
 
-An environment Z_e = b + m s_d + k/s_d puts a pole of the loop at the angle theta if -Y = Z_e there, with
-Y = y Z_c + Z_seen, s_d = j u and u = (2/T) tan(theta/2). Since b has no upper limit, the box contains no such Z_e if
+An environment Z_e = b + m s_d + k/s_d puts a pole of the loop at the angle theta if -Y = Z_e there, with Y = y Z_c +
+Z_seen, s_d = j u and u = (2/T) tan(theta/2). Since b has no upper limit, the box contains no such Z_e if
 
     Re Y + b_1 > 0,   or   -Im Y > m_2 u - k_1/u,   or   -Im Y < m_1 u - k_2/u.
 
@@ -16,8 +16,7 @@ These numbers are multiplied by s c |F|^2, with s = sin(theta/2) and c = cos(the
 ends.
 
 An impedance display meets Z_e through the admittance Y = y/Z_c + G; a pole is where -1/Y = Z_e. With Y = s^2 (r + j
-i/s)/d,
-d > 0, and Q = s^2 r^2 + i^2, the box contains no such Z_e if for each y from 1/g to 1
+i/s)/d, d > 0, and Q = s^2 r^2 + i^2, the box contains no such Z_e if for each y from 1/g to 1
 
     r > 0,   or   r d + b_1 Q > 0,   or   c i d > Q (m_2 (2/T) s^2 - k_1 (T/2) c^2),
     or   c i d < Q (m_1 (2/T) s^2 - k_2 (T/2) c^2).
@@ -37,8 +36,7 @@ from vctune.model.worlds import Worlds
 
 NOTHING = 1e-30
 """Number added to sums of sizes that may all be 0. It may be any number far below the sizes and above the square root
-of
-the least positive double."""
+of the least positive double."""
 
 
 class Seen(NamedTuple):

@@ -6,8 +6,7 @@ stiffness of the hand. Held and sampled, with theta = omega T, s = sin(theta/2) 
     (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = f(A/E) E,   f(X) = (X/2) coth(X/2),
 
 where d = 1 - z^-1, b_1 is the share of a sample's older force, and f(X) = 1 + X^2/12 - .... This is nearly the
-mechanism
-itself with 2 j tan(theta/2) instead of s, so that its low frequencies hardly depend on the mass.
+mechanism itself with 2 j tan(theta/2) instead of s, so that its low frequencies hardly depend on the mass.
 """
 
 from __future__ import annotations

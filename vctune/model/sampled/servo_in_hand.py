@@ -9,9 +9,8 @@ With the letters of `vctune.model.sampled.servo_plant` and d = 1 - w = 2 j s e^(
     Z_seen = w^(N+1) (K T (1 - delta + delta w)/d + B - K T l - (B, M/T, K T) (q_0, q_1, q_-1)),
 
 For a position command it is also multiplied by cos(theta/2) e^(-j theta/2). A filter a/(1 - b w), b = 1 - a, of the
-sensed
-samples is a/(a + b d); in front of 1/d it is 1 - b d/(a + b d). The firmware's own spring adds its stiffness times the
-G_x of a servo without force sensor to Z_seen.
+sensed samples is a/(a + b d); in front of 1/d it is 1 - b d/(a + b d). The firmware's own spring adds its stiffness
+times the G_x of a servo without force sensor to Z_seen.
 """
 
 from __future__ import annotations

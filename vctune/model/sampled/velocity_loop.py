@@ -6,9 +6,8 @@ With w = z^-1 and d = 1 - w, the pulse transfer functions from the held command 
     G_v = w^N (V_0 + w V_1)/O,   G_x = w^N (P_0 + w P_1)/(d O)
 
 with polynomials that are homogeneous in d and w, O = sum c_k d^k w^(n-k). Their coefficients are those of the step z -
-1,
-and nothing cancels near z = 1. The firmware estimates the velocity as L G_v or L d G_x/T, with the low-pass
-L = a^r/(d + a w)^r. So the loop's return difference, cleared of its denominators, is
+1, and nothing cancels near z = 1. The firmware estimates the velocity as L G_v or L d G_x/T, with the low-pass L =
+a^r/(d + a w)^r. So the loop's return difference, cleared of its denominators, is
 
     F = d O (d + a w)^r + K_v V d + K_p P (d + a w)^r,
 
@@ -82,8 +81,7 @@ class SampledPlant:
 
 SNAP = 1e-12
 """Share of a sample that counts as rounding. A quotient of decimals is wrong by 1e-16 of itself, and no intended delay
-is
-that close to a whole sample. Half and twice this share make no difference."""
+is that close to a whole sample. Half and twice this share make no difference."""
 
 
 def split_delay(delay: Number, sample_time: Number) -> tuple[Number, Number]:

@@ -1,9 +1,8 @@
 """Find gains for which no coupling damping b_c works: the intervals required at different frequencies are disjoint.
 
 Re Z_c - b_0 = b M^2/(b^2 + M^2) with M = omega m_c is at least r for b between M (M -+ sqrt(M^2 - 4 r^2))/(2 r), and
-for no
-b where r > M/2. Since it grows with m_c and b_0, the greatest values of these decide. For the coupling as the firmware
-runs it, omega is (2/T) tan(theta/2).
+for no b where r > M/2. Since it grows with m_c and b_0, the greatest values of these decide. For the coupling as the
+firmware runs it, omega is (2/T) tan(theta/2).
 """
 
 from __future__ import annotations
@@ -23,17 +22,15 @@ GUARD = 1e-14
 """Bound on the relative rounding error of a cell's requirement on b_c: 90 u with u = 2^-53.
 
 The difference factor R - b_0 may cancel. It has 5 roundings: the product is wrong by at most u factor R, 1 + `GUARD`
-and
-its product with b_0 by 2 u b_0, and the difference and its product with 1 - `GUARD` (which is exact to u) by 3 u of the
-difference. Together these are at most 4 u factor R. The raised b_0 and the lowered difference allow for
-`GUARD` (b_0 + (factor R - b_0)) = `GUARD` factor R, which is 22 times as much. M - 2 r is exact where it cancels
-(Sterbenz 1974). The remaining dozen operations act on positive numbers and include a tangent with 8 units in the last
-place; `ROUNDING_OF_BOUNDS` covers them 1e5 times. Half and twice this guard decide alike.
+and its product with b_0 by 2 u b_0, and the difference and its product with 1 - `GUARD` (which is exact to u) by 3 u of
+the difference. Together these are at most 4 u factor R. The raised b_0 and the lowered difference allow for `GUARD`
+(b_0 + (factor R - b_0)) = `GUARD` factor R, which is 22 times as much. M - 2 r is exact where it cancels (Sterbenz
+1974). The remaining dozen operations act on positive numbers and include a tangent with 8 units in the last place;
+`ROUNDING_OF_BOUNDS` covers them 1e5 times. Half and twice this guard decide alike.
 """
 ROUNDING_OF_BOUNDS = 1e-9
 """Rounding allowance: two intervals of b_c must be this far apart to exclude each other. Half and twice it decide
-alike,
-except where the interval between them is as narrow."""
+alike, except where the interval between them is as narrow."""
 
 
 def admissible_damping(resistance: Floats, reactance: Floats) -> tuple[Floats, Floats]:

@@ -123,8 +123,7 @@ def _whole(low: float, high: float, T: float, *, last: bool) -> range:
     """Return the numbers of whole samples of the delays in a range.
 
     For the `last` delays the range includes the whole number at its upper end, because the sensed force at a whole
-    number is
-    not the limit from below.
+    number is not the limit from below.
     """
     first, end = floor(low / T * (1 + SNAP)), high / T
     return range(first, max(first + 1, floor(end * (1 + SNAP)) + 1 if last else ceil(end * (1 - SNAP))))

@@ -41,9 +41,8 @@ WITHIN = 5
 average."""
 SLACK, RAISED = 5e-3, 4.0
 """Relative amount by which a piece is first raised above the evaluated hands, and growth of the amount with each
-further
-attempt. Half of either takes a third more boxes, twice of either a sixth fewer. Half and twice the first leave half as
-much again of a plane open, half and twice the second a tenth."""
+further attempt. Half of either takes a third more boxes, twice of either a sixth fewer. Half and twice the first leave
+half as much again of a plane open, half and twice the second a tenth."""
 SMALL = 1e-4
 """Share of the greatest bound. A smaller piece is raised as if it had this size. Half and twice it change nothing."""
 ATTEMPTS = 10
@@ -51,8 +50,7 @@ ATTEMPTS = 10
 MAX_HALVINGS, MAX_BOXES = 40, 250
 """Greatest number of halvings of a box of angle and hand, and number of boxes for a piece in the first attempt; each
 further attempt doubles the latter. Half and twice the first change nothing; half and twice the second leave as much of
-a
-plane open."""
+a plane open."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +61,7 @@ class Envelope:
     ----------
     low, high : edges of the pieces, rad, shape (n,)
     offset, slope : N s/m and N s/(m rad), shape (n,); for an impedance display they bound R/s^2. The offset is inf
-        without a
-        bound
+        without a bound
     boxes : number of boxes of the proof
     """
 

@@ -37,13 +37,11 @@ FEW_SAMPLES = 4
 angle above which their phase does not matter. Half and twice as many only change the time for long uncertain delays."""
 ANGLES, LEAST_ANGLE = 400, 1e-6
 """Number of angles at which the size of a loop is estimated, and the least of them. The prover then proves the
-estimate,
-so that half and twice as many angles only change the time."""
+estimate, so that half and twice as many angles only change the time."""
 MAX_BOXES, MAX_BOXES_OF_CURVES = 1_600_000, 40_000
 """Greatest number of boxes for one claim, and for one curve. A curve that stays away from 0 takes some dozens; the
 uncertain friction wheel takes 27,000 for all claims; a device of two masses with seven uncertain numbers and a disc
-takes
-a million for one claim. Half and twice as many boxes take half and twice as long to give up."""
+takes a million for one claim. Half and twice as many boxes take half and twice as long to give up."""
 FEW = 64
 """Number of boxes that are halved again before evaluation, because so many take about as long as one. Without this the
 band around a proved one takes three times as long; with four times as many boxes it takes a third longer."""
@@ -215,8 +213,7 @@ def _around_circle(robust: RobustDesign, test: Test, gain: Margin, max_boxes: in
     """Test all theta = omega T for each number of whole samples in the box's delays.
 
     If there are many such numbers, the function treats high frequencies together, where the loop is so small that its
-    phase
-    does not matter.
+    phase does not matter.
     """
     samples, small, parts = _whole_samples(robust), HALF_TURN, []
     if len(samples) > FEW_SAMPLES:
@@ -368,8 +365,7 @@ def outcome_for_all(robust: RobustDesign, parts: list[Proofs], alone: NominalPro
     """Return the outcome of a claim for all devices from the proofs of its parts.
 
     If a part is open, the function judges the device at the open point and the devices at the box's corners one by one.
-    A
-    device that fails refutes the claim.
+    A device that fails refutes the claim.
 
     Parameters
     ----------

@@ -2,8 +2,7 @@
 
 See model/README.md, section 14. The prover shows that the margin is positive over angle, hand and uncertain device
 together. Where the margin is positive, no pole of the loop lies on the unit circle. In one hand all poles lie inside,
-and
-from there to any other hand no pole crosses the circle.
+and from there to any other hand no pole crosses the circle.
 """
 
 from __future__ import annotations
@@ -77,8 +76,7 @@ EASY_BOXES = 20_000
 there, some hundred boxes suffice. If it does not, half or twice as many cost half or twice as much, some seconds."""
 MANY_PARTS = 3
 """Least number of parts of a box of delays for which the prover first tries the test that holds for any whole samples
-of a
-servo's delay. Among fewer parts, none may have a delay of whole samples."""
+of a servo's delay. Among fewer parts, none may have a delay of whole samples."""
 EASY_PARTS = 4_000
 """Number of boxes after which an interval of angles is left to each part. Half and twice as many take as long."""
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
@@ -525,8 +523,7 @@ def _ends(
     numbers.
 
     With a reserve g, the share of the coupling is a row from 1/g to 1. If the vertices of the hands suffice, each
-    vertex has
-    a column.
+    vertex has a column.
     """
     low, high = ([], []) if hands is None else ([hands.low], [hands.high])
     if corners is not None:

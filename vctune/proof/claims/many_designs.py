@@ -50,8 +50,7 @@ def prove(demands: Demands, cells: Cells) -> Certified:
     """Prove all constraints throughout each cell (proof/README.md, section 2).
 
     With K_p = 0 the loop does not contain the position. A cell whose K_p starts at 0 therefore does not include the
-    designs
-    with K_p = 0. A cell with K_p = 0 throughout does include them.
+    designs with K_p = 0. A cell with K_p = 0 throughout does include them.
 
     Parameters
     ----------
@@ -132,8 +131,7 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
     """Prove the constraint in every hand.
 
     If the margin is positive, no pole of any design of the cell lies on the unit circle in any hand. The poles of one
-    design
-    in one hand then decide for all.
+    design in one hand then decide for all.
     """
     hands, proved = demands.hands, np.zeros(len(cells), bool)
     assert hands is not None
@@ -159,8 +157,7 @@ def _above_envelope(demands: Demands, hands: Hands | None, claims: Claims, cells
     """Prove the constraint in every hand of a box, or in any hand, for couplings with the same gains.
 
     The prover also divides the cells, because dividing the angle alone does not always suffice. The caller divides the
-    cells
-    that remain.
+    cells that remain.
     """
     if not len(cells):
         return np.zeros(0, bool)

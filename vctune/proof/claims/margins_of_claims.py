@@ -72,12 +72,10 @@ class Design:
 def conditions_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
     """Return 2 r (Re Z_c - factor R) at omega > 0, where r is the loop's resistance (model/README.md, section 4).
 
-    Re Z_c >= factor R where the margin is positive and r > 0. Without an operator the margin is
-    2 r Re Z_c - factor (|C||D| - Re(C conj D)), which is positive only if r > 0. For an ideal device in a hand the
-    margin is
-    2 r Re Z_c + factor (2 b_h Re C - ...) with Re C <= 0 where r <= 0, so that the same holds. For any other device, r
-    > 0
-    needs a separate proof (`resistance_apart`).
+    Re Z_c >= factor R where the margin is positive and r > 0. Without an operator the margin is 2 r Re Z_c - factor
+    (|C||D| - Re(C conj D)), which is positive only if r > 0. For an ideal device in a hand the margin is 2 r Re Z_c +
+    factor (2 b_h Re C - ...) with Re C <= 0 where r <= 0, so that the same holds. For any other device, r > 0 needs a
+    separate proof (`resistance_apart`).
 
     Parameters
     ----------
@@ -120,10 +118,8 @@ def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -
     """Return a margin that is regular at omega = 0. Where it is positive, it proves as much as `conditions_margin`.
 
     Where both sides of 2 Re D Re Z_c >= factor N vanish, they are divided by omega^2. For a coupling with drag, or if
-    an
-    operator eases the constraint, the margin uses only Re Z_c >= b_0. In all other cases with K_p > 0 and b > 0, R does
-    not
-    vanish, and no margin is positive.
+    an operator eases the constraint, the margin uses only Re Z_c >= b_0. In all other cases with K_p > 0 and b > 0, R
+    does not vanish, and no margin is positive.
 
     Parameters
     ----------
@@ -261,8 +257,7 @@ def hand_margin(plant: AnyPlantInHand, design: Design, theta: Number, factor: Nu
     """Return |F|^2 (Re Z_c - factor R) in a hand (model/README.md, section 14).
 
     Where it is positive, F is not 0, so that no pole of the loop in the hand lies at that frequency. For an impedance
-    display
-    the margin is |F|^2 (Re 1/Z_c - factor R)/s^2 times a positive number (section 15).
+    display the margin is |F|^2 (Re 1/Z_c - factor R)/s^2 times a positive number (section 15).
 
     Parameters
     ----------
@@ -406,8 +401,7 @@ def any_hand_margin(
     """Return two margins for an impedance display in any passive hand. Both must be positive.
 
     The first margin is size (Re 1/Z_c - factor R)/s^2 times a positive number. The second is size, which is positive if
-    the
-    loop of K_v alone is stable in every passive hand (model/README.md, section 15).
+    the loop of K_v alone is stable in every passive hand (model/README.md, section 15).
 
     Parameters
     ----------
@@ -476,8 +470,7 @@ def model_curve(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> Pair:
     """Return a curve that has the zeros of D and no pole to the right of the imaginary axis.
 
     The curve is D, or j omega D with an integrator; a handle on a spring multiplies it by (k + j omega c) and a
-    positive
-    number. It is real and positive at omega = 0.
+    positive number. It is real and positive at omega = 0.
 
     Parameters
     ----------
@@ -529,8 +522,7 @@ def across_position(plant: Plant, gains: Gains, theta: Number, ops: Arithmetic) 
     """Return Im(F conj P)/theta and |F_0|^2 |P|^2/theta^2 with P = dF/dK_p. Neither depends on K_p.
 
     Both are regular at theta = 0, where F and F_0 are those of the velocity loop alone times 1 - e^{-j theta}. Where
-    the
-    first is not 0, F is not 0 for any K_p.
+    the first is not 0, F is not 0 for any K_p.
 
     Parameters
     ----------

@@ -19,23 +19,19 @@ from vctune.proof.engine.winding import turned_angle
 
 NEAR = 1e-6
 """Relative allowance for rounding errors of 1e-12, for a frequency above which a property holds, and for an angle. Half
-and
-twice it give the same count."""
+and twice it give the same count."""
 ROOM = 2.0
 """Greatest difference of the argument at `curve_end` from its limit, rad. The difference is less than pi/2 + 2/7 for
-all
-loops without a zero to the right, and more than 3 pi/2 - 2/7 for the others. Half this limit would refuse some of the
-former, twice it would admit some of the latter."""
+all loops without a zero to the right, and more than 3 pi/2 - 2/7 for the others. Half this limit would refuse some of
+the former, twice it would admit some of the latter."""
 
 
 def prove_model_poles(device: Device, gains: Gains) -> Outcome:
     """Prove that the zeros of D, the poles of G_hh, lie in the open left half plane.
 
     The proof follows `model_curve` from omega = 0, where it is real and positive, to `curve_end`. Above that frequency
-    its
-    argument stays within half a turn. If no zero lies on the axis, the argument there is that of a curve without zeros
-    to the
-    right exactly if there are none.
+    its argument stays within half a turn. If no zero lies on the axis, the argument there is that of a curve without
+    zeros to the right exactly if there are none.
 
     Parameters
     ----------
@@ -83,11 +79,9 @@ def curve_end(device: Device, K_v: float, K_p: float, ops: Arithmetic = FLOATS) 
     """Return a frequency beyond which the argument of `model_curve` stays within `ROOM` of its limit.
 
     |C_f| <= K_v + K_p/omega, since hold, actuator and velocity estimate never amplify. For a rigid device this is at
-    most
-    5/16 of m omega. On a spring D = e (C_f + Z_1 + Z_2/e) with |Z_2/e| <= 4/3 (c + k/omega). Together with C_f this is
-    at most
-    half of m_1 omega, so that the bracket's imaginary part is positive. And e (k + j omega c) = k - m_2 omega^2 +
-    j omega (c + b_2) lies within 2/7 rad of the negative axis.
+    most 5/16 of m omega. On a spring D = e (C_f + Z_1 + Z_2/e) with |Z_2/e| <= 4/3 (c + k/omega). Together with C_f
+    this is at most half of m_1 omega, so that the bracket's imaginary part is positive. And e (k + j omega c) = k - m_2
+    omega^2 + j omega (c + b_2) lies within 2/7 rad of the negative axis.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """Hands near a resonance with the device, in coordinates along the resonance (README.md, section 10).
 
 A hand with little damping resonates with the device on the surface theta = T sqrt(K/(m + M)). Across this surface a
-margin
-changes within a share of the damping ratio. Boxes of mass, stiffness and angle cut across it and would have to be that
-small in all three. Boxes of mass, angle and the relative stiffness y = K/((m + M) (theta/T)^2) lie along the surface.
+margin changes within a share of the damping ratio. Boxes of mass, stiffness and angle cut across it and would have to
+be that small in all three. Boxes of mass, angle and the relative stiffness y = K/((m + M) (theta/T)^2) lie along the
+surface.
 """
 
 from __future__ import annotations
@@ -26,13 +26,11 @@ ROWS = tuple(RATIO if key == STIFFNESS else key for key in HAND)
 """The numbers of a hand in these coordinates."""
 SHARP = 0.03
 """Damping ratio of hand and device below which resonance gets boxes of its own. For loops with a damping ratio of 0.02,
-half
-this limit takes up to two thirds fewer boxes. Loops with 1e-5 take 34,000 boxes with it and more than half a million
-without it."""
+half this limit takes up to two thirds fewer boxes. Loops with 1e-5 take 34,000 boxes with it and more than half a
+million without it."""
 DAMPED = 0.1
 """Damping ratio above which a softer hand resonates no more sharply. Half and twice this ratio take as many boxes
-within a
-third."""
+within a third."""
 AROUND = (0.5, 2.0)
 """Multiples of the resonant stiffness that such boxes cover. Half this range in the logarithm takes up to half as many
 boxes again; twice the range takes as many within a tenth."""
@@ -73,8 +71,7 @@ class Resonance:
         """Return a test that leaves boxes of `HAND` near resonance to the boxes of `ROWS`.
 
         The test reports such a box as proved; `in_range` and `margins` then prove it in the relative stiffness. If the
-        resonance
-        crosses a box, the test halves the box until it lies inside.
+        resonance crosses a box, the test halves the box until it lies inside.
 
         Parameters
         ----------

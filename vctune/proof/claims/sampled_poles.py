@@ -21,12 +21,10 @@ from vctune.proof.engine.winding import turned_angle
 
 ISOLATED_DEGREE = 40
 """Greatest degree for which the displayed spectral radius comes from isolated roots; above it comes from eigenvalues.
-The
-proof does not use it. Twice this degree takes seconds for a long delay."""
+The proof does not use it. Twice this degree takes seconds for a long delay."""
 ROOT_TOLERANCE = 1e-16
 """Radius of the enclosures of poles, finer than a double. Without it the enclosures are only disjoint. Half and twice
-this
-radius give the same double."""
+this radius give the same double."""
 
 
 def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:
@@ -81,8 +79,7 @@ def prove_sampled_poles(device: Device, gains: Gains) -> Outcome:
     """Prove that the spectral radius of the exact sampled loop is below 1.
 
     The proof follows z^-n times the characteristic polynomial, of degree n, along the upper half of the unit circle.
-    The
-    curve is real at both ends and must return without a turn.
+    The curve is real at both ends and must return without a turn.
 
     Parameters
     ----------

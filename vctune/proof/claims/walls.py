@@ -1,8 +1,7 @@
 """Prove the condition of walls over boxes, by tangents that each box chooses for itself (model/README.md, section 19).
 
 Any tangents bound E from below, so each box may have its own: the best tangents at its centre. A bound by these
-tangents
-does not carry over to a face of the box, where other tangents are best. So the margins have no useful slopes.
+tangents does not carry over to a face of the box, where other tangents are best. So the margins have no useful slopes.
 """
 
 from __future__ import annotations

@@ -25,22 +25,18 @@ NEAR = 0.05
 better. Half and twice this share would promise something else, but prove it in the same way."""
 NEXT_TO = 1e-7
 """Distance from a whole number of samples, in samples, at which the prover puts a delay. Decimals distinguish both
-sides.
-Half and twice this distance find the same designs."""
+sides. Half and twice this distance find the same designs."""
 PEAK = 0.75
 """Time of the greatest sensed acceleration, as a share of the lag of a servo and its sensor. At half and 4/3 of this
-time
-the acceleration is three quarters of the greatest."""
+time the acceleration is three quarters of the greatest."""
 
 
 def sensed_force_jumps(device: Device, hands: Hands) -> bool:
     """Return whether the sensed force jumps where the delay passes a whole number of samples.
 
     It jumps if the sensor feels the acceleration of a hand's mass immediately. Then the command moves the handle
-    directly,
-    without an actuator's low-pass or a spring, and the sensor has no low-pass. A servo of order 1 turns a command into
-    an
-    acceleration immediately.
+    directly, without an actuator's low-pass or a spring, and the sensor has no low-pass. A servo of order 1 turns a
+    command into an acceleration immediately.
 
     Parameters
     ----------
@@ -111,8 +107,7 @@ def kept_at_whole_sample(device: Device, before: Device) -> Device:
     """Return a device whose delay stays next to the same whole number of samples as another device's.
 
     A price compares a device with a slightly better one. If their delay is near a whole number of samples, the
-    constraints
-    of both devices hold on both sides of it.
+    constraints of both devices hold on both sides of it.
 
     Parameters
     ----------
@@ -133,8 +128,7 @@ def next_to_whole_samples(box: DeviceBox) -> list[Device]:
     """Return the devices of a box on both sides of whole samples, for the delay and its sum with the force sensor's.
 
     There the sensed force jumps, or its slope may jump, with the delay. With a fast low-pass, the acceleration has its
-    peak
-    at a share of its lag below that delay.
+    peak at a share of its lag below that delay.
 
     Parameters
     ----------

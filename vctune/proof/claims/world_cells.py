@@ -1,10 +1,8 @@
 """Decide for many boxes of environments at once which of them leave a design stable in every hand.
 
 For a refuted box there is a witness: a hand, a share of the coupling and two angles. Between the angles the real part
-is
-negative, and the reactance passes from one side of every environment of the box to the other. So each environment
-cancels
-the reactance somewhere between them (model/README.md, section 18).
+is negative, and the reactance passes from one side of every environment of the box to the other. So each environment
+cancels the reactance somewhere between them (model/README.md, section 18).
 """
 
 from __future__ import annotations
@@ -53,8 +51,7 @@ class WorldCells:
     Attributes
     ----------
     low, high : least and greatest mass, damping and stiffness, SI units, shape (3, n); a row of `high` may be inf in
-        all
-        boxes
+        all boxes
     """
 
     low: Floats
@@ -205,8 +202,7 @@ def refuted_in_worlds(design: Design, demands: Demands, cells: WorldCells, witne
     """Return the boxes of environments of which no member leaves a design stable in the witness's hand.
 
     Each of these environments, with some additional damping, has a pole on the unit circle. The ends of a box are those
-    that
-    all its members share. For a number that may be chosen, the least therefore exceeds the greatest.
+    that all its members share. For a number that may be chosen, the least therefore exceeds the greatest.
 
     Parameters
     ----------

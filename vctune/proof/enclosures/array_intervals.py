@@ -1,10 +1,9 @@
 """Midpoint-radius intervals on NumPy arrays in double precision: many boxes at once, with all rounding errors enclosed.
 
 An `Enclosure` holds every number within `rad` of `mid`. IEEE addition, multiplication, division and square root are
-correct
-to half a unit in the last place. The radius of each result grows by a whole unit, and by the rounding error of the
-radius
-itself. A result that overflows or divides by 0 gets a radius that is not finite, with which nothing can be proved.
+correct to half a unit in the last place. The radius of each result grows by a whole unit, and by the rounding error of
+the radius itself. A result that overflows or divides by 0 gets a radius that is not finite, with which nothing can be
+proved.
 """
 
 from __future__ import annotations
@@ -28,20 +27,17 @@ TINY = 1e-300
 device comes near it, so half and twice this bound make no difference."""
 SWELL = 1 + 2.0**-49
 """Factor that covers 16 roundings of a radius; each rounding is at most u = 2^-53 of the radius. A reciprocal takes the
-most,
-7 roundings: the difference and the sum of magnitude and radius, two quotients, the sum with the value's own rounding
-error, the product with this number, which itself is exact, and the sum with `TINY`. A product takes 6. A sum over the
-rows
-of a box has no fixed count; the function `raised` raises it by its number of terms. Half this factor's excess would
-cover
-8 roundings; twice the excess would widen a radius by 2e-15 of itself."""
+most, 7 roundings: the difference and the sum of magnitude and radius, two quotients, the sum with the value's own
+rounding error, the product with this number, which itself is exact, and the sum with `TINY`. A product takes 6. A sum
+over the rows of a box has no fixed count; the function `raised` raises it by its number of terms. Half this factor's
+excess would cover 8 roundings; twice the excess would widen a radius by 2e-15 of itself."""
 
 
 def raised(total: Floats, terms: int) -> Floats:
     """Return a rounded sum, increased so that it is not below the exact sum.
 
-    With u = 2^-53, summing n terms takes n - 1 roundings. The terms themselves and this product take n + 5 more:
-    (1 - u)^(2n + 4) (1 + 2 (n + 8) u) > 1.
+    With u = 2^-53, summing n terms takes n - 1 roundings. The terms themselves and this product take n + 5 more: (1 -
+    u)^(2n + 4) (1 + 2 (n + 8) u) > 1.
 
     Parameters
     ----------

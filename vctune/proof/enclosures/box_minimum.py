@@ -1,9 +1,8 @@
 """Lower bounds of polynomials of order two over their boxes.
 
 For any y, with S positive semidefinite, e'S e >= 2 y'S e - y'S y: the tangent at y bounds a convex polynomial from
-below.
-Over a box a tangent is least at a corner. With the y at the minimum the bound is exact (Boyd and Vandenberghe 2004,
-section 5). The part of e'H e that is not convex enters with its magnitude.
+below. Over a box a tangent is least at a corner. With the y at the minimum the bound is exact (Boyd and Vandenberghe
+2004, section 5). The part of e'H e that is not convex enters with its magnitude.
 """
 
 from __future__ import annotations
@@ -20,12 +19,10 @@ SWEEPS = 4
 hundredth."""
 ROUNDING = 2.0**-43
 """Rounding error of a bound, relative to the magnitudes in its sum: 1024 u with u = 2^-53. For 14 rows, a product of
-two
-matrices or of a matrix and a vector takes 14 roundings, and so does a sum over rows. There are two of the former and
-eight of the latter. With the sum of 120 coefficients and a dozen further operations, the count is 272. A remainder is
-not
-among these magnitudes: where it is the greater, nothing is proved. Half this number would suffice; twice it widens
-nothing that matters."""
+two matrices or of a matrix and a vector takes 14 roundings, and so does a sum over rows. There are two of the former
+and eight of the latter. With the sum of 120 coefficients and a dozen further operations, the count is 272. A remainder
+is not among these magnitudes: where it is the greater, nothing is proved. Half this number would suffice; twice it
+widens nothing that matters."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,29 +19,22 @@ Errors of exp and expm1 are relative to the value, errors of sin and cos to 1. F
 error of sin is also relative to the value. Near other zeros only the reduction of the argument must be correct.
 
 NumPy evaluates these functions by the C library, or by Intel's SVML on processors with AVX-512. The GNU C library
-states
-1 unit for each of them ("Known Maximum Errors in Math Functions" in its manual) and 2 units for its vector variants.
-NumPy
-states at most 4 for SVML (numpy/numpy, pull request 19478), less than 1 for the high-accuracy variants that replaced
-them
-(24006), and its own tests require 1 (umath-validation-set-*.csv). Eight units are twice the worst of these. These
-numbers
-are measurements by others, not theorems. Therefore `tests/proof/test_enclosures.py` measures the errors on the machine
-at
-hand against 60 digits and more. Half this bound would be the worst stated error, without reserve; twice it widens a
-point
-by 2e-15.
+states 1 unit for each of them ("Known Maximum Errors in Math Functions" in its manual) and 2 units for its vector
+variants. NumPy states at most 4 for SVML (numpy/numpy, pull request 19478), less than 1 for the high-accuracy variants
+that replaced them (24006), and its own tests require 1 (umath-validation-set-*.csv). Eight units are twice the worst of
+these. These numbers are measurements by others, not theorems. Therefore `tests/proof/test_enclosures.py` measures the
+errors on the machine at hand against 60 digits and more. Half this bound would be the worst stated error, without
+reserve; twice it widens a point by 2e-15.
 """
 PHI_ERROR = 1e-13
-"""Bound on the relative error of `FLOATS.phi_1`, `phi_2` and `sinc_curvature` for 0 <= x <= 1e100. In a problem file,
-b T/m <= 1e60.
+"""Bound on the relative error of `FLOATS.phi_1`, `phi_2` and `sinc_curvature` for 0 <= x <= 1e100. In a problem file, b
+T/m <= 1e60.
 
 Let u = 2^-53, and let expm1 be correct to 16 u (`LIBRARY_ERROR`). phi_1 = -expm1(-x)/x adds one division: 17 u = 2e-15.
-For x >= c = `SERIES_BELOW`, phi_2 = (x + expm1(-x))/x^2. An error of 16 u (1 - e^-x) in the numerator x^2 phi_2 is
-16 u phi_1/(x phi_2) relative to it. This quotient falls with x and is 39.7 at c: 7.1e-14, plus 3 u for the operations.
-Below c the series of eight terms omits less than x^8/10!, which is 1e-17, of at least 0.49, and Horner's rule adds 3 u.
-For x >= c = `CURVATURE_BELOW`, sin(x)/x is correct to 17 u, so that 1 - sinc x >= 0.041 is correct to 18 u/0.041,
-4.9e-14.
+For x >= c = `SERIES_BELOW`, phi_2 = (x + expm1(-x))/x^2. An error of 16 u (1 - e^-x) in the numerator x^2 phi_2 is 16 u
+phi_1/(x phi_2) relative to it. This quotient falls with x and is 39.7 at c: 7.1e-14, plus 3 u for the operations. Below
+c the series of eight terms omits less than x^8/10!, which is 1e-17, of at least 0.49, and Horner's rule adds 3 u. For x
+>= c = `CURVATURE_BELOW`, sin(x)/x is correct to 17 u, so that 1 - sinc x >= 0.041 is correct to 18 u/0.041, 4.9e-14.
 Below c the series of sinc_curvature behaves like that of phi_2. If an argument is itself rounded by u, phi_1 and phi_2
 change by at most u, since |x phi'| <= phi, and e^-x changes by x u, 8e-14 until it underflows. Half this bound is not
 proved by this argument; twice it widens an enclosure of width 2e-13 by as much again.
@@ -50,10 +43,9 @@ EXPONENT_ERROR = 1e-12
 """Bound on the relative error of exp of a rounded sum, short of overflow. The sum's rounding contributes 710 u and exp
 16 u, together 8e-14. Half the bound would suffice, and twice it works as well, because it applies to radii above 1."""
 SMALL = 0.5
-"""Argument below which the derivative of sinc is enclosed by its series. At half this argument, the quotient
-(cos x - sinc x)/x, whose rounding error is divided by x, would be used down to there. At twice this argument, the
-series'
-second term, enclosed from 0 to x^2/10, would lose 10 % of the first."""
+"""Argument below which the derivative of sinc is enclosed by its series. At half this argument, the quotient (cos x -
+sinc x)/x, whose rounding error is divided by x, would be used down to there. At twice this argument, the series' second
+term, enclosed from 0 to x^2/10, would lose 10 % of the first."""
 
 Slopes = tuple[Enclosure | None, ...]
 Table = tuple[tuple[float, float], ...]
@@ -172,8 +164,8 @@ def _cos(x: Enclosure) -> Enclosure:
 def _sinc(x: Enclosure) -> Enclosure:
     """Return sin(x)/x.
 
-    Its derivative is at most |x|/3 and at most 1/2, its second derivative at most 1/3 and at most
-    1/|x| + 2/x^2 + 2/|x|^3.
+    Its derivative is at most |x|/3 and at most 1/2, its second derivative at most 1/3 and at most 1/|x| + 2/x^2 +
+    2/|x|^3.
     """
     size, least = np.abs(x.mid), np.maximum(np.abs(x.mid) - x.rad, 1.0)
     value = FLOATS.sinc(x.mid)
@@ -356,8 +348,7 @@ def reciprocal_over(re: Enclosure, im: Enclosure) -> tuple[Enclosure, Enclosure]
     """Return 1/x of complex numbers x. The result is as tight as x is relative to its magnitude.
 
     With x = (1 + e)/c and any number c, |1/x - c| is |c e/(1 + e)|. The conjugate divided by the squared modulus would
-    be as
-    wide as three independent numbers.
+    be as wide as three independent numbers.
 
     Parameters
     ----------

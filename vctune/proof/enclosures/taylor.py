@@ -1,10 +1,9 @@
 """Polynomials of order two in the rows of a box, with enclosed remainders, for many boxes at once.
 
 A `Taylor` is a number as a polynomial in e_1 ... e_k, each between -1 and 1. Each e_i runs from one end of a row of the
-box
-to the other. A radius holds all terms of higher order and every rounding error (Taylor models: Makino and Berz 2003).
-Unlike the slopes of a jet, the polynomial shows how rows act together: at a resonance, mass and stiffness may vary much
-as long as they vary together.
+box to the other. A radius holds all terms of higher order and every rounding error (Taylor models: Makino and Berz
+2003). Unlike the slopes of a jet, the polynomial shows how rows act together: at a resonance, mass and stiffness may
+vary much as long as they vary together.
 """
 
 from __future__ import annotations
@@ -19,20 +18,15 @@ from vctune.proof.enclosures.array_intervals import TINY, UNIT, Enclosure, Float
 
 SWOLLEN = 1 + 2.0**-44
 """Factor that covers 512 roundings of a radius; each rounding is at most u = 2^-53 of the radius. The remainder of a
-product
-needs the most roundings. For 14 rows and 8-by-8 matrices there are 152: 105 for the coefficients of order two, 14 for
-the
-rows, 2 for the constant, 15 for the remainders, 8 for the sum of the products, and 8 more. Half this factor's excess
-would
-cover 256; twice the excess would widen a radius by 1e-13 of itself."""
+product needs the most roundings. For 14 rows and 8-by-8 matrices there are 152: 105 for the coefficients of order two,
+14 for the rows, 2 for the constant, 15 for the remainders, 8 for the sum of the products, and 8 more. Half this
+factor's excess would cover 256; twice the excess would widen a radius by 1e-13 of itself."""
 HIGHER_ERROR = 1e-13
 """Bound on the relative rounding error of f' and f''/2: 900 u with u = 2^-53. For a reciprocal 1/m, rounded once, f''/2
-takes
-the most: three times that, plus 2 for a library's cube, is 5; f' takes 3, two of them from 1/m. For a square root,
-f''/2
-takes 3: the root, its product with m, and the quotient. The parameter `error` holds the errors of a library's exp, sin
-and
-cos, and all errors of sinc, whose slopes cancel. Half this bound would suffice; twice it works as well."""
+takes the most: three times that, plus 2 for a library's cube, is 5; f' takes 3, two of them from 1/m. For a square
+root, f''/2 takes 3: the root, its product with m, and the quotient. The parameter `error` holds the errors of a
+library's exp, sin and cos, and all errors of sinc, whose slopes cancel. Half this bound would suffice; twice it works
+as well."""
 
 Times = Callable[[Floats, Floats], Floats]
 

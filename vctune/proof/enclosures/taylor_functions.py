@@ -15,16 +15,14 @@ from vctune.proof.enclosures.taylor import SWOLLEN, Taylor, stacked
 
 SINC_TERMS = 12
 """Number of terms in the series of sinc' and sinc'' below 1, with a remainder below 1e-20. Half as many terms leave
-1e-9;
-twice as many are no better."""
+1e-9; twice as many are no better."""
 ASTRIDE = 1e-12
 """Relative amount by which an interval may extend past a point of a table and still count as on one side of it. Next to
 that point both powers agree up to `POWER_ERROR`. Half and twice this amount change nothing, since no box is cut closer
 than a rounding error."""
 POWER_ERROR = 8e-12
 """Bound on the relative error of a table's power and of its value, for each unit of the power and of the logarithm
-between
-two points. It covers roundings and `ASTRIDE`. Half the bound would suffice, and twice it works as well."""
+between two points. It covers roundings and `ASTRIDE`. Half the bound would suffice, and twice it works as well."""
 
 
 def _sinc(x: Floats) -> tuple[Floats, Floats, Floats]:

@@ -10,12 +10,10 @@ from vctune.running import OutOfTimeError
 
 FINEST_STEP = 1e-6
 """Relative step at which the extension of a proved band ends, before the edge is rounded to few digits. Half and twice
-this
-step end at the same edge."""
+this step end at the same edge."""
 EDGE_DIGITS = 5
 """Digits of an edge in Hz outside the required band. All of them are displayed, and they are at least ten times as
-coarse
-as the steps."""
+coarse as the steps."""
 BEYOND = 1e-12
 """Relative amount by which an edge in rad/s exceeds its decimals in hertz: more than the rounding error of 2 pi f."""
 

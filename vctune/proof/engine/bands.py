@@ -10,20 +10,16 @@ from vctune.proof.engine.branching import Proofs, Test, prove
 
 STEP = 1.4
 """Ratio of the edges of the first intervals. Its square root takes 60 % more boxes, its square 16 % fewer. Of the cells
-whose
-margin is nearly blurred, one ratio proves some and the other does not."""
+whose margin is nearly blurred, one ratio proves some and the other does not."""
 HALVINGS = 24
 """Greatest number of halvings of an interval of frequency for a single design. They reach 2e-8 of the interval, where
-an
-optimal design touches its constraint. Half and twice as many prove the same designs around those of problems/."""
+an optimal design touches its constraint. Half and twice as many prove the same designs around those of problems/."""
 CELL_HALVINGS = 10
 """Greatest number of halvings for a cell, whose own size soon blurs a curve more than the interval does. Half as many
-leave
-cells open, up to half of those near the edge of the feasible ones; twice as many prove no more."""
+leave cells open, up to half of those near the edge of the feasible ones; twice as many prove no more."""
 MAX_BOXES = 4_000
 """Number of boxes for one claim after which a cell stays open; most cells take some hundred. Half and twice as many
-prove
-the same cells."""
+prove the same cells."""
 
 
 def cells_over_band(

@@ -2,8 +2,7 @@
 
 The test bounds a margin from below by its value at one point of the box. In a row where the slope keeps its sign, the
 point lies at the worse end, which costs nothing. In any other row it lies in the middle, which costs the slope times
-half
-the width. So a worst device or a worst design at a vertex of its box is evaluated exactly.
+half the width. So a worst device or a worst design at a vertex of its box is evaluated exactly.
 """
 
 from __future__ import annotations
@@ -26,12 +25,10 @@ from vctune.running import check_time
 
 NARROW = 1.02
 """Ratio of a box's frequencies below which the test tries a second margin that needs narrow boxes. Half and twice its
-excess
-over 1 take as many boxes."""
+excess over 1 take as many boxes."""
 FROM_ZERO = 0.1
 """Relative width that the test assumes for an interval from frequency 0, since halving does not make it narrower. Half
-and
-twice this width take as many boxes."""
+and twice this width take as many boxes."""
 
 
 LOST = -1.0
@@ -57,8 +54,7 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, be
     sufficient : a second margin that proves as much and is regular at frequency 0; the test tries it there and on wide
         intervals
     below : frequency below which the test tries `sufficient` on narrow intervals as well, because a margin that
-        vanishes at
-        0 may vary little relative to itself
+        vanishes at 0 may vary little relative to itself
 
     Returns
     -------
@@ -94,8 +90,7 @@ def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -
     """Return the test that a curve misses 0.
 
     The curve misses 0 in a box if the rectangle around its image does not contain 0, if `sufficient` is positive, or if
-    its
-    component along its own value at the middle of the box is positive.
+    its component along its own value at the middle of the box is positive.
 
     Parameters
     ----------
@@ -191,8 +186,7 @@ def next_to_zero(rows: Sequence[str], sufficient: Sequence[Margin], fixed: Value
     ----------
     rows : names of these rows
     sufficient : margins, any of which proves as much there, the more so the narrower these rows are; where one is
-        negative,
-        or least, need not be where the claim's margin is
+        negative, or least, need not be where the claim's margin is
     fixed : values by name that are not rows of the boxes
     test : test of the other boxes
     """
@@ -312,8 +306,7 @@ def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Boun
     """Bound a margin from below by its value at one point of each box and by its slopes.
 
     Halving a row saves the cost of its slope. Where the margin is negative at that point, halving saves the row's
-    variation.
-    Where no slopes are known, the widest row is the choice.
+    variation. Where no slopes are known, the widest row is the choice.
     """
     check_time()
     varied = boxes.varied()

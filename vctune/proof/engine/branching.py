@@ -1,8 +1,7 @@
 """One prover for all claims over boxes. It halves undecided boxes along the most promising axis.
 
 Each box belongs to an owner: a cell of designs, or the one design that is proved for a box of devices. A claim is
-proved
-for an owner when it is proved on all of the owner's boxes.
+proved for an owner when it is proved on all of the owner's boxes.
 """
 
 from __future__ import annotations
@@ -19,8 +18,7 @@ from vctune.running import check_time, tell
 
 BLUR = 2.0
 """Ratio above which a box is left open: that of the uncertainty due to rows that may not be halved to that due to the
-other
-rows, whose halving would then decide nothing. Half and twice this ratio prove the same cells."""
+other rows, whose halving would then decide nothing. Half and twice this ratio prove the same cells."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +34,7 @@ class Decided:
     known : where the cost is based on slopes; elsewhere slopes are not known and the cost is the row's width
     side : end of each row at which the margin is least for all values of the others, -1 or 1; 0 if that is not known
     room : nearness of the test to a proof, greater than 1 if it proves the claim; only comparable for tests of one
-        kind. -inf
-        where the claim certainly fails throughout
+        kind. -inf where the claim certainly fails throughout
     """
 
     proved: Flags
@@ -103,8 +100,7 @@ def prove(
         without `measure`
     few : number of boxes up to which halves are halved again before the next test, since so few take as long as one
     only_whole : whether to give an owner up as soon as one of its boxes stays open, without a search for a failing
-        point
-        point
+        point point
 
     Returns
     -------

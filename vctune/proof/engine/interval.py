@@ -19,27 +19,22 @@ from vctune.running import check_time, tell
 
 MAX_BOXES = 200_000
 """Number of boxes after which a claim stays undecided; an optimal design takes some hundred. Half and twice as many
-take half
-and twice as long to give up."""
+take half and twice as long to give up."""
 RESOLUTION = 1e-13
 """Least width of a box relative to its place. A box that is still open at this width stays undecided. Doubles are 1e-16
-apart.
-Half and twice this width are one halving more and less."""
+apart. Half and twice this width are one halving more and less."""
 LOWEST = 1e-40
 """Least upper edge of a box that starts at 0, relative to the interval's upper edge. It is far below any frequency at
-which a
-margin changes, and far above underflow. Half and twice this edge are a quarter of a step."""
+which a margin changes, and far above underflow. Half and twice this edge are a quarter of a step."""
 WIDE = 2.0
 """Ratio above which a box is halved without the derivative, whose enclosure is too wide there. Its square root and its
 square take as many boxes within 5 % for the designs of problems/."""
 CURVED = 1.1
 """Ratio above which a box is halved without the second derivative, which pays off only near a minimum that nearly
-touches 0.
-Between 1.03 and 1.2 the time of a proof hardly changes."""
+touches 0. Between 1.03 and 1.2 the time of a proof hardly changes."""
 GROWTH = 1.5
 """Factor in the logarithm by which the next box is wider than a proved one. A factor below 1 gets stuck; 1 takes twenty
-times
-as many boxes for the designs of problems/; twice this factor takes half as many again."""
+times as many boxes for the designs of problems/; twice this factor takes half as many again."""
 
 
 class Verdict(StrEnum):
@@ -146,8 +141,7 @@ def prove_positive(
     """Prove margin > 0 on [low, high], or find a point where it is negative.
 
     Wide boxes are evaluated directly. Narrow boxes use the mean value form f(mid) + f'(box)(box - mid), whose excess
-    shrinks
-    with the square of the width.
+    shrinks with the square of the width.
 
     Parameters
     ----------
@@ -155,8 +149,7 @@ def prove_positive(
     low, high : 0 <= low <= high
     max_boxes : number of boxes after which the proof gives up
     curved : whether to use the second derivative where the first does not decide. For a margin that nearly touches 0
-        inside
-        the interval it takes a third of the boxes; for one that does so at an end it is wasted
+        inside the interval it takes a third of the boxes; for one that does so at an end it is wasted
 
     Returns
     -------
@@ -189,8 +182,7 @@ def _by_curvature(margin: Callable[[Number], Number], omega: arb, centre: arb) -
     """Prove a margin positive on a box by Taylor's formula of second order.
 
     With h = omega - centre the margin is f + f' h + c h^2, where f and f' belong to the centre and c = f''/2 to some
-    point of
-    the box. Where c > 0, the margin is nowhere less than f - f'^2/(4 c).
+    point of the box. Where c > 0, the margin is nowhere less than f - f'^2/(4 c).
     """
     over_box, at_centre = _series(margin, omega, 3), _series(margin, centre, 2)
     if over_box is None or at_centre is None:

@@ -28,32 +28,27 @@ from vctune.running import check_time
 
 FEW = 128
 """Number of boxes that take about as long as one. Half and twice as many take as long for random devices in hands; four
-times
-as many take a third longer."""
+times as many take a third longer."""
 NEAR_ZERO = 1e-3
 """Share of its range below which a number that may be 0 counts as that share, if nothing else is known about a box. A
-tenth
-of this share takes a fifth more boxes, ten times the share takes as many. With 0, such a row would be halved
+tenth of this share takes a fifth more boxes, ten times the share takes as many. With 0, such a row would be halved
 forever."""
 FREQUENCY_FIRST = 64.0
 """Weight of the frequency's width if nothing is known about a box and one of several margins must be positive:
-denominators
-vanish at single frequencies. An eighth of this weight leaves servos with a stiff coupling open; eight times the weight
-takes as many boxes."""
+denominators vanish at single frequencies. An eighth of this weight leaves servos with a stiff coupling open; eight
+times the weight takes as many boxes."""
 WIDER = 0.1
 """Power of a row's relative width by which its loss is weighted: of two rows that lose together, the wider is halved.
-Half
-this power takes as many boxes, without an integrator up to five times as many. Two and a half times the power takes a
-fifth more. With 0 some of the proofs without an integrator stay open."""
+Half this power takes as many boxes, without an integrator up to five times as many. Two and a half times the power
+takes a fifth more. With 0 some of the proofs without an integrator stay open."""
 
 
 def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slopes: Test) -> Test:
     """Return the test that a margin is positive, by polynomials that know how the rows of a box act together.
 
     If more than `FEW` boxes stay open, the test evaluates their slopes as well. Slopes tell at which end of a row the
-    margin is
-    least, so that the prover can reduce a box to that face. Polynomials cannot tell, because their remainder has no
-    slope.
+    margin is least, so that the prover can reduce a box to that face. Polynomials cannot tell, because their remainder
+    has no slope.
 
     Parameters
     ----------
@@ -101,10 +96,8 @@ def any_positive(margins: Margins, slopes: Margins | None, fixed: Values, spans:
     """Return the test that at each point one of several margins is positive.
 
     A box is proved if one of the margins is positive throughout. It fails if all of them are negative at one point. Any
-    other
-    box is halved along the row that costs the most in the margin nearest to a proof. A row has a common worst end only
-    if all
-    margins that may be positive are least at that end.
+    other box is halved along the row that costs the most in the margin nearest to a proof. A row has a common worst end
+    only if all margins that may be positive are least at that end.
 
     Parameters
     ----------

@@ -18,10 +18,8 @@ def turned_angle(curve: Curve, low: float, high: float) -> tuple[Outcome, float]
     """Return the turn of arg(curve) from low to high, rad.
 
     If the image of a box excludes 0, it lies in a rectangle that spans less than pi as seen from 0. The turn across the
-    box is
-    then the principal argument of the quotient of the curve's ends. The rounding error of the sum is about 1e-12 rad,
-    which
-    cannot hide a full turn.
+    box is then the principal argument of the quotient of the curve's ends. The rounding error of the sum is about 1e-12
+    rad, which cannot hide a full turn.
 
     Parameters
     ----------

@@ -27,8 +27,7 @@ def coupling_coefficients(
         coupling
     sample_time : T, s
     smoothing, low_passes : coefficient and number of the low-passes of the velocity on which an impedance display's
-        damping
-        acts
+        damping acts
 
     Returns
     -------

@@ -33,8 +33,7 @@ class Law:
     sample_time : s
     velocity, position, integral : K_v, K_p and K_i of the law K_v + K_p/s + K_i/s^2, N s/m, N/m, N/(m s)
     coupling : damping b_c and mass m_c in series with the drag b_0 in parallel; for an impedance display a stiffness in
-        parallel
-        with a damping; None without a coupling
+        parallel with a damping; None without a coupling
     virtual_mass, virtual_damping : mass and damping in parallel with the environment, kg, N s/m
     environment : the rendered environment
     position_resolution : resolution of the encoder, m; 0 for an ideal encoder
@@ -110,8 +109,7 @@ def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -
     """Run the firmware for one sample.
 
     The hand's force drives coupling and environment, which move as one: f_h = (Z_c + Z_e) v_e (paper eqs. 15 to 18).
-    The stiff
-    part is implicit: v_e solves this equation at the end of the sample.
+    The stiff part is implicit: v_e solves this equation at the end of the sample.
 
     Parameters
     ----------

@@ -62,8 +62,7 @@ class Parts:
     limit : whether the force, and with it the integral parts of the law, are limited
     spring : whether the coupling is a spring and a damper, as for an impedance display; the firmware then has no law
     command : kind of command: a force, or the velocity or the position that a servo follows. A servo's firmware reads
-        the
-        force only, and has neither a law nor a limit
+        the force only, and has neither a law nor a limit
     """
 
     quantised: bool = False
@@ -222,8 +221,7 @@ def _pulled(parts: Parts) -> Iterator[Equation]:
     """Yield the force of spring and damper between handle and tool, without the share of the new v_e.
 
     The spring acts between positions, so that no sum of velocities drifts. x_e lags the position that determines its
-    force by
-    T/2 v_e.
+    force by T/2 v_e.
     """
     yield _middle()
     apart: Expression = _now("velocity")
@@ -243,8 +241,7 @@ def environment(parts: Parts) -> Iterator[Equation]:
     """Yield the built-in environment: v_e with resistance v_e + f_e = drive, and f_e.
 
     Mass and spring follow backward Euler, or the lossless trapezoidal rule. Backward Euler stays passive and damps what
-    it
-    cannot resolve, so that a wall may be arbitrarily stiff.
+    it cannot resolve, so that a wall may be arbitrarily stiff.
     """
     total: Term = _now("resistance")
     pushed: Term = _now("drive")
@@ -279,14 +276,12 @@ def environment(parts: Parts) -> Iterator[Equation]:
 def law(parts: Parts) -> Iterator[Equation]:
     """Yield the coupling, the reference, and the law K_v + K_p/s on the velocity error, with its limit.
 
-    x_e and the coupling follow the trapezoidal rule. Its impedances at omega are the continuous ones at
-    (2/T) tan(omega T/2), so it does not reduce Re Z_c, on which the certificate rests. Where the limit acts, x_e stays
-    as near
-    to the handle as the limit permits, and the integral stays within its range: nothing winds up.
+    x_e and the coupling follow the trapezoidal rule. Its impedances at omega are the continuous ones at (2/T) tan(omega
+    T/2), so it does not reduce Re Z_c, on which the certificate rests. Where the limit acts, x_e stays as near to the
+    handle as the limit permits, and the integral stays within its range: nothing winds up.
 
     An impedance display has no law. Its command is the coupling's force plus the damping of K_v. The command of a servo
-    is
-    v_e or x_e.
+    is v_e or x_e.
     """
     if parts.spring:
         yield from _rendered(parts)

@@ -20,8 +20,7 @@ from vctune.simulation.scene import Scene, equilibrium
 
 REWRITTEN = 1e-9
 """Share of the greatest command by which a firmware in double precision may differ. Another order of the operations
-changes
-the command by about 1e-12. A constant with only seven correct digits changes it by about 1e-7."""
+changes the command by about 1e-12. A constant with only seven correct digits changes it by about 1e-7."""
 ROUNDED = 2.0
 """Factor by which the difference of a firmware in single precision may exceed the effect of single precision on the
 design's own commands, as in replay.c."""

@@ -1,8 +1,7 @@
 """A device with its parts, and the hand on it, as linear rates.
 
 The parts are an actuator, a handle on a spring, a servo, and a force sensor with a low-pass or with a delay that is not
-a
-whole number of samples. Everything is linear except for friction. Without friction the device moves by matrix
+a whole number of samples. Everything is linear except for friction. Without friction the device moves by matrix
 exponentials, which are exact (`transition`). With friction the motion is exact except that the friction's force is held
 over a step (`assembly_friction`). A device that moves as one mass and whose force is sensed at a sample belongs to
 `plant`. A servo follows its command: the hand does not affect its rates, and the hand's force follows from the motion.
@@ -29,8 +28,8 @@ from vctune.simulation.scene import Scene
 
 GIVEN = ("command", "friction", "push", "push_1", "push_2", "push_3")
 """Inputs of the states: the held command that has arrived (a force, or a servo's velocity), the friction's force, the
-force
-that the hand's spring and damper would have with the handle at rest at 0, N, and the latter's three derivatives."""
+force that the hand's spring and damper would have with the handle at rest at 0, N, and the latter's three
+derivatives."""
 
 
 @dataclass(frozen=True, slots=True)

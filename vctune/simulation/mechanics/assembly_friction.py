@@ -2,13 +2,10 @@
 
 The friction's force is held over a step, at its mean over bristles that follow the motor's mean velocity w. Everything
 else is linear and moves exactly (`assembly`); w is its velocity under the held force. The force does the work F h w on
-the
-motor and on the bristles alike, so that no step creates energy, for any h, stiffness of the parts and prediction.
-Neither
-a fast actuator nor a stiff handle makes this step stiff. It approximates only the variation of the friction within a
-step,
-to second order. A motion that is faster than a step and driven by the friction, such as a hand's mass on a nearly rigid
-handle, has the mean of the last step at a sample, to first order.
+the motor and on the bristles alike, so that no step creates energy, for any h, stiffness of the parts and prediction.
+Neither a fast actuator nor a stiff handle makes this step stiff. It approximates only the variation of the friction
+within a step, to second order. A motion that is faster than a step and driven by the friction, such as a hand's mass on
+a nearly rigid handle, has the mean of the last step at a sample, to first order.
 """
 
 from __future__ import annotations

@@ -20,8 +20,7 @@ from vctune.simulation.firmware.operations import Arithmetic
 SERIES_BELOW = 0.01
 """Argument at which phi_2 changes from its series to its formula, whose subtraction loses a factor 2/y. Here both are
 correct to 2e-14. At half this argument the formula's rounding error doubles; at twice this argument the remainder of
-the
-series of five terms is 6e-13."""
+the series of five terms is 6e-13."""
 
 
 def relaxation(friction: Friction, velocity: Number, ops: Arithmetic) -> tuple[Number, Number]:
@@ -82,8 +81,7 @@ def slide(step: SlideStep, at: Slide, push: Callable[[float], Number], h: float,
     """Advance by several steps of length h [s] under the force push(t) [N], where t [s] counts from the beginning.
 
     The midpoint rule (theta = 1/2) is of second order, Euler's rule (theta = 1) of first order. The bristles' rate is
-    evaluated
-    at a velocity that the previous step predicts, or a trial in the first step.
+    evaluated at a velocity that the previous step predicts, or a trial in the first step.
 
     Parameters
     ----------
@@ -121,12 +119,9 @@ def slide_step(
     """Advance by one step h under the force `push`; return also the step's velocity w = v + theta (v_new - v).
 
     With rate and damping at the predicted velocity, and w constant over the step, the bristles are integrated exactly:
-    with
-    y = a h their mean is phi_1 z + phi_2 h w, phi_1 = (1 - e^-y)/y, phi_2 = (1 - phi_1)/y. The friction is then linear
-    in w,
-    and the momentum balance is solved for w. The bristles take exactly the work that friction does at the velocity w,
-    so no
-    step creates energy, for any h, stiffness and prediction.
+    with y = a h their mean is phi_1 z + phi_2 h w, phi_1 = (1 - e^-y)/y, phi_2 = (1 - phi_1)/y. The friction is then
+    linear in w, and the momentum balance is solved for w. The bristles take exactly the work that friction does at the
+    velocity w, so no step creates energy, for any h, stiffness and prediction.
 
     Parameters
     ----------

@@ -13,8 +13,8 @@ from vctune.model.experiment import Operator
 Floats = NDArray[np.float64]
 RAMP = 0.1
 """Share of a stroke's time that the hand takes at each end to gain or lose speed. Half this share doubles the
-acceleration,
-which the hand's mass then makes noticeable. Twice this share leaves less of the stroke at constant speed."""
+acceleration, which the hand's mass then makes noticeable. Twice this share leaves less of the stroke at constant
+speed."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,12 +21,10 @@ eigenvalue is computed to the square root of rounding, 1e-8. Half and twice this
 million samples."""
 DECADES = 4
 """Number of decades, up and down from the file's virtual mass and damping, in which a stable share is sought. Half and
-twice
-as many change no result within them."""
+twice as many change no result within them."""
 BISECTIONS = 30
 """Number of bisections of half a decade, down to 1e-9. Half as many leave 4e-5, which sometimes shows in the fourth
-digit;
-twice as many reach rounding errors."""
+digit; twice as many reach rounding errors."""
 
 
 @dataclass(frozen=True, slots=True)

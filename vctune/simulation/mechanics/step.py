@@ -2,8 +2,7 @@
 
 In a sample the sensors are read, the firmware runs, and the device moves for a sample time under the forces that have
 arrived. Friction, quantisation, saturation, filters, the coupling and a device's parts add operations to the function
-only
-if the scene has them.
+only if the scene has them.
 """
 
 from __future__ import annotations
@@ -47,8 +46,7 @@ class Step:
     """A compiled step, one(state, inputs) -> (state, record), and its state at rest at the start of the motion.
 
     The state contains x, v and the other moving parts, z if there is friction, and the force sensed within the last
-    sample if
-    there is one. It also contains the firmware's state, and the commands and sensed forces on their way.
+    sample if there is one. It also contains the firmware's state, and the commands and sensed forces on their way.
     """
 
     one: Any

@@ -17,13 +17,11 @@ from vctune.simulation.scene import Scene
 
 STEPS_PER_RADIAN = 64
 """Number of fixed steps per radian of the bristles' oscillation. Half as many have four times the error in half the
-time;
-twice as many have a quarter of the error in twice the time (results/work-precision.csv)."""
+time; twice as many have a quarter of the error in twice the time (results/work-precision.csv)."""
 LEAST_STEPS, MOST_STEPS = 4, 256
 """Least and greatest number of steps in a sample. With the least, a motion crosses Stribeck's curve within a sample
-even
-with soft bristles. Bristles that need more than the greatest are stiffer than anything that can be felt. Half and twice
-either take half and twice the time."""
+even with soft bristles. Bristles that need more than the greatest are stiffer than anything that can be felt. Half and
+twice either take half and twice the time."""
 
 
 class _SymbolArithmetic:
@@ -43,8 +41,7 @@ SYMBOLS: Arithmetic = _SymbolArithmetic()
 
 Stretch = Callable[[Scene, Friction, float, float], Any]
 """Function that returns the function (body, motor, push) -> body, which integrates the motion over part of a sample.
-Its
-arguments are a scene, its friction, the start of that part, s, and its length, s."""
+Its arguments are a scene, its friction, the start of that part, s, and its length, s."""
 MIDPOINT = 0.5
 """Point of a fixed step at which its forces are evaluated; the rule is of second order (`friction.slide`)."""
 

@@ -30,13 +30,11 @@ from vctune.proof.engine.interval import Outcome, Verdict, prove_positive
 
 EXTENSION_BOXES = 2_000
 """Number of boxes for one step beyond the band; a step that needs more is shortened. Half and twice as many boxes give
-the
-same band where the ratio falls below 1, except for the last printed digits."""
+the same band where the ratio falls below 1, except for the last printed digits."""
 LOWEST_EDGE = 1e-18
 """Lowest frequency to which a proof that does not reach 0 is extended, relative to the edge of the required band. The
 prover treats a band from 0 separately, and still lower edges have no practical meaning. Half and twice this share
-change
-nothing."""
+change nothing."""
 
 
 Margin = Callable[[Number], Number]
@@ -68,8 +66,7 @@ def prove_conditions(design: Design, low: float, high: float, factor: float) -> 
     """Prove Re G_hh > 0 and Re Z_c >= factor R on [low, high], in the hand of the least operator.
 
     See model/README.md, section 4. An ideal device with hold "lag" and no delay permits the band [0, inf], and its
-    proof is
-    exact. Finite edges are widened by the rounding error of 2 pi f.
+    proof is exact. Finite edges are widened by the rounding error of 2 pi f.
 
     Parameters
     ----------
@@ -134,8 +131,7 @@ def widest_band(design: Design, low: float, high: float) -> tuple[float, float]:
     """Return the widest band around a proved band on which Re G_hh > 0 and Re Z_c >= R are proved.
 
     The band ends at the Nyquist frequency, above which the frequency model has no meaning. With hold "lag" and no delay
-    the
-    band may reach inf.
+    the band may reach inf.
 
     Parameters
     ----------

@@ -13,12 +13,10 @@ from vctune.proof.engine.interval import Verdict, prove_boxes
 
 SHRINK = 4.0
 """Factor between two trial frequencies up to which the margin near 0 is proved. Half and twice its logarithm reach
-slightly
-higher and lower frequencies. The ordinary margin proves the frequencies above in any case."""
+slightly higher and lower frequencies. The ordinary margin proves the frequencies above in any case."""
 STEPS = 120
 """Number of trial frequencies, down to 1e-72 of the first. Half as many would suffice for every device whose numbers
-are
-within twenty decades."""
+are within twenty decades."""
 END_BOXES = 64
 """Number of boxes for a trial frequency. Half and twice as many shift the result by about one step."""
 

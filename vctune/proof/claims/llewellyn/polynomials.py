@@ -1,10 +1,8 @@
 """Llewellyn's conditions for hold "lag" without delay, as polynomials with rational coefficients.
 
-The condition 2 Re(D + Z_h) Re Z_c + factor (2 b_h Re C + Re(C conj D)) >= factor |C||D| holds where A >= 0 and
-A^2 - factor^2 B >= 0. Here A is the left-hand side and B = |C|^2 |D|^2; both are rational in omega, and polynomials
-once
-the hold's 1 + (omega T/2)^2 is cleared. Their signs change only at real roots, which the code isolates with certainty.
-A
+The condition 2 Re(D + Z_h) Re Z_c + factor (2 b_h Re C + Re(C conj D)) >= factor |C||D| holds where A >= 0 and A^2 -
+factor^2 B >= 0. Here A is the left-hand side and B = |C|^2 |D|^2; both are rational in omega, and polynomials once the
+hold's 1 + (omega T/2)^2 is cleared. Their signs change only at real roots, which the code isolates with certainty. A
 root at which the sign does not change stays undecided; 0 and infinity are ordinary edges (model/README.md, section 6).
 """
 
@@ -57,8 +55,7 @@ def conditions(design: Design, factor: float) -> Conditions:
     """Return Llewellyn's conditions as polynomials in omega, with rational coefficients.
 
     The conditions hold where A > 0 and A^2 > factor^2 B. The function evaluates the model's own formulas on the
-    polynomial
-    "omega" and thus gets both polynomials.
+    polynomial "omega" and thus gets both polynomials.
 
     Parameters
     ----------
