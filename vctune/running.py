@@ -21,8 +21,10 @@ Item = TypeVar("Item")
 
 
 class OutOfTimeError(Exception):
-    """The time limit has ended the work. Each stage that has a partial result catches this error and returns the
-    result."""
+    """The time limit has ended the work.
+
+    Each stage that has a partial result catches this error and returns the result.
+    """
 
 
 _END: ContextVar[float] = ContextVar("end", default=inf)

@@ -114,8 +114,10 @@ def felt_impedance(
 def _felt_force(
     device: Device, gains: Gains, coupling: SpringDamper, omega: Floats, environment: Complex | None
 ) -> Complex:
-    """Return D/N of an impedance display. The motor's W includes coupling and environment, which act on its
-    position."""
+    """Return D/N of an impedance display.
+
+    The motor's W includes coupling and environment, which act on its position.
+    """
     at, theta, s = device_response(device, omega, FLOATS), omega * device.sample_time, 1j * omega
     late = np.asarray(at.drive.re - 1j * omega * at.drive.lag)
     tool = 0j * omega

@@ -1,5 +1,7 @@
-"""Solve, check and export problems with several uncoupled axes. Each axis is a problem; equal problems are solved
-once."""
+"""Solve, check and export problems with several uncoupled axes.
+
+Each axis is a problem; equal problems are solved once.
+"""
 
 from __future__ import annotations
 

@@ -253,8 +253,10 @@ def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None
 
 
 def _added(file: ProblemFile, record: DesignRecord, found: Optimality) -> DesignRecord:
-    """Return the design's record with the bound added. If the search found a better design, it is the record of
-    that."""
+    """Return the design's record with the bound added.
+
+    If the search found a better design, it is the record of that.
+    """
     if found.improved is not None:
         solved = Solved(problem=file.problem, judgement=found.improved, optimality=found)
         return record_of(file, solved, ipopt_version(), today())

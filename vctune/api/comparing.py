@@ -75,8 +75,10 @@ def _alike(a: Problem, b: Problem) -> bool:
 
 
 def _same(a: Transparency, b: Transparency) -> bool:
-    """Return whether two yardsticks are equal. The last digits of a number may differ, where one problem states it and
-    the other takes the default."""
+    """Return whether two yardsticks are equal.
+
+    The last digits of a number may differ, where one problem states it and the other takes the default.
+    """
     numbers = [(each.band.min, each.band.max, each.reference_impedance) for each in (a, b)]
     close = all(isclose(*pair, rel_tol=SAME) for pair in zip(*numbers, strict=True))
     return close and (a.norm, a.weights) == (b.norm, b.weights)

@@ -106,8 +106,9 @@ def identify(
 
 
 def write_identification(identified: Identification, folder: str | Path, *, report: bool = True) -> Path:
-    """Write device.toml, identification.json and the report with its figures. Remove those of an earlier
-    identification.
+    """Write device.toml, identification.json and the report with its figures.
+
+    Remove those of an earlier identification.
 
     Parameters
     ----------

@@ -33,8 +33,9 @@ SERIES = 1e-2
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Numbers in SI units. Each except `sample_time` and `hold` is one number, or an array with one number for each
-    case.
+    """Numbers in SI units.
+
+    Each except `sample_time` and `hold` is one number, or an array with one number for each case.
 
     Attributes
     ----------

@@ -194,8 +194,10 @@ def _has(tables: Any, path: KeyPath) -> bool:
 
 
 def _named(found: Sequence[Sequence[Fault]], names: Sequence[str], own: set[Fault]) -> list[Fault]:
-    """Return the faults of all axes without duplicates. A fault that one axis causes in shared tables names the
-    axis."""
+    """Return the faults of all axes without duplicates.
+
+    A fault that one axis causes in shared tables names the axis.
+    """
     told = []
     for faults, name in zip(found, names, strict=True):
         for fault in faults:

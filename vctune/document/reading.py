@@ -49,8 +49,10 @@ class ProblemFile:
 
     @property
     def sha256(self) -> str:
-        """The digest that ties a design to its problem. It depends on the meaning, not on the text
-        (`problem_digest`)."""
+        """The digest that ties a design to its problem.
+
+        It depends on the meaning, not on the text (`problem_digest`).
+        """
         return problem_digest(self.problem)
 
 

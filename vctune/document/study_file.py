@@ -71,8 +71,10 @@ class Study:
 
     @property
     def sha256(self) -> str:
-        """The digest that ties rows to their study. It covers the problem and the keys that vary, but not their
-        values."""
+        """The digest that ties rows to their study.
+
+        It covers the problem and the keys that vary, but not their values.
+        """
         said = {key: value for key, value in self.document.items() if key not in ("name", "description")}
         text = json.dumps([said, [axis.key for axis in self.axes]], sort_keys=True, default=str)
         return sha256(text.encode()).hexdigest()

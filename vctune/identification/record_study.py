@@ -1,5 +1,7 @@
-"""Study one recording. If it has a force but no command, it is fitted with both roles of the force (README, section
-1)."""
+"""Study one recording.
+
+If it has a force but no command, it is fitted with both roles of the force (README, section 1).
+"""
 
 from __future__ import annotations
 

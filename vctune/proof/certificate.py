@@ -179,8 +179,10 @@ def _beside(question: Question) -> list[Question]:
 
 
 def _holding_beside(certificate: Certificate, beside: Sequence[Certificate]) -> Certificate:
-    """Return a certificate whose claims are proved for several delays. A claim that fails for a delay names its
-    device."""
+    """Return a certificate whose claims are proved for several delays.
+
+    A claim that fails for a delay names its device.
+    """
     outcomes, without_factor = certificate.outcomes, certificate.without_factor
     for other in beside:
         device = other.design.device

@@ -43,8 +43,9 @@ class Fit:
 
 @dataclass(frozen=True, slots=True)
 class Metrics:
-    """The measures of a run. If the run has several cycles, the first is not evaluated. A measure that does not exist
-    is None.
+    """The measures of a run.
+
+    If the run has several cycles, the first is not evaluated. A measure that does not exist is None.
 
     Attributes
     ----------

@@ -159,8 +159,9 @@ def judged(found: Rendered, plane: Plane, squares: Squares) -> tuple[Kinds, Floa
 
 
 def _missed(plane: Plane, low: Floats, high: Floats) -> WorldCells:
-    """Return the ends that all members of each cell share. A number that is not an axis has its range the other way
-    round.
+    """Return the ends that all members of each cell share.
+
+    A number that is not an axis has its range the other way round.
 
     Parameters
     ----------

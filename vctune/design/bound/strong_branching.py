@@ -65,8 +65,9 @@ class _Candidate:
 def halved(
     relaxed: Relaxation, axes: Sequence[Axis], parents: OpenNodes, incumbent: float, pool: ThreadPoolExecutor
 ) -> Halved:
-    """Halve each box along the axis that raises its lower bound the most. If no axis has an extent, bound the box
-    again.
+    """Halve each box along the axis that raises its lower bound the most.
+
+    If no axis has an extent, bound the box again.
 
     While no design is known, the greatest infeasibility of a box replaces its bound.
 

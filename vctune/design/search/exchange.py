@@ -267,8 +267,10 @@ def _sharper_objective(problem: Problem, search: _Search, design: Polished, *, j
 
 
 def _first_working_set(posed: Posed, start: Start, scanned: ScanResult) -> WorkingSet:
-    """Return a coarse working set with the local extrema at the start. It omits constraints that the scan did not come
-    near."""
+    """Return a coarse working set with the local extrema at the start.
+
+    It omits constraints that the scan did not come near.
+    """
     problem, coarse = posed.problem, np.geomspace(*posed.span, FIRST_FREQUENCIES)
     first = WorkingSet()
     if problem.passive and (problem.bounds.velocity.max > 0 or start.gains.position > 0):

@@ -271,8 +271,9 @@ def _best_proved(
 
 
 def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Iterator[tuple[Polished, Judgement]]:
-    """Judge the rounded optimum. While it is not proved, polish it again with its witness, tighter and with more
-    digits.
+    """Judge the rounded optimum.
+
+    While it is not proved, polish it again with its witness, tighter and with more digits.
 
     If a hand requires more than the tightening gives, only the proof has found it. The search must then add the hand,
     not tighten the constraints.
@@ -332,8 +333,10 @@ def _undecided(judgement: Judgement) -> bool:
 def _collect(
     known: list[ConstraintPoint], outcome: Outcome, prepared: Prepared, of_walls: Judgement | None = None
 ) -> None:
-    """Add the point at which a design is refuted. `of_walls` is the judgement if the condition of walls fails, else
-    None."""
+    """Add the point at which a design is refuted.
+
+    `of_walls` is the judgement if the condition of walls fails, else None.
+    """
     if outcome.verdict is Verdict.REFUTED and outcome.witness:
         wall, device = None, outcome.device or prepared.problem.device
         if of_walls is not None and (met := of_walls.certificate.demands.walls_met) and outcome.hand:

@@ -306,8 +306,10 @@ def _profile(task: _Task, at: Floats, sigma: Floats, inflation: float) -> tuple[
 
 
 def _interval(value: float, sigma: float, low: float, high: float, factor: float) -> Interval:
-    """Return an interval. If the deviation is far beyond an end, chi2 is not a parabola, and the given ends are
-    right."""
+    """Return an interval.
+
+    If the deviation is far beyond an end, chi2 is not a parabola, and the given ends are right.
+    """
     sigma = min(sigma, WILD * min(value - low, high - value) / factor)
     return Interval(value, sigma, min(low, value - factor * sigma), max(high, value + factor * sigma))
 

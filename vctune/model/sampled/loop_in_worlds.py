@@ -69,8 +69,9 @@ class Offered(NamedTuple):
 
 
 class Disjuncts(NamedTuple):
-    """Margins, each as the terms of its sum. If one of the margins is positive, no environment puts a pole at this
-    angle.
+    """Margins, each as the terms of its sum.
+
+    If one of the margins is positive, no environment puts a pole at this angle.
 
     A field is None if no coupling can have such an environment, or if another margin covers it.
 

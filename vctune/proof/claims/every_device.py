@@ -127,8 +127,10 @@ def prove_conditions_for_all(robust: RobustDesign, alone: NominalProof) -> Outco
 
 
 def _conditions(robust: RobustDesign, low: float, high: float, max_boxes: int) -> list[Proofs]:
-    """Prove the conditions. If a response is known to a disc only, prove them at its edge, and that the edge
-    suffices."""
+    """Prove the conditions.
+
+    If a response is known to a disc only, prove them at its edge, and that the edge suffices.
+    """
     claims, turning = robust.claims(), _turning(robust)
     beyond = max(1 / robust.box.nominal.sample_time, low)
     test = positive(

@@ -339,8 +339,10 @@ def _and_without_reserve(
     demands: Demands,
     box: DeviceBox | None,
 ) -> Outcome:
-    """Return an outcome that also holds with the factor 1. For a coupling that may drive, the factor 1 is not
-    weaker."""
+    """Return an outcome that also holds with the factor 1.
+
+    For a coupling that may drive, the factor 1 is not weaker.
+    """
     if found.verdict is not Verdict.PROVED or demands.factor == 1 or not design.device.coupling_may_drive:
         return found
     again = proof(design, replace(demands, factor=1.0), box)

@@ -305,8 +305,10 @@ class _EnclosureArithmetic:
 
     @staticmethod
     def phi_2(x: Number) -> Number:
-        """Return phi_2. Its derivative is minus the mean of t (1 - t) e^-xt over 0 <= t <= 1, between -1/6 and
-        -e^-x/6."""
+        """Return phi_2.
+
+        Its derivative is minus the mean of t (1 - t) e^-xt over 0 <= t <= 1, between -1/6 and -e^-x/6.
+        """
         if not isinstance(x, Jet):
             return _falling(FLOATS.phi_2, x)
         least = np.exp(-(x.value.mid + x.value.rad)) * (1 - PHI_ERROR)

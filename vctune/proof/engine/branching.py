@@ -215,8 +215,10 @@ def _halved(boxes: Boxes, axis: Integers, cost: Floats, halved: Flags, few: int)
 
 
 def _stage(boxes: int, open_: float) -> str:
-    """Return the progress of a proof. All boxes of a round have been halved equally often, so their number gives a
-    share."""
+    """Return the progress of a proof.
+
+    All boxes of a round have been halved equally often, so their number gives a share.
+    """
     return f"{boxes} boxes, {1 - open_:.1%} proved"
 
 

@@ -18,8 +18,9 @@ def exact(decimal: float) -> Fraction:
 def coupling_coefficients(
     coupling: AnyCoupling | None, sample_time: float, smoothing: float | None = None, low_passes: int = 0
 ) -> dict[str, float]:
-    """Return the coefficients of a coupling; an admittance display's follow the trapezoidal rule. `coupling_of` inverts
-    this.
+    """Return the coefficients of a coupling; an admittance display's follow the trapezoidal rule.
+
+    `coupling_of` inverts this.
 
     Parameters
     ----------

@@ -94,8 +94,9 @@ AdvanceStep = Callable[[AssemblyState, Number], tuple[AssemblyState, Number]]
 
 
 def assembly_steps(step: AdvanceStep, at: AssemblyState, count: int) -> AssemblyState:
-    """Advance by several steps. Each predicts its velocity from the previous step, the first from a trial, as in
-    `slide`.
+    """Advance by several steps.
+
+    Each predicts its velocity from the previous step, the first from a trial, as in `slide`.
 
     Parameters
     ----------

@@ -186,8 +186,10 @@ def _interpolates(scene: Scene) -> bool:
 
 
 def _acting(scene: Scene, commanded: list[Any]) -> list[Any]:
-    """Return the held values of commands, one for each sample. A position becomes the velocity from the previous
-    one."""
+    """Return the held values of commands, one for each sample.
+
+    A position becomes the velocity from the previous one.
+    """
     if not _interpolates(scene):
         return commanded
     return [(newer - older) / scene.device.sample_time for newer, older in pairwise(commanded)]
