@@ -28,7 +28,7 @@ Nyquist. Half as many may step over the hardest frequency of a contact; twice as
 
 
 HALVINGS = 40
-"""Number of halvings of a range of stiffnesses. They give twelve digits, half as many six, and twice as many reach
+"""Number of halvings of a range of stiffnesses. They give twelve digits; half as many give six, and twice as many reach
 rounding errors."""
 
 

@@ -63,9 +63,9 @@ def needs_in_hands(
 ) -> Floats:
     """Return 1/ratio in hands.
 
-    loop : loop in hands
+    Parameters
     ----------
-    loop : in hands
+    loop : loop in hands
     device : device with plain numbers
     gains, coupling : a design with plain numbers or arrays that broadcast against the loop
     theta : omega T, rad

@@ -123,8 +123,8 @@ def windows(
 ) -> list[RatioInHand]:
     """Return the ends of the windows of angles in which the constraint for a box of environments is violated.
 
-    At an end of a window, one margin must replace another that fails. A constraint in the middle of the window alone
-    would only move the window.
+    A constraint at each end makes one margin take over where another fails. A constraint in the middle alone would only
+    move the window.
 
     Parameters
     ----------

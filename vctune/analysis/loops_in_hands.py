@@ -20,8 +20,8 @@ from vctune.model.sampled.loop_in_worlds import Seen
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 
 SHARES = (0.0, 0.01, 0.1, 0.4, 1.0)
-"""Shares of each range of hands that are evaluated first. The worst hand is usually at an end, and near 0 much changes
-within little. Half or twice as many lead to the same designs, in more rounds or in more time."""
+"""Shares of each range of hands that are evaluated first. The worst hand is usually at an end, and near 0 the
+requirement changes quickly. Half or twice as many lead to the same designs, in more rounds or in more time."""
 LOWEST, PER_DECADE = 1e-4, 24
 """Least angle omega T above 0, and angles per decade. Values below the least angle equal their limit to 1e-8. Half as
 many angles may miss one of two neighbouring extrema; twice as many take twice the time."""

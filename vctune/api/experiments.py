@@ -129,8 +129,8 @@ def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment,
 
     Parameters
     ----------
+    file : the problem
     name : name of the experiment; None for all
-    name : name of the only experiment; None for all
 
     Raises
     ------

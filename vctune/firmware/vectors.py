@@ -144,6 +144,7 @@ def experiment_line(one: Replay, parts: Parts) -> str:
     """Return an experiment as an element of the table in replay.c.
 
     Parameters
+    ----------
     one : the replay of the experiment
     parts : parts of the firmware, which determine its start values: a position for a differenced velocity, and a limit
     """

@@ -114,7 +114,7 @@ def _rounded(costs: Floats) -> Floats:
 def nondominated(costs: Floats) -> NDArray[np.intp]:
     """Return the indices of the rows with finite cost that no other row dominates.
 
-    Of rows with equal cost the first stays.
+    Among rows with equal cost, the first stays.
     """
     chosen = []
     for i, cost in enumerate(costs):

@@ -159,9 +159,8 @@ def judged(found: Rendered, plane: Plane, squares: Squares) -> tuple[Kinds, Floa
 
 
 def _missed(plane: Plane, low: Floats, high: Floats) -> WorldCells:
-    """Return the ends that all members of each cell share.
-
-    A number that is not an axis has its range the other way round.
+    """Return for each cell the ends that all its members share. For a number that is not an axis, these are its range
+    with the ends swapped, since each member may choose the number.
 
     Parameters
     ----------

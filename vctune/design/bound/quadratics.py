@@ -47,7 +47,7 @@ class Quadratic:
     cross: Floats | None = None
 
     def at(self, K_v: Floats, K_p: Floats) -> Floats:
-        """Return the value for given gains. The rounding error of the sum has no certain direction.
+        """Return the value for given gains. The rounding error of the sum may have either sign.
 
         Parameters
         ----------

@@ -23,8 +23,8 @@ DIGITS = 7
 """Number of digits of a damping, which is rounded up. With half as many digits the damping is a hundredth of a per cent
 greater; nobody reads twice as many."""
 RETURN = 1e4
-"""Time constant in seconds with which a spring that only serves its damping ratio pulls an axis back. Half and twice
-this time cost a millionth of the damping."""
+"""Time constant, s, of a spring that is present only to define a damping ratio. Half and twice this time change the
+damping by a millionth."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,8 +43,8 @@ tightening reaches 1e-3, which makes a design 0.1 % worse. Half as many rounds g
 proves; twice as many try designs that cost more than another start."""
 LONG_SHOTS = 2
 """Number of starts to polish if none is feasible, since the nearest misses may be feasible between the points of the
-grid. One start would rely on the scan's order. More starts cost time before the search of every box, which finds them
-as well."""
+grid. One start would rely on the scan's order. More starts take time, and the search of every box that follows finds
+the same designs."""
 NEARLY = 0.1
 """Greatest share by which a start may miss a constraint to be polished for an estimate; the grid's refined spacing is
 half of that. Half this share misses existing repairs; twice this share polishes in vain."""
@@ -58,14 +58,14 @@ hands of the box alone. Half and twice as many give the same designs. With none,
 design."""
 SHARPENING, DECIDABLE = 10.0, 1e-3
 """Factor by which the constraints are tightened again if a proof refutes a design, and least tightening if a proof is
-undecided. The number of boxes grows with the inverse of the remaining reserve. Twice these numbers cost error, at most
-in proportion; half of them cost proofs."""
+undecided. The number of boxes grows with the inverse of the remaining reserve. Twice these numbers increase the error,
+at most in proportion; with half of them some proofs fail."""
 
 SEARCH, PROOF = "the search", "the proof"
 """Names of stages that a time limit may cut short."""
 SEARCHING = 0.6
 """Share of a time limit after which no more starts are polished once one has led to an optimum, since a proof takes
-about as long as a polish. Half this share finds worse designs; the whole time leaves none proved."""
+about as long as a polish. Half this share finds worse designs; with the whole time no design is proved."""
 
 Progress = Callable[[str], None]
 

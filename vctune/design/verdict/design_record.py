@@ -96,7 +96,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
 
 
 def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date: str | None = None) -> DesignRecord:
-    """Return the record of a solved problem, as `design_record` does.
+    """Return the record of a solved problem, from which `design_record` makes the JSON object.
 
     Parameters
     ----------

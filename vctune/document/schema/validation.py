@@ -305,7 +305,7 @@ def _unknown(model: type[BaseModel], path: KeyPath, has_a_meaning: Callable[[str
 
 
 def _tables(model: type[BaseModel], told: KeyPath, tag: KeyPath) -> Iterator[tuple[str, set[str]]]:
-    """Yield the tables of a document with their keys. At `told`, yield only the table of the tag."""
+    """Yield the tables of a document with their keys. At the path `told`, yield only the table that the tag selects."""
     for name in model.model_fields:
         table = _table_at(model, (name, *(tag if (name,) == told else ())))
         if table:

@@ -39,6 +39,7 @@ def interpolating_velocity(time: Floats, command: Floats) -> Floats:
     """Return the held velocity with which a position command is reached one sample later.
 
     Parameters
+    ----------
     time : times of the rows, s
     command : commanded position, m
     """
@@ -53,6 +54,7 @@ def positions(time: Floats, velocity: Floats, delay: float, bandwidth_hz: float,
     """Return the positions of a servo at the instants of a log, except for its start.
 
     Parameters
+    ----------
     time : times of the rows in ascending order, s
     velocity : commanded velocity from each row to the next, m/s; before the first row it equals the first value
     delay : delay from a row to the action of its command, s

@@ -141,7 +141,7 @@ def servo_study(recording: Recording, sample_time: float) -> ServoStudy:
     -------
     ServoStudy
         Fits of both orders in SI units: the one that explains the log better, the other, and whether the log decides
-            between them.
+        between them.
 
     Raises
     ------

@@ -39,8 +39,8 @@ def servo_distances(device: Device, bounds: Sequence[Bounded], study: ServoStudy
     """Return the relative distance of each band from the nearest servo of the box.
 
     Parameters
+    ----------
     device, bounds : device at the centre, and the intervals of the box
-    device, bounds : the box
     study : study of a log
     """
     found = study.bands

@@ -120,15 +120,14 @@ def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling, ops: A
 
 
 def high_frequency_limit(device: Device, gains: Gains, coupling: Coupling) -> EndLimit:
-    """Return the limits for omega -> inf, for an ideal device with hold "lag" and no delay (model/README.md, section
-    6).
+    """Return the limits for omega -> inf, for an ideal device with hold "lag" and no delay (README, section 6).
 
     R -> 2 m K_v/((b + b_h) T), Re Z_c -> b_c + b_0.
 
+    Parameters
+    ----------
     device : ideal device in SI units; b_h is its least operator's damping
     gains : gains; only K_v matters, N s/m
-    device : ideal, in SI units; b_h is its least operator's damping
-    gains : only K_v matters, N s/m
     coupling : b_c, m_c and b_0 of an admittance display
 
     Returns

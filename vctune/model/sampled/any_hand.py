@@ -178,8 +178,8 @@ def drive_at(device: Device, theta: Number, at: Number, ops: Arithmetic) -> Pair
 
     Returns
     -------
-    Dimensionless. It has the shape of theta.
-        Dimensionless, of the shape of theta.
+    Pair
+        Dimensionless. It has the shape of theta.
     """
     turn = theta + at * (device.delay / device.sample_time)
     delayed = Pair(ops.cos(turn), -ops.sin(turn))

@@ -208,7 +208,7 @@ def return_difference(plant: SampledPlant, theta: Number, ops: Arithmetic, *, po
 
     Returns
     -------
-    Each part has the shape of theta.
+    ReturnDifference
         Each part has the shape of theta.
     """
     sin = ops.sin(theta)
@@ -271,8 +271,8 @@ def sensitivity_abs2(parts: ReturnDifference, gains: Gains) -> Number:
 
     Returns
     -------
-    Dimensionless. It has the shape of the parts.
-        Dimensionless, of the shape of the parts.
+    Number
+        Dimensionless. It has the shape of the parts.
     """
     return parts.open.abs2() / parts.closed(gains).abs2()
 

@@ -31,7 +31,7 @@ from vctune.proof.engine.interval import Outcome, Verdict
 
 LITTLE_PHASE = 0.5
 """Angle omega tau, rad, up to which the prover tries the margin that is regular at omega = 0. Half and twice this angle
-take as many boxes for the uncertain friction wheel."""
+need the same number of boxes for the uncertain friction wheel."""
 FEW_SAMPLES = 4
 """Number of whole samples in a box's delays up to which the prover tries them one by one. For more, it first finds the
 angle above which their phase does not matter. Half and twice as many only change the time for long uncertain delays."""
@@ -46,8 +46,8 @@ FEW = 64
 """Number of boxes that are halved again before evaluation, because so many take about as long as one. Without this the
 band around a proved one takes three times as long; with four times as many boxes it takes a third longer."""
 MAX_HALVINGS = 80
-"""Greatest number of halvings of a box: twenty in each of four rows. Half and twice as many halvings take as many boxes
-for the uncertain friction wheel."""
+"""Greatest number of halvings of a box: twenty in each of four rows. Half and twice as many halvings need the same
+number of boxes for the uncertain friction wheel."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -67,7 +67,8 @@ from vctune.proof.engine.polynomial_tests import FEW, any_positive, positive_by_
 from vctune.proof.engine.winding import turned_angle
 
 STEP = 1.4
-"""Ratio of the edges of the first intervals. Its square root and its square take as many boxes within a tenth."""
+"""Ratio of the edges of the first intervals. Its square root and its square need the same number of boxes to within a
+tenth."""
 MAX_BOXES = 400_000
 """Number of boxes after which the claim stays open. An optimal design takes some thousand. Half and twice as many boxes
 take half and twice as long to give up."""
@@ -78,7 +79,7 @@ MANY_PARTS = 3
 """Least number of parts of a box of delays for which the prover first tries the test that holds for any whole samples
 of a servo's delay. Among fewer parts, none may have a delay of whole samples."""
 EASY_PARTS = 4_000
-"""Number of boxes after which an interval of angles is left to each part. Half and twice as many take as long."""
+"""Number of boxes after which an interval of angles is left to each part. Half and twice as many take the same time."""
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
 """Distances from the ends of the angles, as shares of pi, at which the code looks for a witness. With fewer of them the
 witness grows too slowly to be seen; more of them find no other witness."""

@@ -29,8 +29,8 @@ SHARP = 0.03
 half this limit takes up to two thirds fewer boxes. Loops with 1e-5 take 34,000 boxes with it and more than half a
 million without it."""
 DAMPED = 0.1
-"""Damping ratio above which a softer hand resonates no more sharply. Half and twice this ratio take as many boxes
-within a third."""
+"""Damping ratio above which a softer hand resonates no more sharply. Half and twice this ratio need the same number of
+boxes to within a third."""
 AROUND = (0.5, 2.0)
 """Multiples of the resonant stiffness that such boxes cover. Half this range in the logarithm takes up to half as many
 boxes again; twice the range takes as many within a tenth."""

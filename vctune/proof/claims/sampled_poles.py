@@ -59,14 +59,14 @@ def unmodelled_at(device: Device, gains: Gains, radii: tuple[tuple[float, float]
 
     Parameters
     ----------
+    device, gains : device and gains; their floats stand for the decimals that they print as
     radii : points (Hz, r) of the disc, as in `Unmodelled`
-    radii : (Hz, r) of the disc, as in `Unmodelled`
     theta : omega T, rad, in (0, pi]
 
     Returns
     -------
-    Either refuted with a witness in rad/s, or undecided; never proved.
-        Refuted with a witness in rad/s, or undecided; never proved.
+    Outcome
+        Either refuted with a witness in rad/s, or undecided; never proved.
     """
     radius = BALLS.interpolated(arb(theta / (2 * pi * device.sample_time)), radii)
     margin = unmodelled_margin(exact_plant(device), gains_ball(gains), arb(theta), radius, BALLS)

@@ -36,8 +36,8 @@ from vctune.proof.engine.interval import Verdict
 from vctune.proof.engine.polynomial_tests import FEW
 
 MAX_BOXES, CELL_BOXES = 60_000, 5_000
-"""Number of boxes after which the rest is left to the environments, and number after which an environment's stay
-open."""
+"""Number of boxes after which the proof by the real part alone ends, and number after which a cell of environments
+stays open."""
 FAILING = 0.8
 """Share of the open boxes in which the real part certainly fails somewhere. Above it, halving them decides little."""
 FEW_BOXES = 1000

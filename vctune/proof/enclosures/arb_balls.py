@@ -19,8 +19,8 @@ from vctune.proof.enclosures.array_intervals import SWELL, TINY, UNIT, Enclosure
 from vctune.proof.enclosures.jets import interpolated_over
 
 PRECISION = 128
-"""Working precision, bits. Half and twice as many bits take as many boxes and about as long for the designs of
-problems/. The reserve is for designs that are closer to their constraints than an optimum in decimals is."""
+"""Working precision, bits. Half and twice as many bits need the same number of boxes and about as long for the designs
+of problems/. The reserve is for designs that are closer to their constraints than an optimum in decimals is."""
 SMALL = 0.1
 """Argument below which (1 - sinc x)/x^2 is computed by its series with an enclosed remainder. At half this argument the
 subtractions would lose another factor 4 of the precision. At twice this argument the remainder would be 2e-25 instead

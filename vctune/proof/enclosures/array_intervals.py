@@ -53,7 +53,7 @@ def raised(total: Floats, terms: int) -> Floats:
 
 
 def _enclosed(mid: Floats, rad: Floats) -> Enclosure:
-    """Return an enclosure of a rounded mid. The function raises the radius by the rounding errors."""
+    """Return an enclosure with a rounded middle, and with the radius raised by the rounding errors."""
     return Enclosure(mid, (rad + UNIT * np.abs(mid)) * SWELL + TINY)
 
 
@@ -122,11 +122,11 @@ class Enclosure:
         return Enclosure(0.5 * (low + high), (0.5 * (high - low) + 4 * UNIT * high) * SWELL + TINY)
 
     def positive(self) -> Flags:
-        """Return where every enclosed number is > 0."""
+        """Return flags of the elements whose enclosed numbers are all > 0."""
         return np.asarray(self.mid > self.rad)
 
     def negative(self) -> Flags:
-        """Return where every enclosed number is < 0."""
+        """Return flags of the elements whose enclosed numbers are all < 0."""
         return np.asarray(self.mid < -np.asarray(self.rad))
 
     def __getitem__(self, at: Any) -> Enclosure:

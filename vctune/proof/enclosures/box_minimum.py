@@ -15,8 +15,8 @@ from vctune.proof.enclosures.array_intervals import Floats
 from vctune.proof.enclosures.taylor import Taylor
 
 SWEEPS = 4
-"""Number of times that each row of y is moved to its best place. Half and twice as many take as many boxes within a
-hundredth."""
+"""Number of times that each row of y is moved to its best place. Half and twice as many need the same number of boxes
+to within a hundredth."""
 ROUNDING = 2.0**-43
 """Rounding error of a bound, relative to the magnitudes in its sum: 1024 u with u = 2^-53. For 14 rows, a product of
 two matrices or of a matrix and a vector takes 14 roundings, and so does a sum over rows. There are two of the former

@@ -25,10 +25,10 @@ from vctune.running import check_time
 
 NARROW = 1.02
 """Ratio of a box's frequencies below which the test tries a second margin that needs narrow boxes. Half and twice its
-excess over 1 take as many boxes."""
+excess over 1 need the same number of boxes."""
 FROM_ZERO = 0.1
 """Relative width that the test assumes for an interval from frequency 0, since halving does not make it narrower. Half
-and twice this width take as many boxes."""
+and twice this width need the same number of boxes."""
 
 
 LOST = -1.0

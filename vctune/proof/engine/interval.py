@@ -28,7 +28,7 @@ LOWEST = 1e-40
 which a margin changes, and far above underflow. Half and twice this edge are a quarter of a step."""
 WIDE = 2.0
 """Ratio above which a box is halved without the derivative, whose enclosure is too wide there. Its square root and its
-square take as many boxes within 5 % for the designs of problems/."""
+square need the same number of boxes within 5 % for the designs of problems/."""
 CURVED = 1.1
 """Ratio above which a box is halved without the second derivative, which pays off only near a minimum that nearly
 touches 0. Between 1.03 and 1.2 the time of a proof hardly changes."""

@@ -27,8 +27,8 @@ from vctune.proof.engine.branching import Decided, Test
 from vctune.running import check_time
 
 FEW = 128
-"""Number of boxes that take about as long as one. Half and twice as many take as long for random devices in hands; four
-times as many take a third longer."""
+"""Number of boxes that take about as long as one. Half and twice as many take the same time for random devices in
+hands; four times as many take a third longer."""
 NEAR_ZERO = 1e-3
 """Share of its range below which a number that may be 0 counts as that share, if nothing else is known about a box. A
 tenth of this share takes a fifth more boxes, ten times the share takes as many. With 0, such a row would be halved
@@ -36,11 +36,11 @@ forever."""
 FREQUENCY_FIRST = 64.0
 """Weight of the frequency's width if nothing is known about a box and one of several margins must be positive:
 denominators vanish at single frequencies. An eighth of this weight leaves servos with a stiff coupling open; eight
-times the weight takes as many boxes."""
+times the weight needs the same number of boxes."""
 WIDER = 0.1
 """Power of a row's relative width by which its loss is weighted: of two rows that lose together, the wider is halved.
-Half this power takes as many boxes, without an integrator up to five times as many. Two and a half times the power
-takes a fifth more. With 0 some of the proofs without an integrator stay open."""
+Half this power needs the same number of boxes, or up to five times as many without an integrator. Two and a half times
+the power takes a fifth more. With 0 some of the proofs without an integrator stay open."""
 
 
 def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slopes: Test) -> Test:

@@ -28,8 +28,8 @@ from vctune.simulation.mechanics.stretches import SYMBOLS, Stretch, fixed_steps,
 from vctune.simulation.scene import Equilibrium, Scene, equilibrium
 
 CHUNK = 1024
-"""Samples per call of the compiled function, for which progress and Ctrl-C wait. Half and twice as many take as
-long."""
+"""Samples per call of the compiled function, for which progress and Ctrl-C wait. Half and twice as many take the same
+time."""
 COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor", "sensed")
 """Recorded columns of each sample: x, v, f_h, x_e, v_e, f_e, u, f_s. x and v belong to the handle; f_s is the sensed
 f_h."""
