@@ -168,7 +168,7 @@ def write_axes(axes: AxesFile, designs: list[AxisDesign], out: Path, *, reported
 
 
 def gains_of_axes(axes: AxesFile, folder: Path) -> dict[str, GainsFile]:
-    """Read the gains of each axis from the folder that `vctune solve` writes for a file with axes.
+    """Return the gains of each axis, read from the folder that `vctune solve` writes for a file with axes.
 
     Parameters
     ----------

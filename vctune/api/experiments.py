@@ -151,7 +151,7 @@ def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment,
 
 
 def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
-    """Solve a problem, with prices but without repairs.
+    """Solve a problem with prices but without repairs, and return the result.
 
     Parameters
     ----------

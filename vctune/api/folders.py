@@ -26,7 +26,9 @@ OF_PROBLEM = ("region.json", "region.svg", "z-width.json", "z-width.svg", "front
 
 
 def design_folder(file: ProblemFile, out: Path) -> Path:
-    """Create the folder of a problem's design in OUT. Make sure that it is writable and has no other problem's work.
+    """Create the folder of a problem's design in OUT and return its path.
+
+    The function makes sure that the folder is writable and contains no other problem's work.
 
     Parameters
     ----------

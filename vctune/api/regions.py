@@ -168,7 +168,9 @@ def _best(file: ProblemFile, solved: Solved | None) -> Design:
 
 
 def best_design(problem: Problem, progress: Progress = lambda stage: None) -> Solved:
-    """Solve a problem for the design that its region shows. Takes at most the share `SOLVING` of a time limit.
+    """Solve a problem and return its best design, for its region to show.
+
+    The function takes at most the share `SOLVING` of a time limit.
 
     Parameters
     ----------

@@ -111,7 +111,7 @@ def _faces(problem: Problem) -> list[bool]:
     """Return whether to search without and with an integrator, as the bounds and the limit at 0 permit.
 
     With damping or a force sensor's lag, without drag and without an operator's damping, no K_p > 0 is feasible on a
-    band from 0. band from 0.
+    band from 0.
     """
     position, device = problem.bounds.position, problem.device
     held = device.operator is not None and device.operator.damping > 0

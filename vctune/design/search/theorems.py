@@ -1,7 +1,7 @@
 """Requirements that no design can meet: theorems with numbers filled in.
 
 The code evaluates each limit at the most favourable vertex of the bounds. It refuses a requirement only if even that
-vertex fails. fails.
+vertex fails.
 """
 
 from __future__ import annotations

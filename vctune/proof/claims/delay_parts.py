@@ -77,7 +77,9 @@ DELAY_ROWS = tuple(map(row_of, DELAYS))
 
 
 def parts_of(device: Device, ends: Ends) -> list[Part]:
-    """Divide a box of devices by the whole samples of their delays. Known delays give one part.
+    """Divide a box of devices by the whole samples of their delays; return its parts.
+
+    Known delays give one part.
 
     Parameters
     ----------
