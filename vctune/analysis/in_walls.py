@@ -16,8 +16,9 @@ from vctune.model.sampled.loop_in_worlds import offered_at
 from vctune.model.worlds import WorldsMet
 
 HIGHEST = 1 - 1e-5
-"""Greatest corner, in units of 2/T. At 1 the multiplier is a difference; this value is so far below 1 that six digits
-do not pass it. Half this distance from 1 might pass it; twice the distance is as good."""
+"""Greatest corner, in units of 2/T. At 1 the multiplier becomes a difference. This value is so far below 1 that
+rounding a corner to six digits cannot reach 1. With half this distance rounding might reach 1; twice the distance is as
+good."""
 LOWEST = 1e-4
 """Least corner that is evaluated, in units of 2/T, below all hands' frequencies. Ten times and a tenth of it give the
 same corners."""
@@ -28,8 +29,8 @@ FINER = 3
 """Number of times that the spacing around the best corner is then quartered, down to 1 %. Half as many find corners
 that lose a hundredth of the reserve; twice as many find the same corner."""
 SHARES, PER_DECADE = (0.0, 0.1, 1.0), 16
-"""Shares of hands, and angles per decade, that are evaluated. Half as many miss what binds; twice as many lead to the
-same corner."""
+"""Shares of hands, and angles per decade, that are evaluated. Half as many miss the binding hand or angle; twice as
+many lead to the same corner."""
 
 
 def corner_of(problem: Problem, gains: Gains, coupling: AnyCoupling) -> float:

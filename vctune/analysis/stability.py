@@ -24,9 +24,9 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.velocity_loop import ReturnDifference, return_difference
 
 FIRST_ANGLE, ANGLES_PER_DECADE = 1e-4, 46
-"""Grid for counting turns. Chords between neighbours 5 % apart pass 0 on the same side as the curve unless it is
-`TOO_CLOSE`. A loop slower than the first angle has no lag with which to turn. With half as many angles the proof has to
-decide more loops; twice as many take twice the time of a scan."""
+"""Grid for counting turns. Neighbours are 5 % apart. The chord between them passes 0 on the same side as the curve,
+unless the curve is too close to 0 (`TOO_CLOSE`). A loop slower than the first angle has no lag with which to turn. With
+half as many angles the proof has to decide more loops; twice as many take twice the time of a scan."""
 TOO_CLOSE = 0.03
 """Least |F| at which the grid counts as reliable, slightly less than the distance of neighbouring angles. With half of
 it, chords may pass 0 on the wrong side; with twice, the proof has to decide more loops. Neither endangers a verdict."""

@@ -168,7 +168,7 @@ def _best(file: ProblemFile, solved: Solved | None) -> Design:
 
 
 def best_design(problem: Problem, progress: Progress = lambda stage: None) -> Solved:
-    """Solve a problem and return its best design, for its region to show.
+    """Solve a problem and return its best design, which a picture of its region shows.
 
     The function takes at most the share `SOLVING` of a time limit.
 

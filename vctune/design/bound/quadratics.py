@@ -25,7 +25,7 @@ second-order effect. With curvatures from l to h over gains up to w, the point i
 This lowers the value by at most min(l, h^2 u^2/l) w^2 <= h u w^2.
 
 In `lower_bounds.py` a factor 1 - 10 `GUARD` covers 900 u, which includes some 30 operations and a logarithm with 8
-units in the last place. Half and twice this allowance change the bound by as many units of its fourteenth digit.
+units in the last place. Half and twice this allowance change the bound only in its fourteenth digit.
 """
 
 

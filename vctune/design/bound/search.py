@@ -51,8 +51,8 @@ LITTLE = 1e-3
 """Substitute for a gain of 0, relative to its upper bound, when the search tries the design in the middle of a box."""
 CHUNK = 1024
 """Number of boxes halved together. It is large enough that NumPy's calls cost little, and small enough that the bounds
-of all halves (4 axes, 2 halves, 160 frequencies) take tens of MB. Half as many boxes are chosen slightly better and
-take slightly more time each; for twice as many it is the other way round."""
+of all halves (4 axes, 2 halves, 160 frequencies) take tens of MB. With half this number the search chooses boxes
+slightly better, but each takes slightly more time; with twice this number it is the other way round."""
 TRY_EVERY = 8
 """Number of rounds after which the search tries the best box: it looks for violated frequencies and for a better
 design. Half as many rounds find better designs earlier; twice as many waste less."""

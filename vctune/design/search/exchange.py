@@ -48,8 +48,8 @@ NEARER = 0.8
 example because the scan has missed a sharp resonance. With half this ratio the exchange stops on the way to such a
 design of a display with hardly any damping; with 0.9 it finds the design in as many rounds."""
 LEAST_RADIUS = 1e-3
-"""Size of the box, 0.1 %, at which the exchange ends; basins are distinguished to that. Half or twice this size is a
-round."""
+"""Size of the box, 0.1 %, at which the exchange ends; basins are distinguished to that. Half this size costs another
+round, and twice this size saves one."""
 FIRST_FREQUENCIES = 9
 """Number of log-spaced frequencies at which the exchange first imposes each constraint, enough that the first answer
 violates no constraint grossly. Missing frequencies join later. Half as many take a round or two more; twice as many

@@ -50,8 +50,8 @@ NEARLY = 0.1
 half of that. Half this share misses existing repairs; twice this share polishes in vain."""
 PROOF_BOXES = 300_000
 """Number of boxes in undecided proofs after which the design stays undecided and the search tries no sharper design and
-no other start: a proof never resolves hands that resonate far above Nyquist. Half as many boxes try once; twice as many
-wait for a third failure."""
+no other start: a proof never resolves hands that resonate far above Nyquist. With half as many boxes the search tries
+only once; with twice as many it waits for a third failure."""
 NEW_HANDS = 12
 """Number of hands known only to the proof with which an optimum is polished: a resonance above Nyquist occurs in a few
 hands of the box alone. Half and twice as many give the same designs. With none, a device sampled at 20 Hz has no

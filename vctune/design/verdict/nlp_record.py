@@ -76,7 +76,8 @@ def _device(problem: Problem, place: ConstraintPoint) -> DeviceRecord:
 def _priced(polished: Polished) -> Floats:
     """Return the multipliers. Those of the ratio are for 2 Re(D + Z_h) Re Z_c >= factor 2 Re(D + Z_h) R.
 
-    In the hand of an operator, the NLP states this constraint with the two terms of the factor on different sides.
+    In the hand of an operator, the NLP puts the two terms of this constraint that contain the factor on different
+    sides.
     """
     multipliers, ratio = np.abs(polished.solution.multipliers), polished.working_set.ratio
     if polished.structure.operator_damping and ratio:

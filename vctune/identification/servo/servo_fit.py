@@ -30,7 +30,7 @@ FINE = 1e-4
 WILD = 1.5
 """Greatest ratio of a standard deviation to the half-width by chi2."""
 STATED = 2
-"""Number of numbers that are stated together: delay and bandwidth."""
+"""How many numbers are stated together: delay and bandwidth."""
 
 
 @dataclass(frozen=True, slots=True)

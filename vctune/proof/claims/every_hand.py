@@ -81,8 +81,8 @@ of a servo's delay. Among fewer parts, none may have a delay of whole samples.""
 EASY_PARTS = 4_000
 """Number of boxes after which an interval of angles is left to each part. Half and twice as many take the same time."""
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
-"""Distances from the ends of the angles, as shares of pi, at which the code looks for a witness. With fewer of them the
-witness grows too slowly to be seen; more of them find no other witness."""
+"""Distances from the ends of the angles, as shares of pi, at which the code looks for a witness. With fewer of them,
+the growth at a witness takes longer to show; with more, no further growth shows."""
 MAX_HALVINGS = 120
 """Greatest number of halvings of a box: twenty in each of six rows. Half and twice as many give the same proofs."""
 

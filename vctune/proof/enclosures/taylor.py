@@ -22,11 +22,11 @@ product needs the most roundings. For 14 rows and 8-by-8 matrices there are 152:
 14 for the rows, 2 for the constant, 15 for the remainders, 8 for the sum of the products, and 8 more. Half this
 factor's excess would cover 256; twice the excess would widen a radius by 1e-13 of itself."""
 HIGHER_ERROR = 1e-13
-"""Bound on the relative rounding error of f' and f''/2: 900 u with u = 2^-53. For a reciprocal 1/m, rounded once, f''/2
-takes the most: three times that, plus 2 for a library's cube, is 5; f' takes 3, two of them from 1/m. For a square
-root, f''/2 takes 3: the root, its product with m, and the quotient. The parameter `error` holds the errors of a
-library's exp, sin and cos, and all errors of sinc, whose slopes cancel. Half this bound would suffice; twice it works
-as well."""
+"""Bound on the relative rounding error of f' and f''/2: 900 u with u = 2^-53. For a reciprocal 1/m, which is rounded
+once, f''/2 needs the most roundings: three for the cube of 1/m, and 2 for the library's cube. f' needs 3, two of them
+from 1/m. For a square root, f''/2 takes 3: the root, its product with m, and the quotient. The parameter `error` holds
+the errors of a library's exp, sin and cos, and all errors of sinc, whose slopes cancel. Half this bound would suffice;
+twice it works as well."""
 
 Times = Callable[[Floats, Floats], Floats]
 

@@ -33,8 +33,9 @@ CURVED = 1.1
 """Ratio above which a box is halved without the second derivative, which pays off only near a minimum that nearly
 touches 0. Between 1.03 and 1.2 the time of a proof hardly changes."""
 GROWTH = 1.5
-"""Factor in the logarithm by which the next box is wider than a proved one. A factor below 1 gets stuck; 1 takes twenty
-times as many boxes for the designs of problems/; twice this factor takes half as many again."""
+"""Factor by which the next box is wider than a proved box, in the logarithm. With a factor below 1 the proof gets
+stuck. A factor of 1 needs twenty times as many boxes for the designs of problems/; twice this factor needs half as many
+boxes again."""
 
 
 class Verdict(StrEnum):

@@ -21,7 +21,7 @@ time; twice as many have a quarter of the error in twice the time (results/work-
 LEAST_STEPS, MOST_STEPS = 4, 256
 """Least and greatest number of steps in a sample. With the least, a motion crosses Stribeck's curve within a sample
 even with soft bristles. Bristles that need more than the greatest are stiffer than anything that can be felt. Half and
-twice either take half and twice the time."""
+twice either number take half and twice the time."""
 
 
 class _SymbolArithmetic:
