@@ -146,7 +146,7 @@ PROVERS: dict[ClaimId, Prover] = {
 
 
 def _of_every_loop(prove_poles: Callable[[Device, Gains], Outcome], design: Design) -> Outcome:
-    """Prove the poles of the device without a hand and in the hand of its least operator."""
+    """Prove the poles stable for the device without a hand and in the hand of its least operator."""
     boxes = 0
     for device in design.device.loops:
         outcome = prove_poles(device, design.gains)

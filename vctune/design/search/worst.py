@@ -42,9 +42,9 @@ STEPS, SHRINK = 40, 0.5
 of them for moving, the steps shrink to 1e-10. The ratio is flat at its minimum, so half as many still give it to
 1e-6."""
 MANY, TOGETHER = 5, 2
-"""Greatest number of variables, including the frequency, of which any may move in one step; and for more variables, how
-many may move at once. For nine variables this leaves 162 of 19,682 steps. Moving half and twice as many at once leads
-to designs that are as good."""
+"""Greatest number of variables, including the frequency, that may all move in one step. If there are more variables,
+the second number limits how many move at once. For nine variables this leaves 162 of 19,682 steps. Moving half and
+twice as many at once leads to designs that are as good."""
 
 SWEEPS = 3
 """Number of times that all numbers are moved to their ends for a greater |S|. Once mostly suffices, and the proof finds

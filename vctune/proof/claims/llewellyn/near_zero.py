@@ -12,8 +12,9 @@ from vctune.proof.enclosures.arb_balls import BALLS, box, design_ball
 from vctune.proof.engine.interval import Verdict, prove_boxes
 
 SHRINK = 4.0
-"""Factor between two trial frequencies up to which the margin near 0 is proved. Half and twice its logarithm reach
-slightly higher and lower frequencies. The ordinary margin proves the frequencies above in any case."""
+"""Factor between two trial frequencies up to which the margin near 0 is proved. With half its logarithm the margin is
+proved up to slightly higher frequencies, with twice its logarithm up to slightly lower ones. The ordinary margin proves
+the frequencies above in any case."""
 STEPS = 120
 """Number of trial frequencies, down to 1e-72 of the first. Half as many would suffice for every device whose numbers
 are within twenty decades."""
