@@ -54,7 +54,7 @@ class ForceSensorTable(Table):
 
 
 class StructureTable(Table):
-    """A handle on a spring. All damping of the device, the position sensor and the motor are on the motor's side."""
+    """A handle on a spring. The position sensor and all damping of the device are on the motor's side."""
 
     handle_mass: Positive = Field(description="Part of device.mass on the handle's side of the spring, kg.")
     frequency_hz: Positive = Field(description="Frequency at which the two parts resonate without a hand, Hz.")
