@@ -35,7 +35,7 @@ class StudyDocument(_Table):
     problem: Text = Field(min_length=1, description="Path of the problem file, relative to the study file's folder.")
     axes: dict[str, Any] = Field(
         min_length=1,
-        description='Numbers of the problem by dotted key, "stability.band_hz[1]" for the element of a list; each a '
-        "list of numbers, { linear = [a, b], n = ... } or { log = [a, b], n = ... }.",
+        description='Numbers of the problem that vary, by dotted key, as in "stability.band_hz[1]" for the element of '
+        "a list. Each is a list of numbers, { linear = [a, b], n = ... } or { log = [a, b], n = ... }.",
     )
     sample: SampleTable = Field(default_factory=SampleTable)
