@@ -200,7 +200,7 @@ class StabilityTable(Table):
         description='What vctune proves stability for. "passive": any passive hand, on band_hz. "hands": every hand of '
         '[operator], in the sampled loop at every frequency. "both": both claims. A servo, or a file with '
         '[environment], has the default "hands". The environment is any passive one or, if the file has [environment], '
-        "any in its box.",
+        "any one in its box.",
     )
 
 
