@@ -35,8 +35,8 @@ Radii = tuple[tuple[float, float], ...]
 constant above the last point, and proportional to the frequency below the first, because a servo at rest is at its
 command."""
 BEYOND = 1e9
-"""Multiple of a disc's last frequency up to which r is constant. Half and twice this number are above Nyquist as
-well."""
+"""Multiple of a disc's last frequency up to which r is constant. With half and twice this number, that frequency is
+above Nyquist as well."""
 
 
 @dataclass(frozen=True, slots=True)
