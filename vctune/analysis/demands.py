@@ -157,7 +157,7 @@ def _ripple_delay(device: Device) -> float:
 
 
 def ratio_minima(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Minima:
-    """Return the local minima of Re Z_c / R over the stability band, lowest first.
+    """Return the local minima of Re Z_c / R over the stability band, the lowest first.
 
     Parameters
     ----------

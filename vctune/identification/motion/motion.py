@@ -23,12 +23,13 @@ from vctune.identification.motion.spectral_filters import Complex, edge, filtere
 DIRECTIONAL = ("mass", "damping_forwards", "damping_backwards", "coulomb_forwards", "coulomb_backwards")
 SYMMETRIC = ("mass", "damping", "coulomb", "offset")
 MEMORY = 1.0
-"""Time over which residuals are correlated, s. Half and twice change the test data's intervals by less than a fifth."""
+"""Time over which residuals are correlated, s. Half and twice this time change the intervals of the test data by less
+than a fifth."""
 SLOW = 0.05
 """Share of the peak speed below which friction does not follow Coulomb's law and the sign of the velocity is
 unclear."""
 LEAST_KEPT = 0.3
-"""Least share of the samples away from turning points. With fewer, samples at turning points are kept."""
+"""Least share of the samples away from turning points. If fewer are left, the samples at turning points are kept."""
 STEPS = 60
 STRIDE = 4.0
 """Greatest change of a delay in one step, in sample times."""

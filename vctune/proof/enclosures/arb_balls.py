@@ -1,4 +1,4 @@
-"""Single numbers as Arb balls of 128 bits. Every result contains the true value, so that a certain sign is proved.
+"""Single numbers as Arb balls of 128 bits. Every result contains the true value, so a ball that does not contain 0 proves the sign.
 
 See proof/README.md, section 2.
 """
