@@ -80,7 +80,7 @@ class AdmissibleGains:
 
     @property
     def status(self) -> Status:
-        """Certified if a cell or design is feasible, infeasible if every cell is infeasible, and undecided otherwise."""
+        """Certified if a cell or design is feasible, infeasible if all cells are infeasible, undecided otherwise."""
         kinds = self.region.kinds
         if (kinds == Kind.FEASIBLE).any() or (self.designs and self.design is None):
             return Status.CERTIFIED

@@ -1,4 +1,4 @@
-"""Single numbers as Arb balls of 128 bits. Every result contains the true value, so a ball that does not contain 0 proves the sign.
+"""Single numbers as Arb balls of 128 bits. Every ball contains the true value; if it excludes 0, the sign is proved.
 
 See proof/README.md, section 2.
 """
