@@ -112,6 +112,11 @@ def solved(seed: int, number: int) -> Row:
     Parameters
     ----------
     seed, number : those of the device
+
+    Returns
+    -------
+    Row
+        Its numbers, its status and its time.
     """
     document, problem = drawn(seed, number)
     named = ", ".join(f"{key} {width:g}" for key, width in document["uncertainty"].items())
