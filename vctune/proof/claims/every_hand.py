@@ -79,7 +79,8 @@ EASY_BOXES = 3_000
 there, some hundred boxes suffice. If it does not, half or twice as many cost half or twice as much, some seconds."""
 EASY_WHOLE = 5_000
 """Number of boxes after which the prover takes the sides of the rectangles of uncertain masses and dampings with the
-hand's. The sides begin with sixteen times as many boxes and need fewer in the end. Half and twice it take as long."""
+hand's. The sides begin with sixteen times as many boxes. An easy proof of the whole takes about a thousand; fewer boxes
+here would give those up, and twice as many cost a proof on sides that much more."""
 MANY_PARTS = 3
 """Least number of parts of a box of delays for which the prover first tries the test that holds for any whole samples
 of a servo's delay. Among fewer parts, none may have a delay of whole samples."""
