@@ -31,6 +31,9 @@ def problem_digest(problem: Problem) -> str:
         del stated["device"]["display"], stated["bounds"]["stiffness"]
     if problem.device.units == "linear":
         del stated["device"]["units"]
+    for key in ("changing", "changing_mass_min"):
+        if stated["stability"][key] is None:
+            del stated["stability"][key]
     if problem.worlds is None:
         del stated["worlds"]
     else:
