@@ -9,33 +9,40 @@ less those of that rest do without q.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import reduce
 from typing import NamedTuple
 
 from vctune.model.coupling import trapezoidal
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
-from vctune.model.hands import Hand
+from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import Arithmetic, Number
-from vctune.model.numbers.matrices import Matrix, Vector, add, blocked, product, rows_of, times
+from vctune.model.numbers.matrices import Matrix, Vector, add, blocked, nothing, product, rows_of, times
 from vctune.model.sampled.plant_in_hand import Delays, delays_of
 from vctune.model.sampled.state_space import stepped
 
-TERMS = ("1", "M/m", "m/(m + M)", "K T^2/m")
-"""The functions of a hand of which a storage function is made."""
+TERMS = ("1", "mu", "nu", "sigma", "beta")
+"""The functions of a hand of which a storage function is made, each between -1 and 1 in a box."""
+
+
+STAYING = 2
+"""How many of the states nearly stay as they are in a sample: x and v."""
 
 
 class LoopStates(NamedTuple):
-    """zeta[k+1] = step zeta[k] + push v_e[k], and the port y = Z_c v_e - f = seen zeta + spring q + direct v_e.
+    """zeta[k+1] = (x, v, 0 ...) + change zeta[k] + push v_e[k], y = Z_c v_e - f = seen zeta + spring q + direct v_e.
 
     Attributes
     ----------
-    step, push, seen : n x n, n and n numbers
+    change : zeta[k+1] less what stays of zeta[k]: less x and v, whose change in a sample is small
+    push, seen : n numbers each
     direct : response of y to v_e at once
     spring : k_eq, of the hand's spring and K_p in series
     """
 
-    step: Matrix
+    change: Matrix
     push: Vector
     seen: Vector
     direct: Number
@@ -44,25 +51,47 @@ class LoopStates(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Storage:
-    """A storage function (k_eq/T) q^2 + zeta' Y zeta, Y = Y_0 + (M/m) Y_1 + m/(m + M) Y_2 + (K T^2/m) Y_3.
+    """A storage function k_eq q^2 + zeta' Y zeta, Y = Y_0 + mu Y_1 + nu Y_2 + sigma Y_3 + beta Y_4.
 
     Attributes
     ----------
-    terms : the symmetric matrices Y_0 to Y_3, dimensionless, as decimals
+    hands : box of hands to which its functions refer
+    terms : the symmetric matrices Y_0 to Y_4, dimensionless, as decimals
     """
 
+    hands: Hands
     terms: tuple[tuple[tuple[float, ...], ...], ...]
 
 
-def weights(device: Device, hand: Hand) -> Vector:
+def weights(hands: Hands, mass: Number, hand: Hand, number: Callable[[float], Number]) -> Vector:
     """Return the functions `TERMS` of a hand.
+
+    mu, sigma and beta are the mass, the stiffness and the damping from -1 to 1 in their ranges. nu is 0 at both ends of
+    the masses; with 1 and mu it makes 1/(m + M).
 
     Parameters
     ----------
-    device, hand : in numbers of one arithmetic
+    hands : box, in plain numbers
+    mass : m of the device
+    hand : its damping is that of the last sample
+    number : a plain number in the arithmetic of mass and hand
+
+    Returns
+    -------
+    Vector
+        A function of a number that the box does not vary is the integer 0.
     """
-    mass, T = device.mass, device.sample_time
-    return 1, hand.mass / mass, mass / (mass + hand.mass), hand.stiffness * (T * T) / mass
+
+    def centred(name: str) -> Number:
+        low, high = hands.ranges[name]
+        return (
+            0 if low == high else (2 * getattr(hand, name) - number(low) - number(high)) / (number(high) - number(low))
+        )
+
+    mu = centred("mass")
+    half = 0.5 * (number(hands.low.mass) + number(hands.high.mass))
+    nu = 0 if nothing(mu) else (1 - mu * mu) * ((mass + half) / (mass + hand.mass))
+    return 1, mu, nu, centred("stiffness"), centred("damping")
 
 
 def states_of(device: Device) -> list[str]:
@@ -108,7 +137,7 @@ def loop_states(
     law_push = k_v + 0.5 * k_p
     rows, push = list[Vector](), list[Number]()
     for i in (0, 1):
-        free = (*(add(step[i][j], int(i == j)) for j in (0, 1)), *((0,) * n), older[i], 0)
+        free = (*step[i][:2], *((0,) * n), older[i], 0)
         command = law if n == 0 else tuple(int(j == 1 + n) for j in range(n + 4))
         rows.append(tuple(add(own_part, times(newer[i], share)) for own_part, share in zip(free, command, strict=True)))
         push.append(newer[i] * law_push if n == 0 else 0)
@@ -121,15 +150,16 @@ def loop_states(
     return LoopStates(tuple(rows), tuple(push), seen, (slope + coupling.drag) * unit, spring)
 
 
-def room_of_storage(loop: LoopStates, Y: Matrix, ops: Arithmetic) -> Matrix:
+def room_of_storage(loop: LoopStates, Y: Matrix, more: Matrix, ops: Arithmetic) -> Matrix:
     """Return the matrix that is positive definite where the storage grows by less than 2 v_e y in every sample.
 
-    The part of q is (k_eq/T) q^2 and drops out: its growth is k_eq (2 q + v_e) v_e, of which y has 2 k_eq q v_e.
+    The part of q is k_eq q^2 and drops out: its growth is k_eq (2 q + v_e) v_e, of which y has 2 k_eq q v_e.
 
     Parameters
     ----------
     loop : n states
-    Y : symmetric, n x n
+    Y : for the damping from now on, symmetric, n x n
+    more : what Y had more for the damping when the force was sampled
     ops : arithmetic of both
 
     Returns
@@ -138,9 +168,18 @@ def room_of_storage(loop: LoopStates, Y: Matrix, ops: Arithmetic) -> Matrix:
         (n + 1) x (n + 1), of zeta and v_e.
     """
     n = len(Y)
-    moved = tuple((*row, push) for row, push in zip(loop.step, loop.push, strict=True))
+    moved = tuple((*row, push) for row, push in zip(loop.change, loop.push, strict=True))
     stored = product(blocked(Y, ops), blocked(moved, ops))
     after = rows_of(product(blocked(tuple(zip(*moved, strict=True)), ops), stored))
-    before = [[*row, seen] for row, seen in zip(Y, loop.seen, strict=True)]
-    before.append([*loop.seen, 2 * loop.direct - loop.spring])
-    return tuple(tuple(add(before[i][j], times(-1, after[i][j])) for j in range(n + 1)) for i in range(n + 1))
+    kept = rows_of(stored)[:STAYING]
+
+    def entry(i: int, j: int) -> Number:
+        if n in (i, j):
+            held = 2 * loop.direct - loop.spring if i == j else loop.seen[min(i, j)]
+        else:
+            held = more[i][j] if max(i, j) < STAYING else add(Y[i][j], more[i][j])
+        stays = [kept[i][j]] if i < STAYING else []
+        stays += [kept[j][i]] if j < STAYING else []
+        return reduce(add, (times(-1, each) for each in (*stays, after[i][j])), held)
+
+    return tuple(tuple(entry(i, j) for j in range(n + 1)) for i in range(n + 1))

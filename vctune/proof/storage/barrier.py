@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vctune.proof.enclosures.array_intervals import Floats
+from vctune.proof.enclosures.array_intervals import TINY, Floats
 from vctune.running import check_time
 
 CENTRED = 0.05
@@ -77,7 +77,8 @@ def _newton(constant: Floats, parts: Floats, at: Floats, price: float) -> tuple[
     rows = over.reshape(*over.shape[:2], -1)
     columns = over.swapaxes(2, 3).reshape(*over.shape[:2], -1)
     curvature = np.tensordot(rows, columns, axes=((0, 2), (0, 2)))
-    direction = np.linalg.lstsq(curvature, -slope, rcond=1e-15)[0]
+    unit = 1 / np.sqrt(np.maximum(np.diagonal(curvature), TINY))
+    direction = unit * np.linalg.lstsq(unit[:, None] * curvature * unit, -unit * slope, rcond=1e-15)[0]
     return direction, float(-slope @ direction)
 
 

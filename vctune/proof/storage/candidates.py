@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.matrices import Matrix
-from vctune.model.sampled.changing_hand import Storage, loop_states, weights
+from vctune.model.sampled.changing_hand import STAYING, Storage, loop_states, weights
 from vctune.model.sampled.plant_in_hand import delays_of
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.array_intervals import Floats
@@ -54,20 +54,21 @@ def grid(hands: Hands) -> Places:
     return Places(Hand(*numbers), last)
 
 
-def candidate(design: Design, at: Places) -> Storage | None:
+def candidate(design: Design, hands: Hands, at: Places) -> Storage | None:
     """Return a storage that grows by less than the port supplies in some hands; None if none is found.
 
     Parameters
     ----------
     design : in plain numbers
-    at : the hands
+    hands : box to which its functions refer
+    at : hands of the box
     """
-    constant, linear, basis = _affine(design, at)
+    constant, linear, basis = _affine(design, hands, at)
     found = analytic_centre(constant, linear)
     if found is None:
         return None
     terms = np.tensordot(found.reshape(-1, len(basis)), basis, axes=1)
-    return Storage(tuple(tuple(tuple(_rounded(x) for x in row) for row in term) for term in terms.tolist()))
+    return Storage(hands, tuple(tuple(tuple(_rounded(x) for x in row) for row in term) for term in terms.tolist()))
 
 
 def hand_without(design: Design, hands: Hands) -> Hand | None:
@@ -87,7 +88,7 @@ def hand_without(design: Design, hands: Hands) -> Hand | None:
         if corner.damping < hands.high.damping:
             continue
         fixed = Hands(Hand(corner.mass, hands.low.damping, corner.stiffness), corner)
-        if candidate(design, grid(fixed)) is None:
+        if candidate(design, fixed, grid(fixed)) is None:
             return corner
     return None
 
@@ -96,28 +97,32 @@ def _rounded(x: float) -> float:
     return float(f"{x:.{DIGITS}g}")
 
 
-def _affine(design: Design, at: Places) -> tuple[Floats, Floats, Floats]:
+def _affine(design: Design, hands: Hands, at: Places) -> tuple[Floats, Floats, Floats]:
     """Return the constant part of the matrices of `room_of_storage`, the parts of Y's numbers, and the units of Y."""
     loop = loop_states(design.device, design.gains, design.series, at.hand, at.sensed, delays_of(design.device), FLOATS)
     count = at.sensed.size
     step, push, seen = (
-        _stacked(loop.step, count),
+        _stacked(loop.change, count) + np.diag(np.arange(len(loop.push)) < STAYING),
         _stacked((loop.push,), count)[:, 0],
         _stacked((loop.seen,), count)[:, 0],
     )
     n = push.shape[1]
-    shares = _stacked((weights(design.device, at.hand),), count)[:, 0]
+    before = replace(at.hand, damping=at.sensed)
+    now, then = (
+        _stacked((weights(hands, design.device.mass, hand, float),), count)[:, 0] for hand in (before, at.hand)
+    )
     rows, columns = np.triu_indices(n)
     basis = np.zeros((rows.size, n, n))
     basis[np.arange(rows.size), rows, columns] = basis[np.arange(rows.size), columns, rows] = 1.0
     moved = np.concatenate([step, push[:, :, None]], axis=2)
-    before = np.zeros((rows.size, n + 1, n + 1))
-    before[:, :n, :n] = basis
-    each = before - moved.swapaxes(1, 2)[:, None] @ basis @ moved[:, None]
+    held = np.zeros((rows.size, n + 1, n + 1))
+    held[:, :n, :n] = basis
+    after = moved.swapaxes(1, 2)[:, None] @ basis @ moved[:, None]
     constant = np.zeros((count, n + 1, n + 1))
     constant[:, :n, n] = constant[:, n, :n] = seen
     constant[:, n, n] = 2 * loop.direct - loop.spring
-    linear = shares[:, :, None, None, None] * each[:, None]
+    now, then = (each[:, :, None, None, None] for each in (now, then))
+    linear = now * held - then * after[:, None]
     return constant, linear.reshape(count, -1, n + 1, n + 1), basis
 
 

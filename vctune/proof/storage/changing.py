@@ -8,9 +8,9 @@ from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.proof.storage.candidates import candidate, grid, hand_without
 from vctune.proof.storage.storage_proof import prove_storage
 
-ROUNDS = 6
+ROUNDS = 4
 """Candidates that are tried, each with a hand more in which the last one failed. Most proofs take the first."""
-MAX_BOXES = 40_000
+MAX_BOXES = 20_000
 """Boxes before a candidate is given up; a design with room takes some hundred. Half and twice it: the same proofs."""
 
 
@@ -32,10 +32,10 @@ def prove_changing(design: Design, hands: Hands) -> Outcome:
         return Outcome(Verdict.UNDECIDED, boxes)
     at = grid(hands)
     for _ in range(ROUNDS):
-        storage = candidate(design, at)
+        storage = candidate(design, hands, at)
         if storage is None:
             return Outcome(Verdict.UNDECIDED, boxes, hand=hand_without(design, hands))
-        found = prove_storage(design, storage, hands, MAX_BOXES)
+        found = prove_storage(design, storage, MAX_BOXES)
         boxes += found.boxes
         if found.open is None:
             return Outcome(Verdict.PROVED, boxes, storage=storage)

@@ -50,15 +50,12 @@ def surely_definite(matrix: Taylor) -> Definite:
         turned = by @ poly @ across
         turned[0] -= np.eye(m)
         # a product of three m x m matrices, and the difference: fewer than 4 m + 8 roundings of the sizes' product
-        left = (
-            size
-            @ (np.abs(rest).sum(axis=0) + (4 * m + 8) * UNIT * (np.abs(poly).sum(axis=0) + TINY))
-            @ size.swapaxes(-1, -2)
-        )
-        norms = np.sqrt((turned**2).sum(axis=(-1, -2)))
-        total = (norms.sum(axis=0) + np.sqrt((left**2).sum(axis=(-1, -2))) + 4 * UNIT * m) * SWOLLEN
+        rounding = (4 * m + 8) * UNIT * (np.abs(poly).sum(axis=0) + TINY)
+        rests = size @ np.concatenate([rest, rounding[None]]) @ size.swapaxes(-1, -2)
+        norms, left = (np.sqrt((each**2).sum(axis=(-1, -2))) for each in (turned, rests))
+        total = (norms.sum(axis=0) + left.sum(axis=0) + 4 * UNIT * m) * SWOLLEN
         proved = usable & (total < 1)
-        parts = norms[1 : 1 + k].copy()
+        parts = norms[1 : 1 + k] + left[:k]
         for norm, (i, j) in zip(norms[1 + k :], zip(*np.triu_indices(k), strict=True), strict=True):
             parts[i] += 0.5 * norm
             parts[j] += 0.5 * norm

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from vctune.model.gains import Coupling, Gains
-from vctune.model.hands import Hand, Hands
+from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import Number
-from vctune.model.numbers.matrices import Matrix
+from vctune.model.numbers.matrices import Matrix, add, nothing, times
 from vctune.model.sampled.changing_hand import Storage, loop_states, room_of_storage, weights
 from vctune.model.sampled.plant_in_hand import delays_of
 from vctune.proof.claims.margins_of_claims import Design
@@ -39,14 +39,13 @@ class StorageProof(NamedTuple):
     fails: bool = False
 
 
-def prove_storage(design: Design, storage: Storage, hands: Hands, max_boxes: int) -> StorageProof:
+def prove_storage(design: Design, storage: Storage, max_boxes: int) -> StorageProof:
     """Prove a storage function in all hands of a box, whatever damping of the box they had when the force was sampled.
 
     Parameters
     ----------
     design : taken as the decimals that it is written as
-    storage : in decimals
-    hands : dampings from one sample to the next, masses and stiffnesses
+    storage : in decimals, with its box of hands
     max_boxes : effort before giving up
 
     Returns
@@ -54,14 +53,14 @@ def prove_storage(design: Design, storage: Storage, hands: Hands, max_boxes: int
     StorageProof
         With the first hand that fails, or one that is left open at the end of the effort.
     """
-    ends = list(hands.ranges.values())
+    ends = list(storage.hands.ranges.values())
     low, high = (np.array([[float(end[side])] for end in ends]) for side in (0, 1))
     boxes = 0
     while low.shape[1]:
         check_time()
         now, high_now = low[:, :AT_ONCE], high[:, :AT_ONCE]
         boxes += now.shape[1]
-        found = _judged(design, storage, hands, now, high_now)
+        found = _judged(design, storage, now, high_now)
         fails = bool(found.fails.any())
         if fails or (boxes >= max_boxes and not found.proved.all()):
             at = int(np.argmax(found.fails if fails else ~found.proved))
@@ -82,18 +81,18 @@ def _halved(low: Floats, high: Floats, losses: Floats) -> tuple[Floats, Floats]:
     return np.concatenate([low, above], axis=1), np.concatenate([below, high], axis=1)
 
 
-def _judged(design: Design, storage: Storage, hands: Hands, low: Floats, high: Floats) -> Definite:
+def _judged(design: Design, storage: Storage, low: Floats, high: Floats) -> Definite:
     """Judge boxes of hands, with the least and with the greatest sensed damping: the matrix is affine in it."""
     value = between(low, high)
     value.rad += 4 * UNIT * np.abs(high)
     rows = variables([Enclosure(mid, rad) for mid, rad in zip(value.mid, value.rad, strict=True)], [True] * len(low))
     hand, exact = Hand(*rows), _enclosed(design)
-    Y = stored(storage, weights(exact.device, hand))
-    matrices = [Y]
-    for sensed in sorted({hands.low.damping, hands.high.damping}):
-        delays = delays_of(design.device)
+    Y = stored(storage, exact.device.mass, hand)
+    matrices, delays = [Y], delays_of(design.device)
+    for sensed in sorted({storage.hands.low.damping, storage.hands.high.damping}):
+        more = _lost(storage, hand, sensed)
         loop = loop_states(exact.device, exact.gains, exact.series, hand, decimal(sensed), delays, TAYLOR)
-        matrices.append(room_of_storage(loop, Y, TAYLOR))
+        matrices.append(room_of_storage(loop, Y, more, TAYLOR))
     found = [surely_definite(_stacked(matrix)) for matrix in matrices]
     return Definite(
         np.all([each.proved for each in found], axis=0),
@@ -115,18 +114,30 @@ def _stacked(matrix: Matrix) -> Taylor:
     return Taylor(flat.rows, poly, rest)
 
 
-def stored(storage: Storage, shares: tuple[Number, ...]) -> Matrix:
-    """Return Y of a hand, enclosed.
+def _lost(storage: Storage, hand: Hand, sensed: float) -> Matrix:
+    """Return how much more Y is with the sensed damping than with that of a hand."""
+    low, high = storage.hands.ranges["damping"]
+    share: Number = 0 if low == high else 2 * (decimal(sensed) - hand.damping) / (decimal(high) - decimal(low))
+    return tuple(tuple(times(share, decimal(x)) for x in row) for row in storage.terms[-1])
+
+
+def stored(storage: Storage, mass: Number, hand: Hand) -> Matrix:
+    """Return Y in a hand, enclosed.
 
     Parameters
     ----------
     storage : in decimals
-    shares : the functions `TERMS` of the hand
+    mass : m of the device
+    hand : its damping is that of the last sample
     """
-    total: list[list[Number]] = [[0.0] * len(row) for row in storage.terms[0]]
-    for share, term in zip(shares, storage.terms, strict=True):
-        for i, row in enumerate(term):
-            for j, entry in enumerate(row):
-                part = decimal(entry) * share if share != 1 else decimal(entry)
-                total[i][j] = part if isinstance(total[i][j], float) else total[i][j] + part
-    return tuple(map(tuple, total))
+    shares = weights(storage.hands, mass, hand, decimal)
+    used = [(share, term) for share, term in zip(shares, storage.terms, strict=True) if not nothing(share)]
+
+    def entry(i: int, j: int) -> Number:
+        total: Number = 0
+        for share, term in used:
+            total = add(total, decimal(term[i][j]) * share if share is not shares[0] else decimal(term[i][j]))
+        return total
+
+    n = len(storage.terms[0])
+    return tuple(tuple(entry(i, j) for j in range(n)) for i in range(n))
