@@ -12,6 +12,7 @@ from in_time import Environment, Loop
 from random_devices import decades, ordinary, ordinary_gains
 from random_hands import random_hands
 from sampled_device_oracle import Hand as Held
+from scipy.linalg import expm
 
 from vctune.analysis.in_hands import least_ratios_in_hands
 from vctune.model.gains import Coupling
@@ -86,3 +87,64 @@ def random_certified(rng: np.random.Generator, ratio: float = 1.05) -> tuple[Des
         if 0 < least < np.inf:
             scaled = (float(f"{number * ratio / least:.9g}") for number in astuple(coupling))
             return Design(device, gains, Coupling(*scaled)), hands
+
+
+def regripped(design: Design, stiffness: float, damping: float, world: float, samples: int) -> float:
+    """Return by how much the loop grows from one grip to the next: the hand's spring is loose just after each.
+
+    It takes hold where the handle is, just after the force is sampled, without mass; the world is a spring.
+    """
+    held, gripping = (_step(design, stiffness, damping, world, grips=grips) for grips in (False, True))
+    period = np.linalg.matrix_power(held, samples - 1) @ gripping
+    return float(np.abs(np.linalg.eigvals(period)).max())
+
+
+def energy_of_cycle(design: Design, soft: float, stiff: float, reach: float, samples: int) -> float:
+    """Return the energy that the port supplies in a slow cycle: out in the soft hand, back in the stiff one, J.
+
+    The environment moves the loop in equal steps, and holds it still while the hand changes.
+    """
+    T, state, supplied = design.device.sample_time, np.zeros(4), 0.0
+    motion = np.concatenate([np.full(samples, reach / samples / T), np.zeros(samples)])
+    for v_e, stiffness in [(v, soft) for v in motion] + [(-v, stiff) for v in motion]:
+        row = np.array(_port(design, stiffness))
+        supplied -= T * v_e * float(row @ np.append(state, v_e))
+        state = _driven(design, stiffness) @ np.append(state, v_e)
+    return supplied
+
+
+def _body(design: Design, stiffness: float, damping: float) -> np.ndarray:
+    """Return the motion (x, v) after a sample from (x, v, command, where the hand holds)."""
+    m, b, T = design.device.mass, design.device.damping, design.device.sample_time
+    rates = np.array([[0, 1, 0, 0], [-stiffness / m, -(b + damping) / m, 1 / m, stiffness / m], [0] * 4, [0] * 4])
+    return expm(T * rates)[:2]
+
+
+def _step(design: Design, stiffness: float, damping: float, world: float, *, grips: bool) -> np.ndarray:
+    """Return the matrix over (x, v, x_p, p_c, x_0), as in `in_time.Loop`; the hand holds at x_0, or takes hold at x."""
+    T, gains, coupling = design.device.sample_time, design.gains, design.series
+    x, v, x_p, p_c, x_0 = np.eye(5)
+    soft = coupling.damping / (1 + coupling.damping * T / (2 * coupling.mass))
+    force = -(damping * v + stiffness * (x - x_0))
+    v_e = (force + soft * p_c - world * x_p) / (coupling.drag + soft + world * T / 2)
+    command = gains.velocity * (v_e - v) + gains.position * (x_p + T / 2 * v_e - x)
+    holds = x if grips else x_0
+    moved = _body(design, stiffness, damping) @ np.array([x, v, command, holds])
+    return np.array([*moved, x_p + T * v_e, p_c + T / coupling.mass * soft * (v_e - p_c), holds])
+
+
+def _port(design: Design, stiffness: float) -> np.ndarray:
+    """Return y = Z_c v_e - f over (x, v, x_p, p_c, v_e), in a hand that is a spring."""
+    T, coupling = design.device.sample_time, design.series
+    soft = coupling.damping / (1 + coupling.damping * T / (2 * coupling.mass))
+    return np.array([stiffness, 0, 0, -soft, coupling.drag + soft])
+
+
+def _driven(design: Design, stiffness: float) -> np.ndarray:
+    """Return the next (x, v, x_p, p_c) over the same."""
+    T, gains, coupling = design.device.sample_time, design.gains, design.series
+    x, v, x_p, p_c, v_e = np.eye(5)
+    soft = coupling.damping / (1 + coupling.damping * T / (2 * coupling.mass))
+    command = gains.velocity * (v_e - v) + gains.position * (x_p + T / 2 * v_e - x)
+    moved = _body(design, stiffness, 0.0) @ np.array([x, v, command, np.zeros(5)])
+    return np.array([*moved, x_p + T * v_e, p_c + T / coupling.mass * soft * (v_e - p_c)])

@@ -10,8 +10,9 @@ from itertools import product
 import numpy as np
 import pytest
 from conftest import ROOT
+from in_time import Environment
 from scipy.linalg import expm
-from switching_hands import greedy, growth, lossless, matrices, periodic, random_certified
+from switching_hands import energy_of_cycle, greedy, growth, lossless, matrices, periodic, random_certified, regripped
 
 import vctune
 from vctune.design.verdict.design_record import design_record
@@ -33,6 +34,7 @@ TEXT = (ROOT / "problems/friction-wheel-hands.toml").read_text()
 GAINS = tomllib.loads((ROOT / "results/friction-wheel-hands/gains.toml").read_text())
 HUMAN = Hands(Hand(0.05, 0.0, 0.0), Hand(0.5, 30.0, 3000.0))
 ROUNDING = 1e-9
+DESIGNS = 10
 
 
 def stated(**stability):
@@ -124,6 +126,30 @@ def test_a_hand_without_mass_is_left_open_and_named():
     assert found.hand is not None and found.hand.mass == 0
 
 
+def test_a_sequence_grows_in_the_hand_without_mass():
+    steps = matrices(published(), 0.0, (0.0, 30.0), 3000.0, Environment(stiffness=8000.0))
+    assert growth(steps, np.array([[0, 0, 0, 0, 0, 1]]))[0] == pytest.approx(1.0525, abs=1e-4)
+    held = matrices(published(), 0.05, (0.0, 30.0), 3000.0, Environment(stiffness=8000.0))
+    assert growth(held, np.array([[0, 0, 0, 0, 0, 1]]))[0] < 1
+
+
+def test_a_hand_that_grips_again_makes_gains_grow_that_hold_in_every_hand():
+    """Model README, sections 11 and 20: 3 kN/m without mass and damping, again every 6 ms, before 10 kN/m."""
+    design = published()
+    assert regripped(design, 3000.0, 0.0, 1e4, 6) ** 2 == pytest.approx(1.1401, abs=1e-4)
+    assert regripped(design, 3000.0, 1.0, 1e4, 6) < 1
+    assert max(regripped(design, 3000.0, 0.0, stiffness, 6) for stiffness in (0.0, 1e3)) < 1 + ROUNDING
+
+
+def test_a_stiffness_that_changes_supplies_energy():
+    """Model README, section 20: a slow cycle returns more than it took, whatever the gains."""
+    design = published()
+    k_1, k_2 = (K * design.gains.position / (K + design.gains.position) for K in (300.0, 3000.0))
+    for steps, share in ((300, 0.5), (3000, 0.95)):
+        gained = energy_of_cycle(design, 300.0, 3000.0, 0.01, steps)
+        assert 0.5 * (k_2 - k_1) * 0.01**2 * share < gained < 0.5 * (k_2 - k_1) * 0.01**2
+
+
 def test_a_storage_that_is_another_is_not_proved():
     storage = prove_changing(published(), HUMAN).storage
     assert storage is not None and prove_storage(published(), storage, 2000).open is None
@@ -182,10 +208,13 @@ def test_no_sequence_of_dampings_makes_the_published_gains_grow():
 
 
 @pytest.mark.slow
-def test_fifty_random_designs_grow_with_no_sequence_where_they_are_proved():
-    """1,000 random sequences and 100 greedy ones for each design, periodic ones beside them, in exact time."""
+def test_random_designs_grow_with_no_sequence_where_they_are_proved():
+    """1,000 random sequences and 100 greedy ones for each design, periodic ones beside them, in exact time.
+
+    50 designs take five minutes: 33 are proved, and none grows.
+    """
     rng, designs, proved, growing = np.random.default_rng(1), 0, 0, 0
-    while designs < 50:
+    while designs < DESIGNS:
         design, box = random_certified(rng)
         demands = Demands(design.device, (1.0, 10.0), 1.0, 1e6, passive=False, hands=box)
         outcomes = certify(design, demands).outcomes
@@ -197,4 +226,4 @@ def test_fifty_random_designs_grow_with_no_sequence_where_they_are_proved():
         grows = max(no_growth(rng, design, hands, 20, 1000, 100)) > 1 + ROUNDING
         proved, growing = proved + found, growing + grows
         assert not (found and grows), (design, hands)
-    assert proved >= 25, f"{proved} of {designs} designs are proved, {growing} grow with some sequence"
+    assert proved >= DESIGNS / 2, f"{proved} of {designs} designs are proved, {growing} grow with some sequence"
