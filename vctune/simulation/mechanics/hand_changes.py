@@ -98,7 +98,13 @@ def moved_on(one: OneSample, inputs: Floats, grip: float, *, regrips: bool) -> t
 
 
 def called(step: Any, state: Floats) -> OneSample:
-    """Return a compiled step from a state, with arrays for CasADi's matrices."""
+    """Return a compiled step from a state, with arrays for CasADi's matrices.
+
+    Parameters
+    ----------
+    step : the compiled function
+    state : the state before
+    """
 
     def one(inputs: Floats) -> tuple[Floats, Floats]:
         after, record = step(state, inputs)
