@@ -27,6 +27,7 @@ from vctune.proof.certificate import certify
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.registry import claims_asked
 from vctune.proof.engine.interval import Verdict
+from vctune.proof.storage.barrier import analytic_centre
 from vctune.proof.storage.changing import prove_changing
 from vctune.proof.storage.storage_proof import prove_storage
 
@@ -205,6 +206,47 @@ def no_growth(rng, design, hands, cases, sequences, adversaries):
 def test_no_sequence_of_dampings_makes_the_published_gains_grow():
     random, adverse = no_growth(np.random.default_rng(0), published(), HUMAN, 5, 100, 10)
     assert random < 1 + ROUNDING and adverse < 1 + ROUNDING
+
+
+def falls_while_stiffness_changes(environment, rate):
+    """Return whether one P_0 + K P_1 falls in every sample, K from 0.3 to 3 kN/m changing by `rate`, N/m per s."""
+    stiffnesses, T = np.linspace(300.0, 3000.0, 7), 1e-3
+    steps = [matrices(published(), 0.2, (0.0,), stiffness, environment)[0] for stiffness in stiffnesses]
+    n = len(steps[0])
+    energy, many = np.diag([1e5, 0.4, 1e-5, 1e-5, 1e5, 0.05, environment.mass]), steps[3]
+    for _ in range(40):  # Lyapunov's function of the stiffness in the middle, in whose units all states are alike
+        energy, many = energy + many.T @ energy @ many, many @ many
+    unit = np.linalg.cholesky(energy).T
+    steps = [unit @ step @ np.linalg.inv(unit) for step in steps]
+    rows, columns = np.triu_indices(n)
+    basis = np.zeros((rows.size, n, n))
+    basis[np.arange(rows.size), rows, columns] = basis[np.arange(rows.size), columns, rows] = 1.0
+
+    def stored(stiffness):
+        return np.concatenate([basis, (stiffness - 1650.0) / 1350.0 * basis])
+
+    linear, constant = [], []
+    for stiffness, step in zip(stiffnesses, steps, strict=True):
+        later = (stored(np.clip(stiffness + change * T, 300.0, 3000.0)) for change in (rate, -rate))
+        linear += [stored(stiffness), -stored(stiffness), *(stored(stiffness) - step.T @ each @ step for each in later)]
+        constant += [np.zeros((n, n)), np.eye(n), np.zeros((n, n)), np.zeros((n, n))]
+    return analytic_centre(np.array(constant), np.array(linear)) is not None
+
+
+SLOWLY = [(2000, 2, 0.5), (200, 0, 0.02), (2000, 0, 0.02), (2000, 0, 0.5), (0, 2, 0.5), (2000, 10, 5)]
+"""Stiffness, damping and mass of environments."""
+
+
+@pytest.mark.parametrize("world", [SLOWLY[0], *(pytest.param(each, marks=pytest.mark.slow) for each in SLOWLY[1:])])
+def test_a_stiffness_may_change_slowly_before_a_linear_environment(world):
+    stiffness, damping, mass = map(float, world)
+    assert falls_while_stiffness_changes(Environment(mass=mass, damping=damping, stiffness=stiffness), 1e3)
+
+
+@pytest.mark.slow
+def test_a_stiffness_may_not_change_much_faster_before_a_heavy_one():
+    heavy = Environment(mass=5.0, stiffness=2000.0)
+    assert falls_while_stiffness_changes(heavy, 1e3) and not falls_while_stiffness_changes(heavy, 3e3)
 
 
 @pytest.mark.slow
