@@ -205,7 +205,8 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "passive as it runs, in the exact sampled loop, while the damping of the hand takes any value of its "
                 "range at every sample. The mass, at least `changing_mass_min`, and the stiffness of the hand stay as "
                 "they are. The claim does not include the safety factor. Where no such function is found nothing is "
-                "known: it does not say that a hand makes the device unstable."
+                "known: it does not say that a hand makes the device unstable. If a hand without mass is the reason, "
+                "`changing_mass_min` leaves it out."
             ),
             asked=lambda demands, _: demands.changing is not None,
         ),

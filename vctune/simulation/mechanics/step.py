@@ -262,13 +262,15 @@ def _hand_force(scene: Scene, at: Slide, inputs: Any, motor: Any) -> Any:
 
 def _moved_exactly(scene: Scene, moving: Assembly | None, body: Any, inputs: Any, acting: list[Any]) -> Any:
     exact = plant.transition(scene) if moving is None else assembled_transition(scene, moving)
-    moved = ca.mtimes(ca.DM(exact.state), body) + ca.mtimes(ca.DM(exact.motion), _motion(inputs))
+    moved = ca.mtimes(ca.DM(exact.state), body) + ca.mtimes(ca.DM(exact.motion), _motion(scene, inputs))
     moved = moved + ca.DM(exact.late) * acting[-2]
     return moved + ca.DM(exact.early) * acting[-1] if exact.early.any() else moved
 
 
-def _motion(inputs: Any) -> Any:
+def _motion(scene: Scene, inputs: Any) -> Any:
     """Return x_i and v_i at this sample and at the next, for the grip from this sample on."""
+    if not scene.operator.regrip:
+        return inputs[:4]
     return ca.vertcat(inputs[0] + inputs[5], inputs[1], inputs[2] + inputs[5], inputs[3])
 
 
@@ -280,7 +282,7 @@ def _with_friction(scene: Scene, moving: Assembly | None, friction: Friction, st
     when, push = timing(scene), ca.DM(hand_force_derivatives(scene.operator, scene.device.sample_time))
     state, inputs = ca.MX.sym("state", firmware.size_in(0)), ca.MX.sym("inputs", firmware.size_in(1))
     kept, record, early, late = firmware(state, inputs)
-    motion = _motion(inputs)
+    motion = _motion(scene, inputs)
     body, felt = state[: 3 if moving is None else moving.size + 1], []
     instant, T = sensing(scene).instant, scene.device.sample_time
     for begin, end in pairwise(sorted({0.0, when.early, T} | ({instant} if instant is not None else set()))):
