@@ -20,7 +20,7 @@ from vctune.api.exporting import (
 from vctune.api.folders import GAINS_FILE, claim_folder
 from vctune.api.solving import solve
 from vctune.design.result import Solved
-from vctune.design.ros.admittance_check import check_admittance
+from vctune.design.ros.admittance_check import axes_asked_for, check_admittance
 from vctune.design.search.optimum import Progress
 from vctune.design.verdict.checked import Checked, CheckVerdict, DesignFinding
 from vctune.design.verdict.design_record import record_of
@@ -232,12 +232,12 @@ def check_parameters(
     Raises
     ------
     InputError
-        If the file selects an axis that the problem does not have, or an axis moves otherwise.
+        If the file selects an axis that the problem does not have, or an axis turns where the problem's axis moves
+        along a line, or the reverse; or if `only` names an axis that the file does not select.
     """
     given, known = read_admittance(path), {axis.name for axis in axes.axes}
-    selected = [axis.axis for axis in given.axes]
-    asked = list(only or selected)
-    if missing := [name for name in asked if name not in known and name in selected]:
+    asked = [axis.axis for axis in axes_asked_for(path, given, only)]
+    if missing := [name for name in asked if name not in known]:
         message = (
             f"selects {', '.join(missing)}, and {axes.axes[0].file.source} has no [[axis]] of that name; write one"
         )
@@ -250,8 +250,8 @@ def check_parameters(
     for group in groups.values():
         names = [axis.name for axis in group]
         checks = check_admittance(_named(group[0].file, axes.name), path, given, names, progress)
-        found |= dict(zip([name for name in selected if name in names], checks, strict=True))
-    return [found[name] for name in selected if name in found]
+        found |= dict(zip([name for name in asked if name in names], checks, strict=True))  # in the file's order
+    return [found[name] for name in asked]
 
 
 def _gains_of(gains: Mapping[str, GainsFile] | None, axis: AxisProblem) -> GainsFile | None:

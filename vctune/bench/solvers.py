@@ -125,9 +125,10 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
         rows += _problem_rows(name, problem, tick)
     return Measured(
         "vctune against other solvers",
-        "Gap to the best proved error against processor time, one point a problem, for answers that are proved and for "
-        f"those that are not; a gap below {LEAST_GAP:g} lies on the dotted line, as do those of answers that seem "
-        "better than the best because they violate a demand. Right: how much they violate.",
+        "The left panel shows the gap to the best proved error against processor time, with one point for each "
+        "problem, for answers that are proved and for answers that are not. A point on the dotted line has a gap below "
+        f"{LEAST_GAP:g}, or seems better than the best because it violates a constraint. The right panel shows the "
+        "violations.",
         rows,
         facts(rows),
         panels(rows),
@@ -220,9 +221,10 @@ def facts(rows: list[Row]) -> list[str]:
     refuted = sum(row.verdict == Status.VIOLATED for row in fixed)
     better = [row for row in rows if row.solver == OURS and row.gap > LEAST_GAP]
     return [
-        f"Prover and independent evaluator contradict each other {sum(not row.consistent for row in rows)} times.",
+        "The prover and the independent evaluator contradict each other "
+        f"{sum(not row.consistent for row in rows)} times.",
         *(_compared(solver, rows) for solver in dict.fromkeys(row.solver for row in rows)),
-        f"IPOPT says that it succeeded on {len(fixed)} fixed grids; {refuted} of these answers are refuted.",
+        f"IPOPT reports success on {len(fixed)} fixed grids, and {refuted} of these answers are refuted.",
         f"Problems on which a peer's proved error is lower than vctune's: {_named(better)}.",
     ]
 

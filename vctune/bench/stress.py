@@ -88,8 +88,8 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
             tick(f"{len(rows)} of {count} devices")
     return Measured(
         "Devices over ten decades",
-        "Left: how long each device took, by what became of it. Right: the largest relative error of the double "
-        "precision formulas at the frequencies that were checked with 50 digits.",
+        "The left panel shows the time of each device, by its status. The right panel shows the largest relative error "
+        "of the double precision formulas at the frequencies that were checked with 50 digits.",
         rows,
         facts(rows),
         panels(rows),
@@ -228,7 +228,7 @@ def facts(rows: list[Row]) -> list[str]:
     said = [
         f"{len(rows)} devices: {shares}.",
         f"Wrong verdicts: {len(wrong)}" + "".join(f"; device {row.number}: {row.wrong}" for row in wrong[:3]) + ".",
-        f"Failed (tracebacks, numbers that are none, no answer within {PATIENCE:g} s): {counts[FAILED]}"
+        f"Failed (tracebacks, numbers that are not finite, no answer within {PATIENCE:g} s): {counts[FAILED]}"
         + "".join(f"; device {row.number}: {row.reason}" for row in rows if row.status == FAILED)
         + ".",
     ]

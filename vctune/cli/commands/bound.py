@@ -37,8 +37,8 @@ def bound(
     DESIGN is a design.json of the problem; without one, vctune solves the problem first. The command adds the bound to
     design.json and to the report.
 
-    Ctrl-C and the time limit keep the bound reached so far and give exit code 3; the same command then continues. A
-    second Ctrl-C ends at once.
+    After Ctrl-C or the time limit, the command keeps the bound reached so far and exits with code 3. Run the same
+    command again to continue. A second Ctrl-C ends at once.
     """
     from vctune import Status, read_problem
     from vctune.api.bounding import bound as search

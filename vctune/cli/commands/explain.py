@@ -29,10 +29,10 @@ def _names(context: click.Context, parameter: click.Parameter, incomplete: str) 
 @click.argument("name", required=False, metavar="[CODE|KEY|TERM|CLAIM]", shell_complete=_names)
 @output_options()
 def explain(name: str | None, style: str, quiet: bool) -> int:
-    """Explain a name, from the guides of the project; without one, list all names.
+    """Explain a NAME with the text of the project's guides. Without NAME, list all names.
 
-    A name is one of these: a code, which stands in brackets after an error or a warning; a key of a problem or log
-    file; a term or symbol of the glossary; or a claim of a certificate, by its id in design.json.
+    NAME is a code, a key of a problem or log file, a term or symbol of the glossary, or the id of a claim in
+    design.json. A code is the word in brackets after an error or a warning.
     """
     from vctune.api.explaining import contents
     from vctune.api.explaining import explain as found_in_guides

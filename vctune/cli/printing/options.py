@@ -52,7 +52,9 @@ def output_options(*more: str) -> Added:
         click.option(
             "--json", is_flag=True, is_eager=True, expose_value=False, callback=_short, help="Short for --format json."
         ),
-        click.option("--quiet", is_flag=True, help="Print no progress and no text; --format still prints its output."),
+        click.option(
+            "--quiet", is_flag=True, help="Print no progress and no text. The output of --format still appears."
+        ),
     )
 
     def add(command: Any) -> Any:
@@ -82,7 +84,7 @@ def time_limit_option(of: str = "") -> Added:
     ----------
     of : what ends, if it is not the command
     """
-    text = f"Stop{of} after S seconds; keep the result so far, exit code 3."
+    text = f"Stop{of} after S seconds, keep the result so far, and exit with code 3."
     return click.option(
         "--time-limit",
         type=click.FloatRange(0),
@@ -116,7 +118,7 @@ def worker_options(command: Any) -> Any:
             default="processes",
             show_default=True,
             metavar="processes|serial|dask|dask:ADDRESS",
-            help="Where points are solved: worker processes, this process, a local Dask cluster, or a running one.",
+            help="Where to solve the points: worker processes, this process, a local Dask cluster, or a running one.",
         ),
         click.option("--jobs", type=click.IntRange(1, 512), help="Number of workers.  [default: number of cores]"),
     ):

@@ -93,16 +93,33 @@ def check_admittance(
 
 def _chosen(problem: ProblemFile, path: Path, given: AdmittanceFile, only: Sequence[str]) -> list[Admittance]:
     """Return the axes to look at and those to name as skipped."""
-    selected = [axis.axis for axis in given.axes]
-    if unknown := [name for name in only if name not in selected]:
-        message = f"selects {', '.join(selected)}, and --axis asks for {', '.join(unknown)}; name axes that it selects"
-        raise InputError.of(str(path), "contradiction", message, key="admittance.selected_axes", line=given.line)
-    axes = [axis for axis in given.axes if not only or axis.axis in only]
+    axes = axes_asked_for(path, given, only)
     others = [axis for axis in axes if not _moves_as(axis, problem)]
     if others and (only or len(others) == len(axes)):
         message = f"{', '.join(axis.axis for axis in others)} cannot be looked at: {_misfit(others, problem)}"
         raise InputError.of(str(path), "ros-rotation", message, key="admittance.selected_axes", line=given.line)
     return axes
+
+
+def axes_asked_for(path: Path, given: AdmittanceFile, only: Sequence[str]) -> list[Admittance]:
+    """Return the axes of a parameter file that are to be checked, in the file's order.
+
+    Parameters
+    ----------
+    path : path of the file, for messages
+    given : its selected axes
+    only : names of the axes to check; empty for all
+
+    Raises
+    ------
+    InputError
+        If `only` names an axis that the file does not select.
+    """
+    selected = [axis.axis for axis in given.axes]
+    if unknown := [name for name in only if name not in selected]:
+        message = f"selects {', '.join(selected)}, and --axis asks for {', '.join(unknown)}; name axes that it selects"
+        raise InputError.of(str(path), "contradiction", message, key="admittance.selected_axes", line=given.line)
+    return [axis for axis in given.axes if not only or axis.axis in only]
 
 
 def _moves_as(axis: Admittance, problem: ProblemFile) -> bool:

@@ -64,9 +64,9 @@ CLAIMS: dict[ClaimId, Claim] = {
             witness="a frequency of the stability band",
             label="any passive hand, on the band",
             explain=(
-                "Llewellyn's conditions. At every frequency of the stability band the device bears any passive hand "
-                "with every passive environment, as far as the frequency model goes, which has no aliasing. Outside "
-                "the proved band such a hand can make it oscillate."
+                "Llewellyn's conditions hold in the frequency model, which has no aliasing. At every frequency of the "
+                "stability band the device is stable in any passive hand with every passive environment. Outside the "
+                "proved band such a hand can make it oscillate."
             ),
             asked=lambda demands, _: demands.passive,
         ),
@@ -91,8 +91,8 @@ CLAIMS: dict[ClaimId, Claim] = {
             witness="if undecided, a frequency where the curve comes close to 0; poles themselves are only counted",
             label="poles of the frequency model",
             explain=(
-                "The model in which `passive` is proved is stable by itself, let go and in the hand of `[operator]`. "
-                "Without this claim those conditions say nothing."
+                "The frequency model itself is stable, let go and in the hand of `[operator]`. Without this claim, "
+                "`passive` would not imply stability."
             ),
             asked=lambda demands, _: demands.passive,
         ),
@@ -104,8 +104,8 @@ CLAIMS: dict[ClaimId, Claim] = {
             witness="if undecided, a frequency where the curve comes close to 0; poles themselves are only counted",
             label="poles of the sampled loop",
             explain=(
-                "The velocity loop as the computer runs it, sample by sample, is stable when nobody holds the device, "
-                "and in the hand of `[operator]`."
+                "The exactly sampled velocity loop is stable when nobody holds the device, and in the hand of "
+                "`[operator]`."
             ),
             asked=lambda demands, _: demands.device.kind.own_loop,
         ),
@@ -117,8 +117,8 @@ CLAIMS: dict[ClaimId, Claim] = {
             witness="a frequency up to Nyquist",
             label="unmodelled dynamics",
             explain=(
-                "The small-gain theorem: no response of the mechanism within the radius of `uncertainty.unmodelled` "
-                "around the modelled one makes the velocity loop unstable."
+                "By the small-gain theorem, no response of the mechanism within the radius of "
+                "`uncertainty.unmodelled` around the modelled one makes the velocity loop unstable."
             ),
             asked=lambda demands, box: (
                 box is not None and box.nominal.unmodelled is not None and demands.device.kind.own_loop
@@ -181,11 +181,12 @@ CLAIMS: dict[ClaimId, Claim] = {
             witness="a frequency up to Nyquist and a hand of `[operator]`",
             label="every hand with every wall of the box",
             explain=(
-                "The multiplier of Zames and Falb. The device is stable in each hand of `[operator]` with each wall: a "
-                "force that depends on the position alone and rises with slopes of the range `environment.stiffness`, "
-                "one-sided or piecewise linear, anywhere, stepped by the trapezoidal rule or by backward Euler, beside "
-                "a mass and a damper of `[environment]`. The walls do not move, and no damper is one-sided. Where the "
-                "condition fails nothing is known: it does not say that a wall makes the device unstable."
+                "The device is stable in each hand of `[operator]` with each wall together with a mass and a damper of "
+                "`[environment]`. The force of a wall depends only on the position, and rises with slopes in the range "
+                "`environment.stiffness`. A wall is one-sided or piecewise linear, at any position, and is stepped by "
+                "the trapezoidal rule or by backward Euler. The walls do not move, and no damper is one-sided. The "
+                "proof uses the multiplier of Zames and Falb. If its condition fails, a wall need not make the device "
+                "unstable."
             ),
             asked=lambda demands, _: demands.hands is not None and demands.worlds is not None and demands.worlds.walls,
         ),
