@@ -45,7 +45,7 @@ for _name in ABOUT:
 
 
 def _run(name: str, quick: bool, seed: int, out: Path, style: str, quiet: bool) -> int:
-    for variable in THREADS:  # before NumPy is imported: processor time then counts no idle threads
+    for variable in THREADS:  # before NumPy is imported, so that processor time counts no idle threads
         os.environ[variable] = "1"
     from vctune.api.benchmarking import benchmark
     from vctune.cli.printing.output import answer

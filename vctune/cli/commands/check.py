@@ -99,7 +99,7 @@ def check(
 
 
 def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, said: Said) -> list[Checked]:
-    """Check a region, and the gains files after its problem; draw the losses of the region."""
+    """Check a region and the gains files for its problem; write the losses of the region."""
     from vctune import read_problem
     from vctune.api.checking import LOST, check_files, recheck, remove_lost, write_lost
     from vctune.api.folders import folder_name
@@ -137,7 +137,7 @@ def _of_axes(
 
 
 def _files(path: Path) -> list[Path]:
-    """Return the files that an argument stands for."""
+    """Return the files that an argument stands for: the file, or the .toml files in a folder."""
     from vctune import InputError
 
     if not path.is_dir():

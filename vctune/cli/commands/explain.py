@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from vctune.document.records.printed_json import EntryRecord
 
 WIDEST = 100
-"""Width of a page, in characters."""
+"""Width of a page in characters."""
 
 
 def _names(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
@@ -56,7 +56,7 @@ def _contents(every: list[EntryRecord]) -> str:
 
 
 def _page(entry: EntryRecord) -> str:
-    """Return an entry as plain text: its name, the text of the guide, and which guide."""
+    """Return an entry as plain text: its name, the text of the guide, and the name of the guide."""
     blocks = re.split(r"(```.*?```)", entry.text, flags=re.DOTALL)
     parts = [_verbatim(block) if block.startswith("```") else _paragraphs(block) for block in blocks]
     return "\n\n".join([f"{entry.name} ({entry.kind})", *filter(None, parts), f"from {entry.guide}"])

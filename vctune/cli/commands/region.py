@@ -79,7 +79,7 @@ def region(
     given = design_for(file, gains) if gains else None
     with progress_on_stderr(f"vctune region {problem.name}", shown=not quiet) as progress:
         solved = best_design(file.problem, progress) if given is None else None
-        with interrupt_noted() as stopped:  # from here on something would be lost
+        with interrupt_noted() as stopped:  # from here on an interrupt would lose work
             found = find(file, x, y, given, resolution=resolution, solved=solved, stopped=stopped, progress=progress)
             late = found.region.interrupted and not stopped()
             progress("drawing")

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from vctune.model.gains import AnyCoupling, Gains
 
 IN_THE_LOOP = "in-the-loop"
-"""The folder of the results of a compiled controller, inside that of the design."""
+"""Folder for the results of a compiled controller, inside the design's folder."""
 
 
 @click.command(short_help="Simulate a design in the problem's experiments.")

@@ -146,7 +146,7 @@ def _share(key: str) -> Any:
 SharesTable: Any = create_model(
     "SharesTable", __base__=Table, **{key.replace(".", "_"): _share(key) for key in UNCERTAIN}
 )
-"""A relative half-width for each number of a device that may be uncertain."""
+"""Table with a relative half-width for each number of a device that may be uncertain."""
 
 
 class UncertaintyTable(SharesTable):

@@ -15,7 +15,7 @@ UNITS: dict[str, float] = {
     "m/s": 1.0, "mm/s": 1e-3, "rad/s": 1.0, "deg/s": 0.017453292519943295,
     "N": 1.0, "mN": 1e-3, "kN": 1e3, "Nm": 1.0, "mNm": 1e-3,
 }  # fmt: skip
-"""Units of a column by name, in SI units."""
+"""Units of a column by name, each in SI units."""
 Unit = Literal[
     "s",
     "ms",

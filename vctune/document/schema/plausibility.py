@@ -1,4 +1,4 @@
-"""Values that are valid but probably not intended: a number in another unit, a name that a system reserves."""
+"""Values that are valid but probably not intended: numbers in another unit, names that a system reserves."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from vctune.model.experiment import Environment
 from vctune.model.problem import Problem
 
 SLOWEST = 0.1
-"""Sample time, s, from which on vctune asks whether it is in seconds: twice that of the slowest example."""
+"""Sample time, s, above which vctune asks whether it is in seconds: twice that of the slowest example."""
 STIFFEST = 1e6
-"""Greatest stiffness of a hand, N/m or N m/rad, from which on vctune asks whether it is in SI units: ten times that of
-a stiff fixture, a thousand times that of a firm grip."""
+"""Stiffness of a hand, N/m or N m/rad, above which vctune asks whether it is in SI units: ten times that of a stiff
+fixture, and a thousand times that of a firm grip."""
 FIRM = 1e3
 """Stiffness of a firm grip, N/m."""
 FINER = ((1e-6, "microseconds"), (1e-3, "milliseconds"))
@@ -24,7 +24,7 @@ def doubts(problem: Problem) -> Iterator[Note]:
 
     Parameters
     ----------
-    problem : a valid one
+    problem : a valid problem
     """
     T, name = problem.device.sample_time, problem.name
     if T >= SLOWEST:
@@ -47,9 +47,9 @@ def doubts(problem: Problem) -> Iterator[Note]:
 
 
 def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | None:
-    """Return a number of an environment that is outside a problem's box, in words, and its key; None if none is.
+    """Return words on a number of an environment outside a problem's box, and its key; None if there is no such number.
 
-    A spring by backward Euler is one by the trapezoidal rule with a damper beside it, a mass is not.
+    A spring by backward Euler equals a spring by the trapezoidal rule with a damper in parallel. A mass does not.
     """
     worlds, units = problem.worlds, problem.units
     if worlds is None:
@@ -68,7 +68,7 @@ def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | No
 
 
 def in_finer_unit(value: float, most: float) -> tuple[str, float]:
-    """Return the unit in which a number of seconds may have been written instead, and its value in seconds.
+    """Return the finer unit in which a number of seconds may have been written, and the value in seconds.
 
     Parameters
     ----------

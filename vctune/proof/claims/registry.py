@@ -1,5 +1,4 @@
-"""The claims of a certificate, each under an identifier that never changes: its statement and the quantity that it
-limits.
+"""The claims of a certificate, each with an identifier that never changes, its statement and the quantity it limits.
 
 All records, reports and messages refer to a claim by its identifier, so that its wording may change.
 """
@@ -30,13 +29,13 @@ class Claim:
     ----------
     id : public name in design.json; once a file contains it, it never changes
     sentence : the statement; {couples} stands for the response of the display's coupling, Z_c or 1/Z_c
-    quantity : quantity that it limits, under the name of the search's constraints (`in_hand`: the ratio in a hand);
-        the search constrains neither "poles" nor "storage"
+    quantity : the limited quantity, by the name that the search's constraints use (`in_hand` is the ratio in a hand;
+        the search constrains neither "poles" nor "storage")
     margin : dotted path within vctune of the function that must be positive, or of the curve that must not go around 0
-    witness : description of the place where it fails
-    label : heading of its row in a report
-    explain : its meaning for the reader
-    asked : whether the constraints require it, on a box of devices or on one device alone
+    witness : description of the place where the claim fails
+    label : heading of the claim's row in a report
+    explain : meaning of the claim for the reader
+    asked : function that returns whether the constraints require the claim, for a box of devices or one device
     """
 
     id: ClaimId
@@ -49,7 +48,7 @@ class Claim:
     asked: Callable[[Demands, DeviceBox | None], bool]
 
     def said_of(self, kind: Display) -> str:
-        """Return the statement about a kind of display."""
+        """Return the claim's statement about a kind of display."""
         return self.sentence.format(couples=kind.couples)
 
 
@@ -213,15 +212,15 @@ CLAIMS: dict[ClaimId, Claim] = {
         ),
     )
 }
-"""The claims in the order of a certificate."""
+"""All claims, in the order of a certificate."""
 
 
 IN_HANDS: tuple[ClaimId, ...] = ("hands", "worlds", "walls")
-"""Claims about the hands of a box; a certificate makes one of the first two, and the last beside the second."""
+"""Claims about the hands of a box. A certificate makes one of the first two, and the third only with the second."""
 
 
 def claims_about(*quantities: Quantity) -> tuple[ClaimId, ...]:
-    """Return the identifiers of the claims that limit some quantities."""
+    """Return the identifiers of the claims that limit given quantities."""
     return tuple(claim.id for claim in CLAIMS.values() if claim.quantity in quantities)
 
 
@@ -231,7 +230,7 @@ def claims_asked(demands: Demands, box: DeviceBox | None = None) -> list[ClaimId
     Parameters
     ----------
     demands : constraints on a design; they decide which claims apply
-    box : uncertain devices that add claims of their own; None for one known device
+    box : box of uncertain devices, which adds claims; None for one known device
 
     Returns
     -------
