@@ -59,7 +59,7 @@ class Hand:
         return cls(**{name: values[key] for key, name in zip(HAND, NAMES, strict=True)})
 
     def mapped(self, of: Callable[..., Number], *others: Hand) -> Hand:
-        """Apply a function to each number of this hand and the same number of other hands; return the resulting hand.
+        """Return the hand whose numbers are a function of the corresponding numbers of this hand and the other hands.
 
         Parameters
         ----------

@@ -45,7 +45,7 @@ def check(
     strict: bool,
     out: Path,
 ) -> int:
-    """Prove gains that already exist. The exit code is the worst of all checks.
+    """Prove gains that already exist. The exit code is that of the check with the worst result.
 
     The command checks a PROBLEM file without GAINS if all its numbers are fixed. It checks one PROBLEM with each of
     several GAINS files. A folder stands for the .toml files in it.

@@ -18,7 +18,7 @@ from vctune.cli.printing.options import out_option, output_options, problem_argu
 @time_limit_option(" each point")
 @output_options()
 def front(problem: Path, out: Path, jobs: int | None, executor: str, time_limit: float, style: str, quiet: bool) -> int:
-    """Find two Pareto fronts of PROBLEM: between the three terms of the error, and between error and band.
+    """Find two Pareto fronts of PROBLEM: that of the three terms of the error, and that of the error and the band.
 
     The command runs two sweeps. The first varies K_p over its range and the coupling's weight over six decades. The
     second varies the upper edge of the stability band up to the Nyquist frequency. With the criterion "hands" the

@@ -15,7 +15,7 @@ from vctune.cli.printing.options import out_option, output_options
 @click.option("--servo", is_flag=True, help="Identify a servo; LOG contains its command and its position.")
 @out_option()
 @click.option(
-    "--excitation", is_flag=True, help="Write a multisine for the next recording: excitation.csv, one period."
+    "--excitation", is_flag=True, help="Write one period of a multisine for the next recording to excitation.csv."
 )
 @click.option("--no-report", is_flag=True, help="Write no report and no figures.")
 @output_options()

@@ -49,8 +49,8 @@ def simulate(
     """Simulate a design in the [[experiment]] tables of PROBLEM.
 
     The design is in GAINS; without GAINS, vctune solves PROBLEM first. The command writes simulation.json, traces.npz
-    and the figure `simulation`, which becomes part of the design's report. The exit code is 1 if there is no design, or
-    if it diverges or is unstable with an experiment's hand and environment.
+    and the figure `simulation`, which becomes part of the design's report. The exit code is 1 if there is no design. It
+    is also 1 if the design diverges in an experiment, or is unstable with the hand and environment of an experiment.
 
     With --controller, a compiled firmware replaces the simulated controller. vctune compares the commands of both on
     the same measurements, and the exit code is 1 if they differ by more than the tolerance. The files are then in the

@@ -200,7 +200,7 @@ class LeastQuotient:
     below_low: Quadratic
 
     def least(self, boxes: DesignBoxes, guess: Floats) -> Floats:
-        """Return a lower bound of the quotient over each box where it is positive, else 0.
+        """Return a lower bound of the quotient over each box, or 0 if the bound found is negative.
 
         If m is the least value of above - r below, the quotient is at least r + m/below, for any r. The better r is,
         the tighter is the bound. The function evaluates it for 0, for the guess, and then for the better of the two

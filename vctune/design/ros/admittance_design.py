@@ -20,8 +20,8 @@ from vctune.model.gains import Coupling
 from vctune.model.problem import Problem
 
 DIGITS = 7
-"""Number of digits of a damping, which is rounded up. With half as many digits the damping is a hundredth of a per cent
-greater; nobody reads twice as many."""
+"""Number of digits of a damping, which is rounded up. With half as many digits, the damping would be a hundredth of a
+per cent greater. Twice as many digits would have no benefit."""
 RETURN = 1e4
 """Time constant, s, of a spring that is present only to define a damping ratio. Half and twice this time change the
 damping by a millionth."""

@@ -166,7 +166,7 @@ def _hands(table: OperatorTable, system: UnitSystem) -> Hands:
 
 
 def _worlds(table: WorldsTable | None) -> Worlds | None:
-    """Return the environments of a table; None if the table excludes no passive environment."""
+    """Return the environments of a table, or None if the table permits every passive environment."""
     if table is None:
         return None
     low = World(table.mass.min, table.damping.min, table.stiffness.min)

@@ -150,7 +150,9 @@ SharesTable: Any = create_model(
 
 
 class UncertaintyTable(SharesTable):
-    """Relative half-widths of the device's numbers; the constraints hold for every device within them.
+    """Relative half-widths of the intervals of the device's numbers.
+
+    The constraints hold for every device whose numbers lie in these intervals.
 
     To state the uncertainty of a number in a sub-table of [device], quote its name,
     as in "actuator.bandwidth_hz" = 0.2.

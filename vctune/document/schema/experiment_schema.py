@@ -28,7 +28,7 @@ class EnvironmentTable(Table):
 
 
 class SceneOperatorTable(Table):
-    """The hand: a mass on the handle, which a spring and a damper pull along the intended motion."""
+    """The hand: a mass on the handle. A spring and a damper connect this mass to the intended motion."""
 
     motion: Literal["reciprocate", "sine"] = Field(
         "reciprocate",

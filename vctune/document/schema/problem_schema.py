@@ -133,7 +133,7 @@ class CouplingTable(Table):
         None,
         description="b_c, N s/m. Default { min = 1e-6 Z_0, max = 1e6 Z_0 }. For an impedance display the default min "
         "is 0; other devices do not allow 0. For a servo, inf makes the coupling rigid, so that only mass and drag "
-        "remain, as in the usual law of robots.",
+        "remain, as in the usual admittance controller of a robot.",
     )
     mass: PositiveVariable | None = Field(
         None,

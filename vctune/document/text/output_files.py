@@ -21,9 +21,10 @@ RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d) *(\.|$)", re.IGNORECASE)
 def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = (), aside: Iterable[Path] = ()) -> None:
     """Replace the files of an earlier run by those of a new run. SIGINT and SIGTERM wait until this is done.
 
-    When all new files are complete, the function deletes the stale files, the last first. It then renames the files to
-    set aside, replaces the first file, and then the others in order. So the files always belong to one run, even if the
-    process is killed. The first file must be useful alone. The last file should be the one that displays the others.
+    When all new files are complete, the function deletes the stale files. It then deletes the files of the earlier run
+    in reverse order, except the first file and the files to set aside. Finally, it renames the files to set aside, and
+    moves the new files into place in order. So the files always belong to one run, even if the process is killed. The
+    first file must be useful alone. The last file should be the one that displays the others.
 
     Parameters
     ----------

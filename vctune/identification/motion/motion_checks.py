@@ -1,5 +1,7 @@
-"""Estimate the same numbers in other ways: blocks of the log, an instrument, the classical recipe (README, section
-2)."""
+"""Check the fit of a motion by three other methods (README, section 2).
+
+The methods are a bootstrap of blocks of the log, instrumental variables, and the classical inverse model.
+"""
 
 from __future__ import annotations
 

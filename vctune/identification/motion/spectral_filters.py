@@ -1,7 +1,6 @@
 """Zero-phase filters that act on the spectrum. All columns pass the same filter, so that none leads another.
 
-After a low-pass fewer samples suffice; `stride` tells which to keep.
-"""
+After a low-pass filter, fewer samples suffice. `stride` returns n, and every n-th sample suffices."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ Complex = NDArray[np.complex128]
 RIGID = ("mass", "damping", "coulomb", "delay")
 SPRING = ("handle_mass", "frequency_hz", "damping_ratio")
 SCALED = ("mass", "handle_mass", "frequency_hz", "lag")
-"""Numbers that are positive, so that the search uses their logarithms."""
+"""Names of the positive numbers. The search uses the logarithms of these numbers."""
 
 
 @dataclass(frozen=True, slots=True)

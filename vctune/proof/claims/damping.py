@@ -29,8 +29,8 @@ the difference. Together these are at most 4 u factor R. The raised b_0 and the 
 `ROUNDING_OF_BOUNDS` covers them 1e5 times. Half and twice this guard decide alike.
 """
 ROUNDING_OF_BOUNDS = 1e-9
-"""Rounding allowance: two intervals of b_c must be this far apart to exclude each other. Half and twice this allowance
-decide alike, unless the intervals are only about that far apart."""
+"""Rounding allowance: two intervals of b_c must be this far apart to exclude each other. Half or twice this allowance
+leads to the same decisions, unless the distance between the intervals is about as small as the allowance."""
 
 
 def admissible_damping(resistance: Floats, reactance: Floats) -> tuple[Floats, Floats]:

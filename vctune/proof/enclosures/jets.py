@@ -347,7 +347,7 @@ ENCLOSURES: ArrayArithmetic = _EnclosureArithmetic()
 
 
 def reciprocal_over(re: Enclosure, im: Enclosure) -> tuple[Enclosure, Enclosure]:
-    """Return 1/x of complex numbers x. The result is as tight as x is relative to its magnitude.
+    """Return 1/x of complex numbers x. The relative width of the result is about that of x.
 
     With x = (1 + e)/c and any number c, |1/x - c| is |c e/(1 + e)|. The conjugate divided by the squared modulus would
     be as wide as three independent numbers.

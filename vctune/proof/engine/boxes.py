@@ -27,8 +27,8 @@ FREQUENCY = "frequency"
 """Name of the frequency's row: omega in rad/s, theta = omega T in rad, or 1/omega in s, depending on the claim."""
 WHOLE_SAMPLES = "whole samples of device.delay"
 CHUNK = 4096
-"""Number of boxes evaluated together, whose arrays fit into the processor's cache. Half and twice as many take the same
-time."""
+"""Number of boxes evaluated together, whose arrays fit into the processor's cache. With half or twice as many boxes, a
+proof takes the same time."""
 
 Values = Mapping[str, Number]
 """Numbers by name. A claim supplies all other numbers itself."""

@@ -145,7 +145,7 @@ def prove(
 
 @np.errstate(all="ignore")
 def left_open(test: Test, boxes: Boxes, *, max_boxes: int, share: float) -> Boxes:
-    """Halve boxes that a test does not prove, until the claim fails somewhere in most of the remaining boxes.
+    """Halve the boxes in which a test does not prove the claim, until the claim fails in most of those that remain.
 
     Parameters
     ----------

@@ -280,9 +280,10 @@ def _motion(scene: Scene, inputs: Any) -> Any:
 
 
 def _with_friction(scene: Scene, moving: Assembly | None, friction: Friction, stretch: Stretch, firmware: Any) -> Any:
-    """Return the step of a device with friction: the firmware, then stretches with constant motor force.
+    """Return the step of a device with friction.
 
-    There are one or two stretches, and one more if the force is sensed within one.
+    A step computes the firmware, and then the motion over stretches of time with constant motor force. There are one or
+    two stretches, and one more if the firmware senses the force within a stretch.
     """
     when, push = timing(scene), ca.DM(hand_force_derivatives(scene.operator, scene.device.sample_time))
     state, inputs = ca.MX.sym("state", firmware.size_in(0)), ca.MX.sym("inputs", firmware.size_in(1))
