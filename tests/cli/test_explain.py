@@ -226,8 +226,8 @@ def test_every_label_of_the_table_of_a_design_is_explained():
 
 PLAIN = {
     "asked", "at, Hz", "better", "change", "date", "found", "from", "in the problem file", "instead of", "is", "limit",
-    "limited by", "ms", "now", "number", "standard deviation", "stated by", "structure", "to", "unit", "value",
-    "casadi", "ipopt", "numpy", "python-flint", "vctune",
+    "limited by", "made with", "ms", "now", "number", "standard deviation", "stated by", "structure", "to", "unit",
+    "value", "casadi", "ipopt", "numpy", "python-flint", "vctune",
 }  # fmt: skip
 """Headings that say what they are, and libraries."""
 
@@ -236,7 +236,12 @@ def test_every_label_of_the_pages_and_of_the_table_of_experiments_is_explained()
     """What heads a row or a column on the pages of results/ and in the templates that they are made of."""
     pages = [*(ROOT / "results").rglob("report.html"), *(ROOT / "vctune/report").glob("*.html.j2")]
     heads = {text for page in pages for text in re.findall(r"<th[^>]*>(.*?)</th>", page.read_text(), re.DOTALL)}
-    labels = {html.unescape(re.sub(r"<[^>]+>", "", text)).strip() for text in heads if "{" not in text}
+    plain = {
+        re.sub(r"<sub>(\w+)</sub>", r"_\1", text).replace("−", "-").replace("\u202f", " ")
+        for text in heads
+        if "{" not in text
+    }
+    labels = {html.unescape(re.sub(r"<small>.*</small>|<[^>]+>", "", text)).strip() for text in plain}
     assert {"Rollett's K there", "stiffest wall felt, at rest", "active constraint", "felt"} <= labels
     for label in {*labels, *HEADINGS} - PLAIN - {""}:
         assert not label.startswith("sha256 of ") or label == "sha256 of the problem"

@@ -11,6 +11,7 @@ from command import strict
 from vctune.api import axes as api
 from vctune.design.verdict import gains_check
 from vctune.exit_codes import ExitCode
+from vctune.report.typography import html
 
 ARM = """[device]
 sample_time = 2e-3
@@ -57,7 +58,7 @@ def test_equal_axes_are_solved_once_and_each_has_its_files(arm, monkeypatch):
         assert record["problem"]["name"] == f"arm {axis}" and record["status"] == "certified"
     promises = [line for line in done.stdout.splitlines() if "stable in every hand" in line]
     assert [promise.partition(": ")[0] for promise in promises] == ["x, y", "z"]
-    assert all(f"<p>{promise}</p>" in page for promise in promises)
+    assert all(f"<li>{html(promise)}.</li>" in page for promise in promises)
     checked = vctune("check", "arm.toml", "results/arm", cwd=arm)
     assert checked.returncode == ExitCode.OK and checked.stdout.endswith("3 passed\n"), checked.stdout
     assert "results/arm/y/gains.toml: y: proved" in checked.stdout

@@ -14,10 +14,44 @@ CASES = {
     "every hand, held": DEVICE + FIXED.format(160.0) + "drag = 3.0\n[operator]\ndamping = 2.0\n",
     "every part": DEVICE + PARTS + FIXED.format(160.0).replace("150.0", "60.0") + "drag = 3.0\n",
     "infeasible": DEVICE + "[gains]\nvelocity = { min = 2000.0, max = 3000.0 }\n",
+    "default": DEVICE,
+    "servo": """[device]
+sample_time = 2e-3
+servo = { delay = 0.03, bandwidth_hz = 20.0, order = 2 }
+[operator]
+stiffness = { min = 0.0, max = 1000.0 }
+[coupling]
+damping = 300.0
+mass = 2.5
+drag = 50.0
+""",
 }
-PRICED = "every hand, held"
-MARGIN, WIDTH, HEIGHT = 14 * 72 / 25.4, 595.0, 842.0
-"""Of A4, points."""
+PRICED = "every hand, held", "default"
+MARGIN, TOP, WIDTH, HEIGHT = 14 * 72 / 25.4, 19 * 72 / 25.4, 595.0, 842.0
+"""Of A4, points. The head of a sheet is above the upper margin."""
+PAPER_WIDER = 4.0
+"""A line of half a sheet that is set for a screen is up to 1 % longer on paper, points."""
+SHEETS = 5
+"""Sheets that a page may take in print."""
+CONTRAST = 4.5
+FIRST = ".verdict", ".warnings", ".gains", ".scale", "h2:text('What limits it') + ul"
+"""What the first screen shows."""
+VISIBLE = """() => {
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), found = [];
+  for (let node; (node = walker.nextNode()); ) {
+    const parent = node.parentElement, shown = parent.checkVisibility() && !parent.closest("script, style");
+    if (!shown || !node.textContent.trim()) continue;
+    let ground = parent;
+    const opaque = (each) => !getComputedStyle(each).backgroundColor.match(/, 0\\)$/);
+    while (ground !== document.body && !opaque(ground)) ground = ground.parentElement;
+    const style = getComputedStyle(parent), drawn = parent.closest("svg") && style.fill !== "none";
+    const words = parent.closest("text"); // faint ones are stamps, which repeat the verdict
+    if (words && +getComputedStyle(words).opacity < 1) continue;
+    found.push([node.textContent.trim(), drawn ? style.fill : style.color, getComputedStyle(ground).backgroundColor]);
+  }
+  return found;
+}"""
+"""Each visible text with its colour and that of its ground."""
 
 
 @pytest.fixture(scope="module")
@@ -29,27 +63,55 @@ def browser():
 @pytest.fixture(scope="module")
 def paths(tmp_path_factory):
     """Return a case's report, made when it is first asked for."""
-    return cache(lambda name: made(recorded(CASES[name], prices=name == PRICED), tmp_path_factory.mktemp("report")))
+    return cache(lambda name: made(recorded(CASES[name], prices=name in PRICED), tmp_path_factory.mktemp("report")))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_on_a_desk(browser, paths, scheme):
-    """No console error, no request beyond the file, figures visible, text readable on its ground."""
-    page = opened(browser, paths("every hand, held"), color_scheme=scheme)
+@pytest.mark.parametrize("name", ["every hand, held", "servo", "infeasible"])
+def test_on_a_desk(browser, paths, name, scheme):
+    """No console error, no request beyond the file, figures visible, every text readable on its ground."""
+    page = opened(browser, paths(name), color_scheme=scheme, viewport={"width": 1280, "height": 800})
     boxes = [figure.bounding_box() for figure in page.query_selector_all(".figure > svg")]
-    colours = page.evaluate(
-        "() => { const b = getComputedStyle(document.body);"
-        " return [b.color, b.backgroundColor, getComputedStyle(document.querySelector('.figure > svg')).color]; }"
-    )
     assert page.said == []
     assert len(page.asked) == 1
-    assert len(boxes) == 6
-    assert all(box["width"] > 400 and box["height"] > 300 for box in boxes)
-    ink, ground, figure_ink = (luminance(colour) for colour in colours)
-    assert figure_ink == ink
-    assert (max(ink, ground) + 0.05) / (min(ink, ground) + 0.05) > 7
+    assert len(boxes) == {"every hand, held": 6, "servo": 5, "infeasible": 0}[name]
+    assert all(box["width"] > 400 and box["height"] > 150 for box in boxes)
+    seen = page.evaluate(VISIBLE)
+    faint = [each for each in seen if contrast(*each[1:]) < CONTRAST]
+    assert faint == [] and len(seen) > 20
+    ground, ink = (
+        luminance(page.evaluate(f"getComputedStyle(document.body).{key}")) for key in ("backgroundColor", "color")
+    )
     assert (ground > ink) == (scheme == "light")
+
+
+@pytest.mark.parametrize("name", mostly_slow(("default", "every part", "servo"), ["servo"]))
+def test_the_first_screen_answers(browser, paths, name):
+    """Verdict, warnings, gains, error and limits end above the fold; a wide screen shows them side by side."""
+    page = opened(browser, paths(name), viewport={"width": 1280, "height": 800})
+    shown = [box for each in FIRST if (found := page.query_selector(each)) and (box := found.bounding_box())]
+    assert len(shown) >= 4
+    assert max(box["y"] + box["height"] for box in shown) <= 800
+    warned = page.query_selector(".warnings")
+    if warned is not None:
+        beside, verdict = warned.bounding_box(), page.query_selector(".verdict").bounding_box()
+        assert beside["y"] == pytest.approx(verdict["y"], abs=1) and beside["x"] > verdict["x"] + verdict["width"]
+        assert luminance(page.evaluate("getComputedStyle(document.querySelector('.warnings b')).color")) > 0.05
+
+
+def test_numbers_and_mathematics_are_set(browser, paths):
+    """Few digits outside the gains, prefixes instead of powers of ten, real subscripts, no signs of a keyboard."""
+    page = opened(browser, paths("servo"))
+    words = page.evaluate(VISIBLE)
+    texts = [text for text, *_ in words if not re.search("[0-9a-f]{8}", text)]  # digests apart
+    gains = {cell.inner_text() for cell in page.query_selector_all(".gains td.number")}
+    long = [text for text in texts if re.search(r"\d\.\d{5,}|\d{6,}", text)]
+    assert set(long) <= gains
+    assert not [text for text in texts if re.search(r">=|<=|\d[eE][+-]?\d|\b[A-Za-z]_[A-Za-z0-9]", text)]
+    assert page.query_selector("sub") and page.query_selector(".figure text tspan")
+    svgs = page.query_selector_all(".figure > svg")
+    assert all(re.search(r"\d", svg.get_attribute("aria-label")) for svg in svgs[:-1])  # the last is the diagram
 
 
 @pytest.mark.parametrize("name", mostly_slow(CASES, ["infeasible"]))
@@ -84,7 +146,8 @@ def test_on_paper(browser, paths, name):
         })"""
     )
     tables = page.evaluate(
-        """() => [...document.querySelectorAll('section > h2')].filter((each) => each.parentNode.querySelector('table'))
+        """() => [...document.querySelectorAll('section > h2')]
+          .filter((each) => each.offsetParent && each.parentNode.querySelector('table'))
           .map((each) => [each.textContent, each.parentNode.querySelector('tr').innerText])"""
     )
     headings = page.evaluate(
@@ -92,15 +155,21 @@ def test_on_paper(browser, paths, name):
         ".map((each) => each.innerText)"
     )
     words = page.evaluate("document.body.innerText").split()
+    digest = page.evaluate("JSON.parse(document.getElementById('design').textContent).problem.sha256")[:16]
     printed = pypdfium2.PdfDocument(page.pdf(prefer_css_page_size=True))
     sheets = [sheet.get_textpage() for sheet in printed]
     texts = [squeezed(sheet.get_text_range()) for sheet in sheets]
     for sheet, text in zip(printed, sheets, strict=True):
         assert sheet.get_size() == pytest.approx((WIDTH, HEIGHT), abs=1.0)
         places = [text.get_charbox(k) for k in range(text.count_chars())]
-        left, low, right, high = zip(*places, strict=True)
-        assert min(left) >= MARGIN - 1 and max(right) <= WIDTH - MARGIN + 1
-        assert min(low) >= MARGIN - 1 and max(high) <= HEIGHT - MARGIN + 1
+        left, low, right, high = zip(*(each for each in places if each[3] <= HEIGHT - TOP + 1), strict=True)
+        assert min(left) >= MARGIN - 1 and max(right) <= WIDTH - MARGIN + PAPER_WIDER
+        assert min(low) >= MARGIN - 1 and len(high) > len(places) - 120
+    for text in texts:
+        assert squeezed(page.title()) in text and digest in text
+    assert len(sheets) <= SHEETS
+    for text in sheets[:-1]:
+        assert min(text.get_charbox(k)[1] for k in range(text.count_chars())) < HEIGHT / 2
     assert [word for word in words if not any(squeezed(word) in text for text in texts)] == []
     for text in texts:
         assert not any(text.endswith(squeezed(heading)) for heading in headings)
@@ -110,7 +179,12 @@ def test_on_paper(browser, paths, name):
 
 def squeezed(text):
     """Return a text without spaces and hyphens: a PDF breaks its lines at both."""
-    return re.sub(r"[\s\ufffe\u00ad-]", "", text)
+    return re.sub(r"[\s\ufffe\u00ad\u200b-]", "", text)
+
+
+def contrast(*colours):
+    low, high = sorted(map(luminance, colours))
+    return (high + 0.05) / (low + 0.05)
 
 
 def luminance(colour):

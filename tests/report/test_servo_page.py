@@ -190,8 +190,8 @@ def test_the_page_says_what_there_is(arm, tmp_path):
     page = made(record.to_json(), tmp_path).read_text()
     text = re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
     assert not re.search(OF_A_LOOP, re.sub(r"<pre>.*?</pre>", "", text, flags=re.DOTALL))
-    assert {path.stem for path in tmp_path.glob("*.svg")} == {"loop", "hands", "impedance", "transparency"}
-    for said in ("Drag is stiffness times latency", "device.<wbr>servo.<wbr>delay", "vendor's loop", "x_cmd"):
+    assert {path.stem for path in tmp_path.glob("*.svg")} == {"loop", "hands", "impedance", "transparency", "latency"}
+    for said in ("Drag is stiffness times latency", "device.<wbr>servo.<wbr>delay", "vendor's loop", "cmd</tspan>"):
         assert said in text, said
     assert not re.search(r"\bnan\b", text)
 
@@ -204,7 +204,7 @@ def test_the_tables_of_the_page_have_the_servo_in_them(arm):
     assert not any("|S|" in line.label for line in asked(problem)["Constraints"])
     assert any("does not yield" in line for line in assumptions(problem))
     assert not any(line.bare or "wall" in line.label for line in feel_lines(problem, *record.design))
-    assert "lightest drag for contacts up to 1000 N/m" in summary(record, problem).sentence
+    assert "lightest drag for contacts up to 1000 N/m" in summary(record, problem).measure
 
 
 def test_prices_are_those_of_solving_again(arm):

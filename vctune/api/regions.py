@@ -25,7 +25,7 @@ from vctune.document.text.errors import InputError, Mistake
 from vctune.document.text.output_files import previous, write_together
 from vctune.markup import html_facts
 from vctune.model.gains import AnyCoupling
-from vctune.model.numbers.keys import WORLD
+from vctune.model.numbers.keys import WORLD as WORLD
 from vctune.model.problem import Problem
 from vctune.running import OutOfTimeError, seconds_left, unlimited
 from vctune.running import time_limit as limited
@@ -57,12 +57,14 @@ class AdmissibleGains:
     region : the cells; its `interrupted` says whether the search was stopped
     solved : the problem's best design, if it has one; None if the search did not need it
     design : the gains and the coupling that render the environments of the cells; None for a plane of design variables
+    marked : gains and coupling that the picture of a plane of design variables marks, proved or not
     """
 
     file: ProblemFile
     region: Region
     solved: Solved | None
     design: Design | None = None
+    marked: Design | None = None
 
     @property
     def areas(self) -> dict[str, float]:
@@ -118,7 +120,8 @@ def region(
     x, y : dotted keys of two free variables; None for K_v and K_p, or for b_c and k_c of an impedance display. If other
         variables are free, a cell is feasible if some of their values within their bounds suffice. If x and y are
         numbers of an environment, the region has the environments that may be rendered in every hand of the problem
-    gains, coupling : the design that renders the environments, or its file; None for the problem's own design
+    gains, coupling : the design that renders the environments, or its file; None for the problem's own design. The
+        picture of a plane of design variables marks it
     resolution : side of the smallest cell as a share of the plane's side, 1/2048 to 1/8
     solved : the result of `solve` for the problem; None to solve it first
     time_limit : seconds after which the function returns the result so far
@@ -142,19 +145,16 @@ def region(
         message = f"{resolution:g} is out of range: must be from 1/{1 / finest:g} to 1/{1 / coarsest:g}"
         raise InputError.of("resolution", "bad-option", message)
     levels, of_worlds = ceil(-log2(resolution)), x in WORLD
-    if gains is not None and not of_worlds:
-        message = f"a design is given, and {x} is one of its numbers; leave it out, or name numbers of an environment"
-        raise InputError.of("region", "bad-option", message)
     with limited(time_limit):
         given = None if gains is None else design_for(file, gains, coupling)
         design = None if given is None else (given.gains, given.coupling)
-        if design is None:
+        if design is None or not of_worlds:
             solved = solved or best_design(file.problem, progress)
         with limited(max(seconds_left() - DRAWING, seconds_left() / 2)):
             if not of_worlds:
                 across = plane(file.problem, x, y, levels)
                 cells = divide(file.problem, across, across.coarsest_squares(), progress, stopped)
-                return AdmissibleGains(file, cells, solved)
+                return AdmissibleGains(file, cells, solved, marked=design)
             design = design or _best(file, solved)
             across = world_plane(file.problem, x, y, levels)
             return AdmissibleGains(file, world_region(file.problem, *design, across, progress, stopped), solved, design)
@@ -258,7 +258,7 @@ def _picture(found: AdmissibleGains, folder: Path) -> dict[Path, str]:
     from vctune.report.page.page import svg
 
     if found.design is None:
-        figure = region_figure(found.file.problem, found.region, found.designs)
+        figure = region_figure(found.file.problem, found.region, found.designs, found.marked)
     else:
         figure = world_figure(found.file.problem, found.region)
     name = (REGION_FILES if found.design is None else WORLD_FILES)[1]

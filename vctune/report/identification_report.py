@@ -9,7 +9,8 @@ from vctune.document.records.identification_json import IdentificationRecord, de
 from vctune.identification.identify import Identified
 from vctune.report.figures.identification_figures import identification_figures
 from vctune.report.page.contents import IDENTIFICATION_READINGS, REPORT
-from vctune.report.page.page import inline, svg, templates
+from vctune.report.page.page import inline, svg
+from vctune.report.page.templates import templates
 
 
 def identification_files(found: Identified, record: IdentificationRecord, folder: Path) -> dict[Path, str]:
@@ -34,7 +35,11 @@ def identification_files(found: Identified, record: IdentificationRecord, folder
 def _page(record: IdentificationRecord, drawn: dict[str, str]) -> str:
     readings, put = IDENTIFICATION_READINGS, record.units.translated
     shown = [
-        {"title": put(readings[name][0]), "reading": put(readings[name][1]), "svg": inline(text)}
+        {
+            "title": put(readings[name][0]),
+            "reading": put(readings[name][1]),
+            "svg": inline(text, put(readings[name][0])),
+        }
         for name, text in drawn.items()
     ]
     embedded = json.dumps(record.to_json(), indent=1, allow_nan=False).replace("<", "\\u003c")

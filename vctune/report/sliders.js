@@ -2,9 +2,14 @@
 "use strict";
 window.vctune = (() => {
   const given = JSON.parse(document.getElementById("sliders").textContent);
-  const doubles = (text) => new Float64Array(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
+  const doubles = (text) => { // the highest bytes of each, whose number comes first
+    const size = +text[0], short = atob(text.slice(1)), bytes = new Uint8Array((short.length / size) * 8);
+    for (let k = 0; k < short.length; k++) bytes[k + (8 - size) * (Math.floor(k / size) + 1)] = short.charCodeAt(k);
+    return [...new Float64Array(bytes.buffer)];
+  };
+  const numbers = given.numbers.map(doubles);
   const unpacked = (value) => {
-    if (typeof value === "string") return [...doubles(value)];
+    if (typeof value === "number") return numbers[value];
     if (value === null || typeof value !== "object") return value;
     if (Array.isArray(value)) return value.map(unpacked);
     return Object.fromEntries(Object.entries(value).map(([key, each]) => [key, unpacked(each)]));
@@ -64,9 +69,9 @@ window.vctune = (() => {
     offered: ofMass,
     required(x, h, i) {
       const at = constants.hands, open = part(at.open[h], i), v = part(at.velocity[h], i), p = part(at.position[h], i);
-      const seen_v = part(at.seen_velocity[h], i), seen_p = part(at.seen_position[h], i), s = Math.sin(at.theta[i] / 2);
+      const felt = part(at.felt[h], i), s = Math.sin(at.theta[i] / 2), lead = given.sample_time * Math.cos(at.theta[i] / 2);
       const even = open[0] + x[0] * v[0] + x[1] * p[0], odd = open[1] + x[0] * v[1] + x[1] * p[1];
-      const P = [x[0] * seen_v[0] + x[1] * seen_p[0], x[0] * seen_v[1] + x[1] * seen_p[1]];
+      const P = [x[1] * lead * felt[0] - 2 * x[0] * s * s * felt[1], x[1] * lead * felt[1] + 2 * x[0] * felt[0]];
       return -0.5 * (P[1] * even - P[0] * odd) / (even * even + s * s * odd * odd);
     },
     scale: () => 1,
@@ -205,26 +210,40 @@ window.vctune = (() => {
     });
   }
 
+  const text = (value, digits = 4) =>
+    value === undefined ? "" : Number.isFinite(value) ? String(+value.toPrecision(digits)) : value > 0 ? "∞" : "none";
+  const typeset = (words) => words.replace(/([A-Za-z])_(\w)/g, "<i>$1</i><sub>$2</sub>");
+  const made = (parent, tag, properties) => parent.appendChild(Object.assign(document.createElement(tag), properties));
+
+  // A slider is half way at the shipped value, or at its beginning if that is 0.
+  function slider(list, { key, symbol, unit, value, low, top }, change) {
+    const start = value > 0 ? 500 : 0, box = made(list, "div", { className: "slider" });
+    const at = (share) => (share === start ? value : low > 0 ? low * (top / low) ** (share / 1000) : top * (share / 1000) ** 3);
+    const place = (x) => 1000 * (low > 0 ? Math.log(Math.max(x, low) / low) / Math.log(top / low) : Math.cbrt(x / top));
+    made(box, "span", { innerHTML: typeset(symbol) });
+    const number = made(box, "input", { type: "text", inputMode: "decimal", ariaLabel: key + ", " + unit });
+    made(box, "span", { textContent: unit });
+    const range = made(box, "input", { type: "range", min: 0, max: 1000, ariaLabel: key });
+    const ends = made(box, "div", { className: "ends" });
+    for (const end of [text(low, 3) + (start ? "" : " shipped"), start ? "▴ shipped" : "", text(top, 3)]) made(ends, "span", { textContent: end });
+    const show = (x) => { number.value = text(x, 5); number.ariaInvalid = "false"; };
+    const move = (x) => { range.value = x === value ? start : place(x); range.ariaValueText = text(x) + " " + unit; };
+    range.addEventListener("input", () => { const x = at(+range.value); show(x); move(x); change(x); });
+    number.addEventListener("input", () => {
+      const x = +number.value.replace(",", "."), valid = number.value.trim() !== "" && x >= 0 && x < Infinity;
+      number.ariaInvalid = String(!valid);
+      if (valid) { move(x); change(x); }
+    });
+    return () => { show(value); move(value); change(value); };
+  }
+
   function panel() {
-    const box = document.getElementById("try"), frames = drawn(), list = box.querySelector(".sliders");
-    const text = (value, digits = 4) => (value === undefined ? "" : Number.isFinite(value) ? String(+value.toPrecision(digits)) : value > 0 ? "∞" : "none");
-    const inputs = given.variables.map((variable) => {
-      const label = list.appendChild(document.createElement("label"));
-      label.append(variable.symbol);
-      const input = label.appendChild(Object.assign(document.createElement("input"), { type: "range", min: 0, max: 1000, value: variable.value > 0 ? 500 : 0 }));
-      input.setAttribute("aria-label", variable.key);
-      const output = label.appendChild(document.createElement("output"));
-      return { input, output, start: input.value };
-    });
-    const values = () => inputs.map(({ input, start }, k) => {
-      const { low, top, value } = given.variables[k], share = input.value / 1000;
-      return input.value === start ? value : low > 0 ? low * (top / low) ** share : top * share ** 3;
-    });
+    const box = document.getElementById("try"), frames = drawn(), tried = [...shipped];
     const rows = (found) => [
       ["error", text(found.error)],
       ...(display === impedanceDisplay ? [["Z_0 |1/Z_c|", text(found.given_way)]] : []),
       ...(given.band_hz ? [["least ratio on the band", `${text(found.ratio)} at ${text(found.ratio_hz)} Hz`]] : []),
-      ...(given.hands.length ? [["least ratio in hands", `${text(found.hand_ratio)} at ${text(found.hand_ratio_hz)} Hz, ${found.hand}`]] : []),
+      ...(given.hands.length ? [[given.worlds ? "least ratio in hands, any environment" : "least ratio in hands", `${text(found.hand_ratio)} at ${text(found.hand_ratio_hz)} Hz, ${found.hand}`]] : []),
       ...(constants.sampled
         ? [["greatest |S|", `${text(found.peak)} at ${text(found.peak_hz)} Hz`], ["sampled loop", found.unstable ? "unstable" : "stable"]]
         : []),
@@ -232,43 +251,44 @@ window.vctune = (() => {
     const first = rows(evaluate(shipped)), table = box.querySelector("table");
     const mark = box.querySelector(".mark-of"), notes = document.querySelector(".tries"), file = notes.querySelector("pre");
     function update() {
-      const x = values(), same = x.every((value, k) => value === shipped[k]), found = evaluate(x);
+      const same = tried.every((value, k) => value === shipped[k]), found = evaluate(tried);
       const meets = (ratio) => ratio === undefined || ratio >= given.factor * (1 - 1e-4);
+      const outside = given.variables.filter(({ bounds }, k) => bounds && (tried[k] < bounds[0] * (1 - 1e-9) || tried[k] > bounds[1] * (1 + 1e-9)));
       const missed = [
         ...(found.unstable ? ["the loop is unstable"] : []),
-        ...(meets(found.ratio) && meets(found.hand_ratio) ? [] : [`a ratio is below ${given.factor}`]),
+        ...(meets(found.ratio) && (given.worlds || meets(found.hand_ratio)) ? [] : [`a ratio is below ${given.factor}`]),
         ...(found.peak > given.max_sensitivity * (1 + 1e-4) ? [`|S| is above ${given.max_sensitivity}`] : []),
+        ...outside.map(({ key }) => `${key} is out of bounds`),
       ];
       mark.className = "mark-of " + (same ? given.shipped.kind : missed.length ? "bad" : "doubtful");
-      mark.innerHTML = "";
-      const say = (tag, words) => mark.appendChild(Object.assign(document.createElement(tag), { textContent: words }));
-      if (same) say("strong", "the shipped design: " + given.shipped.word);
+      mark.replaceChildren();
+      if (same) made(mark, "strong", { textContent: "the shipped design: " + given.shipped.word });
       else {
-        say("strong", "tried, not proved");
-        say("span", missed.length ? ": " + missed.join(", ") : ": meets the constraints at its samples; only the shipped design is proved");
+        made(mark, "strong", { textContent: "tried, not proved" });
+        const met = given.worlds
+          ? ": the claim about hands is not looked at here; only the shipped design is proved"
+          : ": meets the constraints at its samples; only the shipped design is proved";
+        made(mark, "span", { textContent: missed.length ? ": " + missed.join(", ") : met });
       }
-      inputs.forEach(({ output }, k) => {
-        const { bounds, unit } = given.variables[k];
-        const outside = bounds && (x[k] < bounds[0] * (1 - 1e-9) || x[k] > bounds[1] * (1 + 1e-9)) ? ", out of bounds" : "";
-        output.textContent = `${text(x[k], 5)} ${unit}${outside}`;
-      });
       table.replaceChildren(...[["", "tried", "shipped"], ...rows(found).map(([label, value], k) => [label, value, first[k][1]])].map((cells) => {
         const row = document.createElement("tr");
-        cells.forEach((cell, k) => row.appendChild(Object.assign(document.createElement(k ? "td" : "th"), { textContent: cell })));
+        cells.forEach((cell, k) => made(row, k ? "td" : "th", k ? { textContent: cell } : { innerHTML: typeset(cell) }));
         return row;
       }));
       frames.forEach(({ axes, line }) => line.setAttribute("d", same ? "" : found.lines[axes.curve].map((curve) => path(axes, curve)).join("")));
       const tables = {};
       given.variables.forEach(({ key }, k) => {
         const [table, name] = key.split(".");
-        tables[table] = `${tables[table] ?? `[${table}]\n`}${name} = ${+x[k].toPrecision(8)}\n`;
+        tables[table] = `${tables[table] ?? `[${table}]\n`}${name} = ${+tried[k].toPrecision(8)}\n`;
       });
       file.textContent = Object.values(tables).join("");
     }
-    inputs.forEach(({ input }) => input.addEventListener("input", update));
-    box.querySelector("button").addEventListener("click", () => { inputs.forEach((each) => (each.input.value = each.start)); update(); });
+    const list = box.querySelector(".sliders");
+    const resets = given.variables.map((variable, k) => slider(list, variable, (x) => { tried[k] = x; update(); }));
+    const back = () => resets.forEach((reset) => reset());
+    box.querySelector("button").addEventListener("click", back);
     box.hidden = notes.hidden = false;
-    update();
+    back();
   }
 
   panel();

@@ -42,7 +42,7 @@ def region(
     The command divides the plane of two variables into cells that are proved feasible throughout, proved infeasible
     throughout, or undecided at the resolution. If the coupling is free, feasible means that some coupling within its
     bounds meets the constraints. The command writes OUT/NAME/region.json, a baseline for `vctune check --region`, and
-    region.svg.
+    region.svg. The picture marks the best design and, if they are given, GAINS.
 
     With the axes environment.stiffness and environment.mass, the cells contain environments. The device is stable in
     every hand with each environment of a feasible cell, and each environment of an infeasible cell is refused in some
@@ -57,6 +57,7 @@ def region(
     from vctune.api.folders import design_folder
     from vctune.api.regions import (
         REGION_FILES,
+        WORLD,
         WORLD_FILES,
         axes_of,
         best_design,
@@ -78,7 +79,7 @@ def region(
     warn_of_doubts(file, quiet=quiet)
     given = design_for(file, gains) if gains else None
     with progress_on_stderr(f"vctune region {problem.name}", shown=not quiet) as progress:
-        solved = best_design(file.problem, progress) if given is None else None
+        solved = best_design(file.problem, progress) if given is None or x not in WORLD else None
         with interrupt_noted() as stopped:  # from here on an interrupt would lose work
             found = find(file, x, y, given, resolution=resolution, solved=solved, stopped=stopped, progress=progress)
             late = found.region.interrupted and not stopped()

@@ -12,12 +12,14 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from vctune.analysis.phases import sensor_miss
+from vctune.document.records.contact_json import ContactRecord
 from vctune.document.records.design_json import BoxRecord, DesignRecord, OptimalityRecord
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.keys import KEYS, WORLD, labelled
 from vctune.model.problem import Band, Problem
 from vctune.report.figures.diagram import loop_figure
 from vctune.report.figures.hands_figure import any_hand_figure, hands_figure
+from vctune.report.figures.labels import label_curves
 from vctune.report.figures.panels import (
     compared,
     demanded,
@@ -39,11 +41,12 @@ from vctune.report.figures.style import (
     WIDTH,
     canvas,
     decades,
-    legend_above,
     shade,
     stamp,
 )
+from vctune.report.page.contents import IN_WORDS
 from vctune.report.page.summary import doubt
+from vctune.report.typography import quantity
 from vctune.study.world_region import world_plane, world_region
 
 MAP_LEVELS = 4
@@ -63,20 +66,21 @@ class Design:
 def figures(design: Design) -> dict[str, Figure]:
     """Return every figure that the design has, by name, in the order of the page."""
     with rc_context(STYLE):
+        contact, found = design.record.contact, design.record.optimality
         drawn = {
-            **({"llewellyn": _llewellyn(design)} if design.problem.passive else {}),
             **_in_hands(design),
+            **({"llewellyn": _llewellyn(design)} if design.problem.passive else {}),
+            **({"latency": _latency(contact, design.problem)} if contact is not None else {}),
             **_rendered(design),
             "impedance": _impedance(design),
             "transparency": _transparency(design),
             **({"nyquist": _nyquist(design)} if design.gains.closed or design.problem.device.kind.banded else {}),
+            **({"optimality": _optimality(found, design.problem)} if found is not None else {}),
         }
-        if design.record.optimality is not None:
-            drawn["optimality"] = _optimality(design.record.optimality, design.problem)
         for figure in drawn.values():
             if words := doubt(design.record, design.problem):
                 stamp(figure, words)
-        return {"loop": loop_figure(design.problem.device, design.gains, design.coupling), **drawn}
+        return {**drawn, "loop": loop_figure(design.problem.device, design.gains, design.coupling)}
 
 
 def _in_hands(design: Design) -> dict[str, Figure]:
@@ -96,12 +100,32 @@ def _rendered(design: Design) -> dict[str, Figure]:
     return {"z-width": world_figure(problem, world_region(problem, design.gains, design.coupling, plane))}
 
 
+def _latency(contact: ContactRecord, problem: Problem) -> Figure:
+    """Draw the parts of a servo's latency as bars, with the drag that each requires at rest and its key."""
+    figure = canvas(WIDTH, 0.75 + 0.42 * len(contact.parts), left=1.2, right=1.75, top=0.1)
+    axes = figure.subplots()
+    for row, part in enumerate(contact.parts):
+        late = quantity(part.latency_s, "s", 3)
+        asks = f"{late}: {quantity(part.drag, problem.units.damping, 3)}"
+        axes.barh(row, 1e3 * part.latency_s, height=0.62, color=BLUE, alpha=0.75)
+        axes.annotate(asks, (1e3 * part.latency_s, row), (5, 6), textcoords="offset points", va="center", fontsize=8)
+        key = part.key.removeprefix("device.")
+        axes.annotate(key, (1e3 * part.latency_s, row), (5, -5), textcoords="offset points", va="center", fontsize=6.5)
+    axes.set_yticks(range(len(contact.parts)), [part.part for part in contact.parts])
+    axes.invert_yaxis()
+    longest = max(part.latency_s for part in contact.parts)
+    axes.set(xlabel=f"latency, ms; {quantity(contact.latency_s, 's', 3)} in all", xlim=(0, 1.04e3 * longest))
+    axes.grid(visible=False, axis="y")
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
 def _llewellyn(design: Design) -> Figure:
     problem, proof = design.problem, design.record.certificate
     assert proof is not None, "a design is judged"
     shown = problem, design.gains, design.coupling
     curves = demanded(*shown)
-    figure = canvas(WIDTH, 5.6, left=0.85, top=0.75, gaps=(0, 0.5))
+    figure = canvas(WIDTH, 4.6, left=0.8, top=0.35, gaps=(0, 0.42))
     upper, lower = figure.subplots(2, 1, height_ratios=(3, 2))
     draw_required(upper, *shown, curves)
     draw_ratio(lower, *shown, (proof.min_ratio, proof.worst_hz), curves)
@@ -109,22 +133,22 @@ def _llewellyn(design: Design) -> Figure:
         if proof.proved_band_hz:
             _edges(axes, proof.proved_band_hz)
     upper.set_xlabel("")
-    legend_above(upper, 3)
-    legend_above(lower, 2)
+    label_curves(upper)
+    label_curves(lower)
     return figure
 
 
 def _edges(axes: Axes, proved: list[float | None]) -> None:
     for number, edge in enumerate(edge for edge in proved if edge):
-        label = "proved band" if number == 0 else None
+        label = "proved band" if number == 0 else "_"
         axes.axvline(edge, color=GREEN, linewidth=1, linestyle="--", label=label)
 
 
 def _nyquist(design: Design) -> Figure:
     left, right, up = least_view(design.problem)
-    width = WIDTH - 0.75 - 0.15
-    figure = canvas(WIDTH, width * 2 * up / (right - left) + 0.5 + 0.75, left=0.75, top=0.75)
-    draw_nyquist(figure.subplots(), design.problem, design.gains)
+    width = WIDTH - 0.72 - 0.15
+    figure = canvas(WIDTH, width * 2 * up / (right - left) + 0.5 + 0.2, left=0.72, top=0.2)
+    label_curves(draw_nyquist(figure.subplots(), design.problem, design.gains))
     return figure
 
 
@@ -133,37 +157,48 @@ def _transparency(design: Design) -> Figure:
     cases = compared(problem, design.gains, design.coupling)
     names, terms = design.record.transparency, problem.device.kind.terms
     assert names is not None, "a design is judged"
-    titles = {"admittance": names.free_motion, "tracking": names.missed, "coupling": names.given_way}
-    parts = {term: titles[term] for term in terms} | ({"error": "e(f)"} if len(terms) > 2 else {})
+    symbols = {"admittance": names.free_motion, "tracking": names.missed, "coupling": names.given_way}
+    titles = {term: f"{IN_WORDS[term]}: {symbol}" for term, symbol in symbols.items()}
+    parts = {term: titles[term] for term in terms} | ({"error": "all together"} if len(terms) > 2 else {})
     rows = len(parts) // 2
-    figure = canvas(WIDTH, {1: 2.95, 2: 5.2}[rows], left=0.75, top=0.75, gaps=(0.38, 0.3))
+    figure = canvas(WIDTH, {1: 2.4, 2: 4.0}[rows], left=0.85, top=0.55, gaps=(0.42, 0.42))
     panels = figure.subplots(rows, 2, squeeze=False)
     at = dict(zip(parts, panels.ravel(), strict=True))
     for part, axes in at.items():
         draw_part(axes, problem, cases, part)
-        axes.set_title(parts[part])
+        axes.set_title(parts[part], fontsize=8)
         axes.set_label(part)
+    for axes in panels[:, 0]:
+        axes.set_ylabel("share of the ideal")
     handles, labels = panels[0, 0].get_legend_handles_labels()
     miss = sensor_miss(problem.device, 2 * pi * cases["designed"][0].hz)
     if miss is not None:
         at["tracking"].semilogy(cases["designed"][0].hz, miss, "-.", linewidth=1.2, color=ORANGE, label="|1 - F_s|")
-        at["tracking"].legend(loc="lower right", fontsize=9, handles=at["tracking"].lines[-1:])
+        at["tracking"].legend(loc="lower right", fontsize=8, handles=at["tracking"].lines[-1:])
     for axes in at.values():
         decades(axes)
     for axes in panels[:-1].ravel():
         axes.set_xlabel("")
-    figure.legend(handles, labels, loc="upper center", ncols=2, fontsize=9)
+    figure.legend(
+        handles,
+        labels,
+        loc="upper center",
+        ncols=4,
+        fontsize=7.5,
+        columnspacing=0.7,
+        handlelength=1.4,
+        handletextpad=0.4,
+    )
     return figure
 
 
 def _impedance(design: Design) -> Figure:
-    columns, height, above = {"linear": (3, 4.9, 0.85), "rotary": (2, 5.25, 1.2)}[design.problem.device.units]
-    figure = canvas(WIDTH, height, left=0.85, top=above)  # the units of a rotary device are longer
+    figure = canvas(WIDTH, 3.5, left=0.78, top=0.25)
     axes = figure.subplots()
     draw_impedance(axes, design.problem, design.gains, design.coupling)
     _promised(axes, design)
     decades(axes)
-    legend_above(axes, columns)
+    label_curves(axes, 3)
     return figure
 
 
@@ -196,7 +231,7 @@ def _optimality(found: OptimalityRecord, problem: Problem) -> Figure:
     axes.step(boxes, error, "--", where="post", color=GREEN, label="best design known")
     axes.step(boxes, bound, where="post", color=BLUE, label="no design is below")
     axes.set(xlabel="boxes searched", ylabel=found.of, yscale="log")
-    legend_above(axes, 1)
+    label_curves(axes, 1)
     for panel in others:
         _draw_boxes(panel, found.open, problem)
         panel.set_title(f"{len(found.open)} of {found.history[-1].open} open boxes")

@@ -4,6 +4,8 @@ parts.
 
 from __future__ import annotations
 
+from math import inf
+
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
@@ -14,7 +16,8 @@ from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.numbers.units import UNITS, Units
 from vctune.model.parts import Servo, Structure
-from vctune.report.figures.style import BLUE, GREEN, GREY, INK, STYLE, time_text
+from vctune.report.figures.style import BLUE, GREEN, GREY, INK, STYLE
+from vctune.report.typography import quantity
 
 SIZE = (6.28, 4.2)
 """Size of the figure, inches, so that a telephone shows all of it; all places below are in inches, too."""
@@ -26,7 +29,7 @@ HAND = 0.43
 """Place of the hand."""
 WIDTH, HEIGHT, TALL, LINE = 1.26, 0.82, 1.1, 0.195
 """Sizes of a box, of one in the top row, and of a line of text in it."""
-FITS = 21 / WIDTH
+FITS = 17 / WIDTH
 """Letters of a line that an inch of a box has room for; a longer line is in smaller ones."""
 POSITION_AT = 4.58
 """Place where the position passes the velocity estimate."""
@@ -73,8 +76,9 @@ def _force_path(axes: Axes, device: Device, coupling: Coupling) -> None:
         _arrow(axes, (LEFT + WIDTH / 2, TOP), (COUPLING - WIDTH / 2, TOP), label="f_s")
     axes.plot([LEFT], [low], "o", color=INK, markersize=3)
     axes.text(LEFT + 0.07, 1.6, "f_h", ha="left", va="center")
-    lines = [f"b_c {coupling.damping:.4g} {units.damping}", f"m_c {coupling.mass:.4g} {units.mass}"]
-    lines += [f"b_0 {coupling.drag:.4g} {units.damping}"] if coupling.drag > 0 else []
+    lines = [] if coupling.damping == inf else [f"b_c {quantity(coupling.damping, units.damping)}"]
+    lines += [f"m_c {quantity(coupling.mass, units.mass)}"]
+    lines += [f"b_0 {quantity(coupling.drag, units.damping)}"] if coupling.drag > 0 else []
     _box(axes, COUPLING, TOP, "coupling and\nenvironment", lines, colour=BLUE)
 
 
@@ -102,15 +106,15 @@ def _servo_loop(axes: Axes, device: Device, servo: Servo, coupling: Coupling) ->
 def _motion_path(axes: Axes, coupling: SpringDamper, units: Units) -> None:
     """Draw the path of the measured motion to the coupling: past its estimate, whose velocity it shares."""
     _arrow(axes, (LAW - WIDTH / 2, MIDDLE), (COUPLING, MIDDLE), (COUPLING, TOP - TALL / 2), label="x, v̂")
-    lines = [f"k_c {coupling.stiffness:.5g} {units.stiffness}"]
-    lines += [f"b_c {coupling.damping:.4g} {units.damping}"] if coupling.damping > 0 else []
+    lines = [f"k_c {quantity(coupling.stiffness, units.stiffness)}"]
+    lines += [f"b_c {quantity(coupling.damping, units.damping)}"] if coupling.damping > 0 else []
     _box(axes, COUPLING, TOP, "coupling and\nenvironment", lines, colour=BLUE)
 
 
 def _drive(axes: Axes, device: Device, gains: Gains) -> None:
     units = UNITS[device.units]
-    lines = [f"K_v {gains.velocity:.4g} {units.damping}"] if gains.velocity > 0 or device.kind.senses_force else []
-    lines += [f"K_p {gains.position:.6g} {units.stiffness}"] if gains.position > 0 else []
+    lines = [f"K_v {quantity(gains.velocity, units.damping)}"] if gains.velocity > 0 or device.kind.senses_force else []
+    lines += [f"K_p {quantity(gains.position, units.stiffness)}"] if gains.position > 0 else []
     told, law = ("f_c", units.force_name) if not device.kind.senses_force else ("v_e", "velocity law")
     _arrow(axes, (COUPLING + WIDTH / 2, TOP), (LAW - WIDTH / 2, TOP), label=told)
     _box(axes, LAW, TOP, law, lines, colour=BLUE)
@@ -137,9 +141,9 @@ def _drive(axes: Axes, device: Device, gains: Gains) -> None:
 def _mechanism(axes: Axes, device: Device) -> None:
     hand, units = device.operator, UNITS[device.units]
     least = [] if hand is None else [(hand.mass, units.mass), (hand.damping, units.damping)]
-    lines = [f"{number:.3g} {unit}" for number, unit in least if number > 0]
+    lines = [str(quantity(number, unit, 3)) for number, unit in least if number > 0]
     _box(axes, HAND, BOTTOM, "hand ≥" if lines else "hand", lines, width=0.76, colour=GREY)
-    damping = f"{device.damping:.4g} {units.damping}"
+    damping = str(quantity(device.damping, units.damping))
     if device.structure is None:
         left, right = 1.25, LAW + WIDTH / 2
         _arrow(axes, (HAND + 0.38, BOTTOM), (left, BOTTOM), both=True)
@@ -148,23 +152,23 @@ def _mechanism(axes: Axes, device: Device) -> None:
             (left + right) / 2,
             BOTTOM,
             "mechanism",
-            [f"{device.mass:.4g} {units.mass}, {damping}"],
+            [f"{quantity(device.mass, units.mass)}, {damping}"],
             width=right - left,
         )
         return
     structure, handle = device.structure, 1.85
     _arrow(axes, (HAND + 0.38, BOTTOM), (handle - 0.6, BOTTOM), both=True)
-    _box(axes, handle, BOTTOM, "handle", [f"{structure.handle_mass:.4g} {units.mass}"], width=1.2)
+    _box(axes, handle, BOTTOM, "handle", [str(quantity(structure.handle_mass, units.mass))], width=1.2)
     _spring(axes, handle + 0.6, LAW - WIDTH / 2, structure)
-    _box(axes, LAW, BOTTOM, "motor", [f"{device.motor_mass:.4g} {units.mass}", damping])
+    _box(axes, LAW, BOTTOM, "motor", [str(quantity(device.motor_mass, units.mass)), damping])
 
 
 def _spring(axes: Axes, left: float, right: float, structure: Structure) -> None:
     x = np.linspace(left, right, 13)
     y = BOTTOM + 0.12 * np.array([0, 0, 1, -1, 1, -1, 1, -1, 1, -1, 1, 0, 0])
     axes.plot(x, y, color=INK, linewidth=1)
-    text = f"{structure.frequency_hz:.4g} Hz\nζ {structure.damping_ratio:.3g}"
-    axes.text((left + right) / 2, BOTTOM - 0.2, text, ha="center", va="top", fontsize=8.5)
+    text = f"{quantity(structure.frequency_hz, 'Hz')}\nζ {structure.damping_ratio:.3g}"
+    axes.text((left + right) / 2, BOTTOM - 0.2, text, ha="center", va="top", fontsize=10)
 
 
 def _feedback(axes: Axes, device: Device, gains: Gains) -> None:
@@ -189,7 +193,7 @@ def _firmware(axes: Axes, device: Device, right: float) -> None:
     left, low, high = COUPLING - 0.67, 1.36, 4.12
     outline = Rectangle((left, low), right - left, high - low, facecolor="none", edgecolor=GREY, linestyle="--")
     axes.add_patch(outline)
-    axes.text(left + 0.08, low + 0.08, f"firmware, every {_time(device.sample_time)}", color=GREY, va="bottom")
+    axes.text(left + 0.08, low + 0.08, f"firmware, every {_time(device.sample_time)}", va="bottom")
 
 
 def _box(
@@ -204,7 +208,7 @@ def _box(
         bold = number < title.count("\n") + 1
         axes.text(
             x, top - LINE * number, row, ha="center", va="center_baseline",
-            fontsize=9 if bold else 8.5 * min(1.0, FITS * width / len(row)), fontweight="bold" if bold else "normal",
+            fontsize=11 if bold else 10.5 * min(1.0, FITS * width / len(row)), fontweight="bold" if bold else "normal",
         )  # fmt: skip
 
 
@@ -221,8 +225,8 @@ def _arrow(axes: Axes, *points: tuple[float, float], label: str = "", both: bool
 
 
 def _low_pass(corner_hz: float, order: int) -> str:
-    return f"{corner_hz:.4g} Hz" + (f", order {order}" if order > 1 else "")
+    return str(quantity(corner_hz, "Hz")) + (f", order {order}" if order > 1 else "")
 
 
 def _time(seconds: float) -> str:
-    return " ".join(time_text(seconds, 4))
+    return str(quantity(seconds, "s"))

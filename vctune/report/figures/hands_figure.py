@@ -21,18 +21,19 @@ from vctune.model.numbers.units import UNITS
 from vctune.model.problem import Problem
 from vctune.model.sampled.hand_loop import loop_in_hand, offered, required_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.report.figures.labels import label_curves
 from vctune.report.figures.style import (
     BLUE,
     GREY,
     INK,
     ORANGE,
+    PAPER,
     RED,
     WIDTH,
     around_one,
     canvas,
     decades,
     frequency_axis,
-    legend_above,
 )
 
 CURVES = 40
@@ -101,16 +102,15 @@ def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoup
     -------
     Figure
     """
-    columns, above = {"linear": (2, 0.8), "rotary": (1, 1.15)}[problem.device.units]  # whose units are longer
-    figure = canvas(WIDTH, 6.4 + above, left=0.85, top=above, gaps=(0, 0.5))
+    figure = canvas(WIDTH, 5.55, left=0.8, top=0.45, gaps=(0, 0.45))
     curves, ratio, plane = figure.subplots(3, 1, height_ratios=(5, 4, 4))
     met = met_in_hands(problem, gains, coupling, hands)
     draw_required_in_hands(curves, problem, gains, coupling, met)
     curves.set_xlabel("")
     draw_ratio_in_hands(ratio, problem, gains, coupling, met)
-    legend_above(ratio, 2)
-    legend_above(curves, columns)
-    _map(figure, plane, problem, hands, gains, coupling)
+    label_curves(ratio)
+    label_curves(curves, 1)
+    _map(figure, plane, problem, hands, gains, coupling, met.least[0].hand)
     return figure
 
 
@@ -133,8 +133,8 @@ def draw_required_in_hands(
     """
     met, device = met or met_in_hands(problem, gains, coupling), problem.device
     scale, shown = _shown_as(device, met.theta), list[Hand]()
-    axes.semilogy(met.hz, scale * met.offered, color=BLUE, label=f"{_name(device)} as it runs")
-    axes.semilogy(met.hz, scale * _positive(met.required), color=ORANGE, label="greatest R, and in hands of:")
+    axes.semilogy(met.hz, scale * met.offered, color=BLUE, label=f"coupling, {_name(device)}")
+    axes.semilogy(met.hz, scale * _positive(met.required), color=ORANGE, label="required R, and in hands of:")
     for worst in met.least:
         if worst.hand not in shown and len(shown) < WORST:
             shown.append(worst.hand)
@@ -143,7 +143,7 @@ def draw_required_in_hands(
             colour, line = ((RED, "--"), (INK, ":"), (GREY, "-."))[len(shown) - 1]
             label = worst.hand.in_words(problem.units)
             axes.semilogy(met.hz, scale * _positive(one), linewidth=0.9, color=colour, linestyle=line, label=label)
-    axes.set_ylabel(_unit(device))
+    axes.set_ylabel(_axis(device))
     frequency_axis(axes, met.hz[0], met.hz[-1])
     low, high = axes.get_ylim()
     axes.set_ylim(max(low, SHALLOW * high), high)
@@ -169,14 +169,18 @@ def draw_ratio_in_hands(
         The same.
     """
     met, name = met or met_in_hands(problem, gains, coupling), _name(problem.device)
-    axes.plot(met.hz, met.offered / _positive(met.required), color=BLUE, label=f"{name} / R in the worst hand")
-    around_one(axes, problem.stability.safety_factor, met.least[0].ratio, hertz(met.least[0].omega))
+    axes.plot(met.hz, met.offered / _positive(met.required), color=BLUE, label=f"{name} / R")
+    worst = met.least[0]
+    whose = worst.hand.in_words(problem.units)
+    around_one(axes, problem.stability.safety_factor, worst.ratio, hertz(worst.omega), whose)
     frequency_axis(axes, met.hz[0], met.hz[-1])
     return axes
 
 
-def _map(figure: Figure, axes: Axes, problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling) -> None:
-    """Draw the greatest R/Re Z_c over angle and damping, as a share."""
+def _map(
+    figure: Figure, axes: Axes, problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling, worst: Hand
+) -> None:
+    """Draw the greatest R/Re Z_c over angle and damping, as a share, and mark the worst hand."""
     device, units, shares = problem.device, problem.units, np.linspace(0.0, 1.0, PLACES) ** 2
     places = {"mass": shares, "damping": np.array(DAMPINGS), "stiffness": shares}
     of = {name: low + (high - low) * places[name] for name, (low, high) in hands.ranges.items()}
@@ -188,8 +192,11 @@ def _map(figure: Figure, axes: Axes, problem: Problem, hands: Hands, gains: Gain
     Z_c = offered(coupling, device, theta, FLOATS)
     need = (required.lost / required.size / np.maximum(Z_c, 1e-300)).max(axis=(1, 3)).T
     drawn = axes.contourf(mass, stiffness, 100 * np.clip(need, 0.0, 1.2), levels=LEVELS, cmap="cividis")
-    figure.colorbar(drawn, ax=axes, label=f"R of {_name(device)}, %")
-    axes.set(xlabel=f"{units.mass_name} of the hand, {units.mass}", ylabel=f"stiffness, {units.stiffness}")
+    figure.colorbar(drawn, ax=axes, label=f"R, % of {_name(device)}", ticks=LEVELS[::2])
+    axes.plot(worst.mass, worst.stiffness, "o", color=RED, markeredgecolor=PAPER, markersize=7, clip_on=False, zorder=5)
+    axes.set(
+        xlabel=f"{units.mass_name} of the hand, {units.mass}; dot: the worst", ylabel=f"stiffness, {units.stiffness}"
+    )
     axes.ticklabel_format(style="sci", scilimits=POWERS)
 
 
@@ -211,11 +218,11 @@ def any_hand_figure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Fi
     theta = where.theta[some]
     hz, required = theta / (2 * pi * device.sample_time), where.required(gains)[0, some]
     given, scale = offered(coupling, device, theta, FLOATS), _shown_as(device, theta)
-    figure = canvas(WIDTH, 5.6, left=0.85, top=0.75, gaps=(0, 0.5))
+    figure = canvas(WIDTH, 4.6, left=0.8, top=0.35, gaps=(0, 0.42))
     upper, lower = figure.subplots(2, 1, height_ratios=(3, 2))
-    upper.loglog(hz, scale * given, color=BLUE, label=f"{_name(device)} as it runs")
-    upper.loglog(hz, scale * _positive(required), "--", color=ORANGE, label="R in any passive hand")
-    upper.set_ylabel(_unit(device))
+    upper.loglog(hz, scale * given, color=BLUE, label=f"coupling, {_name(device)}")
+    upper.loglog(hz, scale * _positive(required), "--", color=ORANGE, label="required, R")
+    upper.set_ylabel(_axis(device))
     lower.plot(hz, given / _positive(required), color=BLUE, label=f"{_name(device)} / R")
     least = least_ratios_in_any_hand(device, gains, coupling)[0]
     around_one(lower, problem.stability.safety_factor, least.ratio, hertz(least.omega))
@@ -223,8 +230,8 @@ def any_hand_figure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Fi
         frequency_axis(each, hz[0], hz[-1])
     upper.set_xlabel("")
     decades(upper)
-    legend_above(upper, 2)
-    legend_above(lower, 2)
+    label_curves(upper)
+    label_curves(lower)
     return figure
 
 
@@ -237,8 +244,9 @@ def _name(device: Device) -> str:
     return f"Re {device.kind.couples}"
 
 
-def _unit(device: Device) -> str:
-    return device.kind.coupling_unit(UNITS[device.units])
+def _axis(device: Device) -> str:
+    quantity = "conductance" if device.kind.inverse else "resistance"
+    return f"{quantity}, {device.kind.coupling_unit(UNITS[device.units])}"
 
 
 def _positive(required: Floats) -> Floats:

@@ -25,10 +25,9 @@ from vctune.report.figures.style import (
     around_one,
     decades,
     frequency_axis,
-    legend_above,
     shade,
-    time_text,
 )
+from vctune.report.typography import quantity
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,9 +80,9 @@ def draw_required(
     """
     curves = curves or demanded(problem, gains, coupling)
     own = curves.own
-    axes.semilogy(own.hz, own.coupling, color=BLUE, label="Re Z_c")
-    axes.semilogy(own.hz, own.required, "--", color=ORANGE, label="required R")
-    axes.set_ylabel(problem.units.damping)
+    axes.semilogy(own.hz, own.coupling, color=BLUE, label="coupling, Re Z_c")
+    axes.semilogy(own.hz, own.required, "--", color=ORANGE, label="required, R")
+    axes.set_ylabel(f"resistance, {problem.units.damping}")
     if curves.bare is not None:
         axes.semilogy(curves.bare.hz, curves.bare.required, ":", color=ORANGE, label="R without operator")
     for number, there in enumerate(curves.others):
@@ -177,17 +176,17 @@ def draw_nyquist(axes: Axes, problem: Problem, gains: Gains) -> Axes:
     axes.plot(np.cos(angle), np.sin(angle), color=GREY, linewidth=1, linestyle="--", label="unit circle")
     axes.fill(
         -1 + np.cos(angle) / limit, np.sin(angle) / limit,
-        facecolor="none", edgecolor=RED, hatch="///", linewidth=1, label=f"|S| above {limit:g}",
+        facecolor="none", edgecolor=RED, hatch="///", linewidth=1, label=f"|S| > {limit:g}",
     )  # fmt: skip
     axes.plot(-1, 0, "+", color=RED, markersize=10, label="-1")
     if margins.gain < inf:
-        axes.plot(-1 / margins.gain, 0, "o", color=ORANGE, label=f"gain margin {20 * log10(margins.gain):.3g} dB")
+        axes.plot(-1 / margins.gain, 0, "o", color=ORANGE, label=f"gain margin\n{20 * log10(margins.gain):.3g} dB")
     if margins.phase < inf:
-        delay, unit = time_text(margins.delay, 3)
-        label = f"phase {degrees(margins.phase):.3g}°, delay {delay} {unit}"
+        label = f"phase margin {degrees(margins.phase):.3g}°,\ndelay margin {quantity(margins.delay, 's', 3)}"
         axes.plot(-cos(margins.phase), -sin(margins.phase), "s", color=GREEN, label=label)
-    axes.set(xlim=(left, right), ylim=(-up, up), aspect="equal", xlabel="Re L", ylabel="Im L")
-    legend_above(axes, 2)
+    axes.set(
+        xlim=(left, right), ylim=(-up, up), aspect="equal", xlabel="Re L, dimensionless", ylabel="Im L, dimensionless"
+    )
     return axes
 
 
@@ -271,10 +270,12 @@ def draw_impedance(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoup
         colour, every, dashes = (BLUE, GREEN, ORANGE, RED)[number], (0.025 * number, 0.1), ("", "--", "-.", "")[number]
         axes.semilogy(hz, impedance, marker="os^D"[number], markevery=every, markersize=4, color=colour, label=name)
         if np.isfinite(ideal).all() and ideal.max() > 0:
-            axes.semilogy(hz, ideal, color=colour, linewidth=1, linestyle=dashes, label=f"{name}, ideal")
+            axes.semilogy(
+                hz, ideal, color=colour, linewidth=1, linestyle=dashes, label="_ideal" if number > 1 else "ideal"
+            )
     if problem.device.servo is None:
         bare = np.abs(impedance_at_handle(problem.device, NO_LOOP[0], 2 * pi * hz, None))
         axes.semilogy(hz, bare, ":", color=GREY, linewidth=1.2, label="bare device")
     frequency_axis(axes, hz[0], hz[-1])
-    axes.set_ylabel(f"|impedance at the handle|, {problem.units.damping}")
+    axes.set_ylabel(f"impedance at the handle, {problem.units.damping}")
     return axes

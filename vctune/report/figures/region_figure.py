@@ -25,14 +25,14 @@ from vctune.model.gains import Gains
 from vctune.model.numbers.keys import labelled
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
-from vctune.report.figures.style import INK, PAPER, RED, STYLE, canvas
+from vctune.report.figures.style import INK, ORANGE, PAPER, RED, STYLE, WIDTH, canvas, legend_above
 from vctune.running import check_time
 from vctune.study.plane import Plane, Squares
 from vctune.study.region import Kind, Region
 from vctune.study.region_check import Recheck
 from vctune.study.region_record import Design
 
-GOOD, BAD, OPEN = ("#b5d9f2", ""), ("#e58b2a", "///"), ("#6e6e78", "...")
+GOOD, BAD, OPEN = ("#b5d9f2", ""), ("#e58b2a", "///"), ("#6e6e78", "--")
 """Colour and hatching, apart for every kind of sight and in grey."""
 FILLS = {Kind.FEASIBLE: GOOD, Kind.INFEASIBLE: BAD, Kind.UNDECIDED: OPEN}
 LABELS = {kind: f"proved {kind.name.lower()}" for kind in FILLS} | {Kind.UNDECIDED: "undecided"}
@@ -44,7 +44,7 @@ APART = (0.07, 0.035)
 MESH = 48
 
 
-def region_figure(problem: Problem, region: Region, designs: Sequence[Design]) -> Figure:
+def region_figure(problem: Problem, region: Region, designs: Sequence[Design], marked: Design | None = None) -> Figure:
     """Return the cells in the optimiser's coordinates, in which their areas are counted.
 
     Parameters
@@ -52,7 +52,8 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design]) -
     problem : problem for contours of the error and, with any passive hand, the limit of K_p, where the axes are K_v
         and K_p
     region : the cells and their verdicts; the title says if it was interrupted
-    designs : gain sets to mark
+    designs : optima to mark
+    marked : given design to mark, if it lies in the plane
     """
     plane = region.plane
     with rc_context(STYLE):
@@ -62,6 +63,7 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design]) -
             _fill(axes, plane, region.squares[:, region.kinds == kind], fill, LABELS[kind])
         for label, of, colour in (("optimum", False, PAPER), ("optimum, idle", True, RED)):
             _marked(axes, plane, [design for design in designs if _idle(problem, design) is of], "*", colour, label)
+        _marked(axes, plane, [marked] if marked else [], "X", ORANGE, "given gains")
         if set(plane.axes) == {0, 1} and problem.device.kind.own_loop:
             _idle_side(axes, problem, plane)
         if set(plane.axes) == {0, 1} and problem.device.kind.banded:
@@ -83,7 +85,7 @@ def world_figure(problem: Problem, region: Region) -> Figure:
     plane = region.plane
     with rc_context(STYLE):
         interrupted = "interrupted: some of what is undecided was not looked at" * region.interrupted
-        figure, axes = _frame(plane, problem.units, interrupted)
+        figure, axes = _frame(plane, problem.units, interrupted, canvas(WIDTH, 3.8, left=0.78, top=0.6))
         for kind, fill in FILLS.items():
             _fill(axes, plane, region.squares[:, region.kinds == kind], fill, WORLD_LABELS[kind])
         if problem.worlds is not None:
@@ -92,7 +94,7 @@ def world_figure(problem: Problem, region: Region) -> Figure:
             (x, y), (X, Y) = ([_spot(plane, k, min(each[k], plane.edges[k][-1])) for k in (0, 1)] for each in ends)
             outline = Rectangle((x, y), X - x, Y - y, fill=False, edgecolor=INK, linewidth=1.6, label="[environment]")
             axes.add_patch(outline)
-        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        legend_above(axes, 2)
     return figure
 
 
@@ -113,10 +115,10 @@ def lost_figure(again: Recheck) -> Figure:
     return figure
 
 
-def _frame(plane: Plane, units: Units, title: str = "") -> tuple[Figure, Axes]:
-    figure = canvas(8.6, 5.2, left=0.95, right=2.1, top=0.35 if title else 0.15)
+def _frame(plane: Plane, units: Units, title: str = "", figure: Figure | None = None) -> tuple[Figure, Axes]:
+    figure = figure or canvas(8.6, 5.2, left=0.95, right=2.1, top=0.35 if title else 0.15)
     axes = figure.subplots()
-    axes.set_title(title, loc="left")
+    axes.set_title(title, loc="left", pad=None if figure.get_figwidth() > WIDTH else 32)
     axes.grid(visible=False)
     for place, axis in enumerate(plane.axes):
         values, at = _marks(plane, place)
@@ -196,10 +198,11 @@ def _joined(squares: Squares, along: int) -> Squares:
 
 
 def _marked(axes: Axes, plane: Plane, designs: Sequence[Design], mark: str, colour: str, label: str) -> None:
-    if designs:
-        x, y = np.array(
-            [[_spot(plane, k, point(*design)[axis]) for design in designs] for k, axis in enumerate(plane.axes)]
-        )
+    spots = np.array(
+        [[_spot(plane, k, point(*design)[axis]) for design in designs] for k, axis in enumerate(plane.axes)]
+    )
+    if designs and np.isfinite(spots).all(axis=0).any():
+        x, y = spots
         axes.scatter(x, y, s=180, c=colour, marker=mark, edgecolors=INK, label=label, zorder=5, clip_on=False)
 
 

@@ -1,4 +1,4 @@
-"""The common style of all figures: inks, a layout that no text can move, bands, and texts of seconds."""
+"""The common style of all figures: inks, a layout that no text can move, and bands."""
 
 from __future__ import annotations
 
@@ -11,26 +11,28 @@ from matplotlib.markers import TICKDOWN
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from vctune.model.problem import Band
+from vctune.report.typography import quantity, tick
 
 INK, PAPER = "#010203", "#fefdfc"
 """Text and ground; a page replaces both by its own."""
 BLUE, ORANGE, GREEN, RED, GREY = "#3b82d0", "#e08a1e", "#2f9e62", "#d6453d", "#8a8f98"
 """Never the only difference between two curves: line style or marker differs too."""
-PLAIN = FuncFormatter(lambda value, _: f"{value:g}")
+PLAIN = FuncFormatter(lambda value, _: tick(value))
 LEAST_SPAN = 0.1
 """Ratios nearer to one another than this share one view."""
 FEW_DECADES = 100.0
-WIDTH = 5.2
-"""Width of a figure of a design, inches: two stand side by side on a desk, one can be read on a telephone."""
+WIDTH = 4.2
+"""Width of a figure of a design, inches: two stand side by side on a desk, one can be read on a telephone and in a
+column of 8 cm."""
 STYLE: Any = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",
-    "font.size": 10,
+    "font.size": 9,
     "text.color": INK,
     "axes.edgecolor": INK,
     "axes.labelcolor": INK,
     "axes.facecolor": "none",
-    "axes.titlesize": 10,
+    "axes.titlesize": 9,
     "axes.titley": 1.0,
     "figure.facecolor": PAPER,
     "xtick.color": INK,
@@ -43,6 +45,7 @@ STYLE: Any = {
     "legend.frameon": False,
     "legend.labelcolor": INK,
     "lines.linewidth": 1.6,
+    "path.simplify_threshold": 0.25,
 }
 
 
@@ -80,8 +83,14 @@ def legend_above(axes: Axes, columns: int, **options: Any) -> None:
     columns : columns of the legend
     options : options of `Axes.legend`
     """
-    close = {"borderaxespad": 0.2, "columnspacing": 1.1, "handlelength": 1.7, "handletextpad": 0.5, "fontsize": 8.5}
-    axes.legend(loc="lower left", bbox_to_anchor=(-0.03, 1.0), ncols=columns, **close, **options)
+    close: dict[str, Any] = {
+        "borderaxespad": 0.2,
+        "columnspacing": 1.1,
+        "handlelength": 1.7,
+        "handletextpad": 0.5,
+        "fontsize": 8,
+    } | options
+    axes.legend(loc="lower left", bbox_to_anchor=(-0.03, 1.0), ncols=columns, **close)
 
 
 def frequency_axis(axes: Axes, low: float, high: float) -> None:
@@ -119,7 +128,7 @@ def decades(axes: Axes) -> None:
     axes.yaxis.set_major_formatter(PLAIN)
 
 
-def around_one(axes: Axes, factor: float, least: float | None, worst_hz: float | None) -> None:
+def around_one(axes: Axes, factor: float, least: float | None, worst_hz: float | None, where: str = "") -> None:
     """Draw the limit, the safety factor and the least ratio, on an axis that is linear around them.
 
     Parameters
@@ -127,14 +136,16 @@ def around_one(axes: Axes, factor: float, least: float | None, worst_hz: float |
     axes : axes of a ratio
     factor : the safety factor
     least, worst_hz : the least ratio and its frequency, Hz; None for inf
+    where : hand of the least ratio, in words
     """
     axes.axhline(1.0, color=RED, linewidth=1.2, linestyle="-.", label="1: the limit")
     axes.axhline(factor, color=INK, linewidth=1, linestyle=(0, (1, 1)), label=f"safety factor {factor:g}")
     if worst_hz and least:
-        axes.plot(worst_hz, least, "o", color=RED, label=f"least ratio {least:.4g}")
+        label = f"least: {quantity(least)} at {quantity(worst_hz, 'Hz')}" + (f",\n{where}" if where else "")
+        axes.plot(worst_hz, least, "o", color=RED, label=label)
     marks = (1.0, factor, min(least or 1.0, 2 * factor))
     low, span = min(marks), max(max(marks) - min(marks), LEAST_SPAN)
-    axes.set(ylim=(max(low - span / 2, 0.0), max(marks) + 2 * span), ylabel="ratio, around 1")
+    axes.set(ylim=(max(low - 0.9 * span, 0.0), max(marks) + 2.6 * span), ylabel="coupling / required")
 
 
 def stamp(figure: Figure, words: str) -> None:
@@ -166,17 +177,3 @@ def shade(axes: Axes, band: Band, colour: str, label: str, hatch: str = "") -> N
     low, high = axes.get_xlim()
     ends = max(band.min / (2 * pi), low), min(band.max / (2 * pi), high)
     axes.axvspan(*ends, facecolor=colour, alpha=0.13, label=label, hatch=hatch, edgecolor=colour, linewidth=0)
-
-
-def time_text(seconds: float, digits: int) -> tuple[str, str]:
-    """Return a time and its unit: seconds, ms or µs, the first that gives a number from 0.1 on.
-
-    Parameters
-    ----------
-    seconds : the time, s
-    digits : significant ones
-    """
-    for scale, unit in ((1.0, "s"), (1e3, "ms")):
-        if abs(seconds) * scale >= 0.1 or seconds == 0:
-            return f"{seconds * scale:.{digits}g}", unit
-    return f"{seconds * 1e6:.{digits}g}", "µs"

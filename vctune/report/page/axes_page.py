@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from html import escape
+from collections.abc import Mapping
 
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.part import text
 from vctune.document.text.output_files import folder_name
 from vctune.report.page.contents import REPORT
+from vctune.report.page.templates import templates
 
 HEADINGS = ("axis", "status", "mass", "drag", "least ratio", "error")
-STYLE = (
-    "body { font: 1rem/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; "
-    "color-scheme: light dark; } td, th { text-align: left; padding: .15rem 1rem .15rem 0; }"
-)
+VERDICTS = {"certified": "proved", "undecided": "undecided"}
+"""Verdict on a claim that a status is marked as. The others are marked as refuted."""
 
 
 def axis_row(name: str, record: DesignRecord) -> tuple[str, ...]:
@@ -62,17 +60,28 @@ def axes_page(name: str, designs: Mapping[str, DesignRecord], *, reported: bool)
     designs : designs by the name of the axis
     reported : whether each axis has a report, which its name then leads to
     """
-    rows = "".join(_row(axis_row(axis, record), reported) for axis, record in designs.items())
-    proved = "".join(f"<p>{escape(promise)}</p>\n" for promise in promises(designs))
-    headings = "".join(f"<th>{escape(heading)}</th>" for heading in HEADINGS)
+    rows = {axis: axis_row(axis, record) for axis, record in designs.items()}
+    axes = [
+        {
+            "name": axis,
+            "link": f"{folder_name(axis)}/{REPORT}" if reported else "",
+            "status": status,
+            "verdict": VERDICTS.get(status, "refuted"),
+            "cells": list(zip(HEADINGS[2:], cells, strict=True)),
+        }
+        for axis, status, *cells in rows.values()
+    ]
     return (
-        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(name)}: axes</title>\n'
-        f"<style>{STYLE}</style>\n</head>\n<body>\n<h1>{escape(name)}</h1>\n{proved}<table>\n<tr>{headings}</tr>\n{rows}"
-        "</table>\n</body>\n</html>\n"
+        templates()
+        .get_template("axes.html.j2")
+        .render(
+            name=name,
+            axes=axes,
+            headings=HEADINGS,
+            proved=promises(designs),
+            failed=[
+                f"{axis}: {record.reason or record.status}" for axis, record in designs.items() if not record.promise
+            ],
+            warnings=[f"{axis}: {line}" for axis, record in designs.items() for line in record.warnings],
+        )
     )
-
-
-def _row(cells: Sequence[str], reported: bool) -> str:
-    axis, *others = cells
-    first = f'<a href="{escape(folder_name(axis))}/{REPORT}">{escape(axis)}</a>' if reported else escape(axis)
-    return f"<tr><td>{first}</td>{''.join(f'<td>{escape(cell)}</td>' for cell in others)}</tr>\n"

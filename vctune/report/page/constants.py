@@ -26,7 +26,7 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.pair import EvenOdd, Pair
 from vctune.model.problem import Problem
 from vctune.model.sampled.any_hand import any_hand
-from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand
+from vctune.model.sampled.hand_loop import LoopInHand, loop_in_hand, required_in_hand
 from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance, spring_forms
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.transparency import log_quadrature
@@ -165,11 +165,21 @@ def in_hands(device: Device, met: list[Hand | None], worst: list[float]) -> dict
     if not device.kind.own_loop:
         asked = required_in_hand(loop, Gains(0.0, 0.0))
         return {"theta": _numbers(theta), "required": [_numbers(each) for each in asked.lost / asked.size]}
+    assert isinstance(loop, LoopInHand), "of an admittance display"
     shape = (len(hands), theta.size)
-    return {
-        "theta": _numbers(theta),
-        **{name: _even_odd(part, shape) for name, part in loop._asdict().items()},
-    }
+    parts = {name: getattr(loop, name) for name in ("open", "velocity", "position")}
+    parts["felt"] = _felt(loop, device.sample_time, theta)
+    return {"theta": _numbers(theta), **{name: _even_odd(part, shape) for name, part in parts.items()}}
+
+
+def _felt(loop: LoopInHand, sample_time: float, theta: Floats) -> EvenOdd:
+    """Return f of P = f (2 j s K_v + T c K_p): both of its parts, from the one that does not vanish."""
+    square, cos = np.sin(theta / 2) ** 2, np.cos(theta / 2)
+    with np.errstate(all="ignore"):
+        odd = np.where(
+            square < 0.5, loop.seen_position.odd / (sample_time * cos), -loop.seen_velocity.even / (2 * square)
+        )
+    return EvenOdd(loop.seen_velocity.odd / 2, odd, square)
 
 
 def _required(device: Device, hand: Hand | None, theta: Floats) -> str:
@@ -193,6 +203,21 @@ def _required(device: Device, hand: Hand | None, theta: Floats) -> str:
     return _numbers(np.stack([lost, (lost_more - lost) / unit, *below], axis=-1))
 
 
+def numbered(constants: Any, numbers: dict[str, int]) -> Any:
+    """Return constants with the place of each array instead of the array.
+
+    Parameters
+    ----------
+    constants : as this module returns them
+    numbers : places of the arrays, each once; the function adds to it
+    """
+    if isinstance(constants, str):
+        return numbers.setdefault(constants, len(numbers))
+    if isinstance(constants, dict):
+        return {key: numbered(each, numbers) for key, each in constants.items()}
+    return [numbered(each, numbers) for each in constants] if isinstance(constants, list) else constants
+
+
 def _affine(number: Affine, omega: Floats) -> dict[str, str | None]:
     parts = {"constant": number.constant, "velocity": number.velocity, "position": number.position}
     return {name: None if part is None else _pair(part, omega) for name, part in parts.items()}
@@ -206,9 +231,13 @@ def _pair(number: Pair, like: Floats) -> str:
 def _even_odd(number: EvenOdd, shape: tuple[int, int]) -> list[str]:
     """Return even and odd parts in turn, at each angle, for each hand."""
     parts = np.stack([np.broadcast_to(part, shape) for part in (number.even, number.odd)], axis=-1)
-    return [_numbers(each) for each in parts]
+    return [_numbers(each, 5) for each in parts]
 
 
-def _numbers(values: Floats) -> str:
-    """Return doubles to the last bit, in base 64: shorter than as decimals."""
-    return b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode()
+def _numbers(values: Floats, size: int = 6) -> str:
+    """Return doubles as their highest bytes, rounded, in base 64, after the number of bytes: half as long as decimals.
+
+    Six bytes are 36 bits of mantissa, five are 28.
+    """
+    whole = np.ascontiguousarray(values, dtype="<f8").view("<u8").ravel() + np.uint64(1 << (63 - 8 * size))
+    return f"{size}{b64encode(whole.astype('<u8').view('u1').reshape(-1, 8)[:, 8 - size :].tobytes()).decode()}"

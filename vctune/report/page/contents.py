@@ -5,91 +5,100 @@ from __future__ import annotations
 from pathlib import Path
 
 REPORT = "report.html"
+IN_WORDS = {"admittance": "does not yield", "tracking": "does not follow", "coupling": "gives way"}
+"""The terms of the error in words."""
 READINGS = {
-    "loop": (
-        "The loop as designed",
-        "The diagram goes from the hand's force to its velocity, or from its motion to a force. Designed parts are "
-        "blue; parts that delay the loop are green. An absent part is a plain line.",
+    "hands": (
+        "Coupling against what the worst hand asks for",
+        "Top: Re Z_c, as the firmware runs it, must lie above R in each hand, up to the Nyquist frequency. No "
+        "environment that is passive as it runs then makes the loop grow. Bottom: the share of Re Z_c that R takes at "
+        "the worst damping and frequency of each hand; 100 % is the limit.",
     ),
     "llewellyn": (
-        "Absolute stability",
-        "The coupling's Re Z_c must lie above the required R; below, their ratio must be above 1. At such a frequency, "
-        "no passive hand and no passive environment can make the handle unstable, as far as the frequency model goes. "
-        "Dashed lines bound the band on which this is proved. The lower axis only shows ratios around 1.",
-    ),
-    "hands": (
-        "In every hand",
-        "In each hand the coupling's Re Z_c, as the firmware runs it, must lie above R up to the Nyquist frequency. No "
-        "environment that is passive as it runs then makes the loop grow. The lower panel shows, for each mass and "
-        "stiffness of the hand, the share of Re Z_c that R takes at the worst damping and frequency; 100 % is the "
-        "limit.",
+        "Coupling against what any passive hand asks for",
+        "Re Z_c must lie above R, and their ratio above 1, on the band between the dashed lines. There no passive hand "
+        "and no passive environment can make the handle unstable, as far as the frequency model goes.",
     ),
     "any-hand": (
-        "In any passive hand",
-        "The coupling's Re 1/Z_c, as the firmware runs it, must lie above R up to the Nyquist frequency. Where the "
-        "ratio is above 1, no passive hand and no environment that is passive as it runs make the handle unstable. The "
-        "lower axis only shows ratios around 1.",
+        "Coupling against what any passive hand asks for",
+        "Re 1/Z_c, as the firmware runs it, must lie above R up to the Nyquist frequency. No passive hand and no "
+        "environment that is passive as it runs then make the handle unstable.",
     ),
-    "nyquist": (
-        "Velocity loop",
-        "The curve must pass -1 without encircling it and stay out of the hatched circle, where |S| exceeds its limit.",
-    ),
-    "transparency": (
-        "Transparency",
-        "All four should be small in the shaded band: the free handle should yield and follow the environment, and the "
-        "hand should not feel the coupling. For an admittance display, grey curves show the same loop without a "
-        "coupling, and the device without a loop.",
+    "latency": (
+        "Drag is stiffness times latency",
+        "A contact of stiffness K pushes back late, by L. At rest that acts as a damping of −K L, and the drag D must "
+        "make up for it, part by part.",
     ),
     "z-width": (
-        "What may be rendered?",
+        "What may be rendered",
         "Each point is a spring and a tool, with any damping: blue is proved stable in every hand, in orange there is "
-        "a hand in which it holds an oscillation with the reserve used up. The frame is what the problem asks for. "
-        "`vctune region --x environment.stiffness --y environment.mass` draws the map in full.",
+        "a hand in which it holds an oscillation with the reserve used up. The frame is what the problem asks for.",
     ),
     "impedance": (
-        "What the hand feels",
-        "In the transparency band each line with marks should lie on its thin ideal; no claim holds outside the "
-        "stability band. The device can render everything between the lines for a free and for a rigid environment "
-        "(its Z-width).",
+        "What the hand feels, beside what it should feel",
+        "In the shaded transparency band each line with marks should lie on its thin ideal. The device can render "
+        "everything between free and rigid.",
     ),
-    "simulation": (
-        "Experiments",
-        "Simulated force of the hand over position (springs) or velocity, without the first cycle: on the left a "
-        "regular PID, on the right this design, on the same device with the same friction. The dashed line is the "
-        "rendered environment. Loading and unloading should lie on each other and on the dashed line.",
+    "transparency": (
+        "Which term makes the error",
+        "All should be small in the shaded band. Grey: the same loop without a coupling, and the device without a "
+        "loop.",
+    ),
+    "nyquist": (
+        "How far the velocity loop stays from -1",
+        "The curve must pass -1 without encircling it and stay out of the hatched circle, where |S| exceeds its limit.",
+    ),
+    "loop": (
+        "The loop as designed",
+        "From the hand's force to its velocity, or from its motion to a force. Blue parts are designed, green parts "
+        "delay the loop.",
     ),
     "optimality": (
-        "How much better could any design be?",
+        "How much better any design could be",
         "No design that meets the constraints has an error below the full line; a search of every box of gains and "
         "couplings proves this. The gap to the dashed line is all that another design could gain.",
+    ),
+    "simulation": (
+        "The design and a regular PID in simulated experiments",
+        "Force of the hand over position (springs) or velocity, without the first cycle: on the left a regular PID, on "
+        "the right this design, on the same device with the same friction. Loading and unloading should lie on each "
+        "other and on the dashed line, which is the rendered environment.",
     ),
 }
 """Title and reading of each figure, by name."""
 OF_DISPLAY: dict[str, dict[str, str]] = {
     "servo": {
-        "loop": "The diagram goes from the hand's force to the motion of the arm. Designed parts are blue; parts that "
-        "delay the loop are green. The hand does not move the arm; it feels the late answer of the coupling.",
-        "hands": "The late answer of a hand or a contact acts as a negative resistance of size R, which does not "
-        "depend on the design. The coupling's Re Z_c, as the firmware runs it, must lie above R up to the Nyquist "
-        "frequency. At rest R is stiffness times latency. The lower panel shows, for each mass and stiffness of the "
-        "hand, the share of Re Z_c that R takes at the worst damping and frequency; 100 % is the limit.",
+        "loop": "From the hand's force to the motion of the arm. Blue parts are designed, green parts delay it. The "
+        "hand does not move the arm; it feels the late answer of the coupling.",
+        "hands": "Top: the late answer of a hand or a contact acts as a negative resistance of size R, whatever the "
+        "design. Re Z_c, as the firmware runs it, must lie above it up to the Nyquist frequency. Bottom: the share of "
+        "Re Z_c that R takes at the worst damping and frequency of each hand; 100 % is the limit.",
         "transparency": "Both should be small in the shaded band: the motion should follow its command, which depends "
         "on the servo alone, and the hand should not feel the coupling, which is designed.",
-        "impedance": "In the transparency band each line with marks should lie on its thin ideal. No environment feels "
-        "lighter than the free arm, whose drag the contacts require.",
+        "impedance": "In the shaded transparency band each line with marks should lie on its thin ideal. No "
+        "environment feels lighter than the free arm, whose drag the contacts require.",
     }
 }
 """Readings that differ for a kind of display, by its name and that of the figure."""
 
 
-def reading(figure: str, display: str) -> str:
+IN_WORLDS = (
+    " The curves are before any passive environment, which is more than the claim covers: where the ratio is below 1, "
+    "the environments of the problem are what keeps the loop stable."
+)
+"""What the curves of hands show where the environments are stated."""
+
+
+def reading(figure: str, display: str, *, worlds: bool) -> str:
     """Return how to read a figure of a kind of display.
 
     Parameters
     ----------
     figure, display : their names
+    worlds : whether the problem states its environments
     """
-    return OF_DISPLAY.get(display, {}).get(figure, READINGS[figure][1])
+    own = OF_DISPLAY.get(display, {}).get(figure, READINGS[figure][1])
+    return own + IN_WORLDS * (worlds and figure == "hands")
 
 
 def report_paths(folder: Path) -> list[Path]:

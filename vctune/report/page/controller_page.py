@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.units import UNITS
 from vctune.report.figures.diagram import loop_figure
 from vctune.report.page.page import inline, svg
+from vctune.report.page.templates import templates
 
 BLOCKS = {
     "estimate": "Velocity estimate",
@@ -31,18 +30,19 @@ def controller_page(controller: dict[str, Any], device: Device, gains: Gains, co
     controller : the object of controller.json
     device, gains, coupling : that the block diagram shows
     """
-    environment = Environment(
-        loader=PackageLoader("vctune", "report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
-    )
     titles, written = BLOCKS if device.kind.own_loop else FOLLOWED, controller["equations"]
     blocks = {title: [one for one in written if one["block"] == block] for block, title in titles.items()}
     read = [name.removeprefix("measured_") for name in controller["inputs"]]
     *others, last = [UNITS[device.units].translated(name) for name in read]
-    diagram = inline(svg(loop_figure(device, gains, coupling), "controller"))
-    return environment.get_template("controller.html.j2").render(
-        controller=controller,
-        blocks={title: equations for title, equations in blocks.items() if equations},
-        diagram=diagram,
-        doubt=controller.get("not_proved", ""),
-        reads=f"{', '.join(others)} and {last}" if others else last,
+    diagram = inline(svg(loop_figure(device, gains, coupling), "controller"), "The loop as a block diagram")
+    return (
+        templates()
+        .get_template("controller.html.j2")
+        .render(
+            controller=controller,
+            blocks={title: equations for title, equations in blocks.items() if equations},
+            diagram=diagram,
+            doubt=controller.get("not_proved", ""),
+            reads=f"{', '.join(others)} and {last}" if others else last,
+        )
     )

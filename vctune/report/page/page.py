@@ -4,29 +4,35 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
+from html import escape
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from vctune.document.records.design_json import DesignRecord
+from vctune.document.records.part import Row
 from vctune.document.records.simulation_json import SimulationRecord
 from vctune.model.problem import Problem
 from vctune.report.figures.experiment_figures import HEADINGS, dwell_line, measured_rows
 from vctune.report.figures.style import INK, PAPER
-from vctune.report.page.contents import READINGS, reading
+from vctune.report.page.contents import IN_WORDS, READINGS, reading
+from vctune.report.page.findings import findings, limits
 from vctune.report.page.phase_table import phase_table
 from vctune.report.page.sliders import sliders
 from vctune.report.page.summary import summary
 from vctune.report.page.tables import asked, assumptions, claim_lines, feel_lines
+from vctune.report.page.templates import templates
+from vctune.report.typography import plain, quantity, svg_texts
 from vctune.running import check_time
 
 IDLE = {
     r"<metadata>.*?</metadata>\n": "",
-    r"font-family: [^;\"]*": "font-family: sans-serif",
+    r"; font-family: [^;\"]*": "",
+    r"<svg ": '<svg font-family="sans-serif" ',
     r'<g id="[^"]*">': "<g>",
     r' transform="rotate\(-0 [^"]*\)"': "",
 }
@@ -50,36 +56,81 @@ def page(
     places : places of the axes in which tried curves are drawn (`vctune.report.page.sliders.overlays`)
     simulation : simulation of this design, if there is one
     """
-    translated, display = problem.units.translated, problem.device.display
-    shown = [
-        {"name": name, "title": READINGS[name][0], "reading": translated(reading(name, display)), "svg": inline(text)}
-        for name, text in drawn.items()
-    ]
     seen, tried = summary(record, problem), None
     if record.design is not None:
         shipped = {"kind": seen.kind, "word": seen.word}
         tried = sliders(problem, record.design[0], record.design[1], record)
         tried |= {"overlays": places, "shipped": shipped}
-    template = templates().get_template("page.html.j2")
-    return template.render(
+    environment = templates(lambda text: _stated(problem.units.translated(text), problem))
+    groups = record.groups()
+    return environment.get_template("page.html.j2").render(
         record=record,
         problem=problem,
         summary=seen,
+        sheet=[_css_text(f"{record.problem.name}: {seen.word}"), _css_text(_marked(record))],
         asked=asked(problem),
+        chosen=[row for title in ("gains", "coupling") for row in groups.get(title, [])],
+        terms=_reading_terms(record),
+        limits=limits(record),
         claims=claim_lines(record, problem),
         assumptions=assumptions(problem),
         feel=feel_lines(problem, *record.design) if record.design is not None else [],
-        loop=next((each for each in shown if each["name"] == "loop"), None),
-        figures=[each for each in shown if each["name"] != "loop"],
-        groups=record.groups(),
+        figures=_shown(record, problem, drawn),
+        bounded=[key.rpartition(".")[2] for key in record.at_bound],
+        groups=groups,
         phases=phase_table(problem, record.design[0]) if record.design is not None else None,
         embedded=_embedded(record.to_json(), indent=1),
         sliders=_embedded(tried) if tried is not None else None,
         measured=measured_rows(simulation) if simulation else [],
         headings=HEADINGS,
         dwell=dwell_line(simulation) if simulation else "",
-        translated=translated,
+        translated=problem.units.translated,
     )
+
+
+def _shown(record: DesignRecord, problem: Problem, drawn: dict[str, str]) -> list[dict[str, str]]:
+    """Return name, title, finding, reading and SVG of each figure."""
+    translated, found = problem.units.translated, findings(record, problem)
+    figures = []
+    for name, text in drawn.items():
+        title, finding = translated(READINGS[name][0]), translated(found.get(name, ""))
+        read = reading(name, problem.device.display, worlds=problem.worlds is not None)
+        said = f"{title}. {_stated(finding, problem)}".strip()
+        seen = {"title": title, "finding": finding, "reading": translated(read)}
+        figures.append({"name": name, **seen, "svg": inline(text, said)})
+    return figures
+
+
+def _stated(text: str, problem: Problem) -> str:
+    """Return a text with the numbers of a problem instead of the names of its keys."""
+    for key in ("safety_factor", "max_sensitivity"):
+        text = re.sub(rf"(?<![.\w]){key}\b", f"{getattr(problem.stability, key):g}", text)
+    return text
+
+
+def _reading_terms(record: DesignRecord) -> list[Row]:
+    """Return the terms of the error, with few digits, and in words."""
+    terms = record.transparency
+    if terms is None:
+        return []
+    rows = {row.label: row for row in terms.rows(record.units)}
+    named = {"admittance": terms.free_motion, "tracking": terms.missed, "coupling": terms.given_way}
+    return [
+        Row(name, str(quantity(getattr(terms, term), digits=3)), IN_WORDS[term])
+        for term, name in named.items()
+        if name in rows
+    ]
+
+
+def _marked(record: DesignRecord) -> str:
+    """Return the marks that a printed sheet bears: date and digest of its problem."""
+    date = f"{record.date} · " if record.date else ""
+    return f"{date}problem {record.problem.sha256[:16]} · "
+
+
+def _css_text(text: str) -> str:
+    """Return a text as a string of CSS that ends neither it nor its element."""
+    return '"' + re.sub(r'[\\"<>&\n\r]', lambda found: f"\\{ord(found[0]):x} ", text) + '"'
 
 
 def _embedded(data: dict[str, Any], indent: int | None = None) -> str:
@@ -89,16 +140,16 @@ def _embedded(data: dict[str, Any], indent: int | None = None) -> str:
     )
 
 
-def templates() -> Environment:
-    """Return the folder of the pages' templates."""
-    return Environment(
-        loader=PackageLoader("vctune", "report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
-    )
+def inline(text: str, said: str) -> str:
+    """Return an SVG file as an element that takes its ink from the page's text colour and lets its ground through.
 
-
-def inline(text: str) -> str:
-    """Return an SVG file as an element that takes its ink from the page's text colour and lets its ground through."""
+    Parameters
+    ----------
+    text : the file
+    said : the figure in words
+    """
     text = re.sub(r"^.*?(?=<svg)", "", text, flags=re.DOTALL)
+    text = text.replace("<svg ", f'<svg role="img" aria-label="{escape(plain(said))}" ', 1)
     return text.replace(INK, "currentColor").replace(PAPER, "none")
 
 
@@ -117,7 +168,31 @@ def svg(figure: Figure, name: str) -> str:
     text = re.sub(r"\n +", "\n", stream.getvalue().decode())
     for long, short in IDLE.items():
         text = re.sub(long, short, text, flags=re.DOTALL)
-    return re.sub(r'(?<=[ \n])(d|x|y|transform)="[^"]*"', _shortened, text)
+    text = re.sub(r'(?<=[ \n])(d|x|y|transform)="[^"]*"', _shortened, text)
+    return svg_texts(_ungrouped(_classed(text, name)))
+
+
+def _classed(text: str, name: str) -> str:
+    """Return an SVG with its repeated styles as classes, whose names no other figure of a page has."""
+    styles = Counter(re.findall(r' style="([^"]*)"', text))
+    names = {style: f"{name}{k}" for k, (style, count) in enumerate(styles.items()) if count > 1}
+    rules = "".join(f".{named}{{{style}}}\n" for style, named in names.items())
+
+    def put(found: re.Match[str]) -> str:
+        return f' class="{names[found[1]]}"' if found[1] in names else found[0]
+
+    return re.sub(r' style="([^"]*)"', put, text).replace("</style>", f"{rules}</style>", 1)
+
+
+def _ungrouped(text: str) -> str:
+    """Return an SVG without groups that have no attribute."""
+    kept, opened = [], list[bool]()
+    for line in text.split("\n"):
+        if line.startswith("<g"):
+            opened.append(line != "<g>")
+        useful = opened[-1] if line.startswith("<g") else opened.pop() if line == "</g>" else True
+        kept += [line] if useful else []
+    return "\n".join(kept)
 
 
 def _shortened(attribute: re.Match[str]) -> str:

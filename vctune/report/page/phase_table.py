@@ -11,6 +11,7 @@ from vctune.analysis.phases import PARTS, Phases, crossover, force_phases, loop_
 from vctune.model.gains import Gains
 from vctune.model.numbers.frequency import hertz
 from vctune.model.problem import Problem
+from vctune.report.typography import quantity
 
 POINTS = 200
 """Frequencies of the mean of |1 - F_s|, midpoints of log-spaced intervals. Half and twice show the same digits."""
@@ -71,8 +72,8 @@ def _remark(problem: Problem) -> str:
 
 
 def _degrees(angle: float | None) -> str:
-    return "" if angle is None else f"{round(degrees(angle), 1) + 0.0:.1f}°"
+    return "" if angle is None else f"{round(degrees(angle), 1) + 0.0:.1f}°".replace("-", "−")
 
 
 def _hz(omega: float) -> str:
-    return f"{hertz(omega):.4g} Hz"
+    return str(quantity(hertz(omega), "Hz"))

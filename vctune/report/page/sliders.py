@@ -15,7 +15,7 @@ from vctune.document.records.design_json import DesignRecord
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.hands import Hand
 from vctune.model.problem import Problem, Range
-from vctune.report.page.constants import frequency_model, in_hands, sampled_loop
+from vctune.report.page.constants import frequency_model, in_hands, numbered, sampled_loop
 
 REACH = 10.0
 """Factor between a slider's ends and the shipped value."""
@@ -41,13 +41,19 @@ def sliders(problem: Problem, gains: Gains, coupling: AnyCoupling, record: Desig
     """
     stability, transparency, operator = problem.stability, problem.transparency, problem.device.operator
     band, worst = problem.stability.band.hz, least_ratios(problem, gains, coupling)
-    hands = _hands(problem, worst)
+    hands, numbers = _hands(problem, worst), dict[str, int]()
+    constants = {
+        "model": frequency_model(problem, record),
+        "sampled": sampled_loop(problem.device, record),
+        "hands": in_hands(problem.device, hands, [each.omega for each in worst]) if hands else None,
+    }
     return {
         "display": problem.device.display,
         "rigid": coupling.damping == inf,
         "variables": _variables(problem, gains, coupling),
         "sample_time": problem.device.sample_time,
         "factor": stability.safety_factor,
+        "worlds": problem.worlds is not None,
         "max_sensitivity": stability.max_sensitivity,
         "reference": transparency.reference_impedance,
         "weights": list(astuple(transparency.weights)),
@@ -56,11 +62,8 @@ def sliders(problem: Problem, gains: Gains, coupling: AnyCoupling, record: Desig
         "operator_damping": 0.0 if operator is None else operator.damping,
         "transparency_hz": list(transparency.band.hz),
         "hands": ["any passive hand" if hand is None else hand.in_words(problem.units) for hand in hands],
-        "constants": {
-            "model": frequency_model(problem, record),
-            "sampled": sampled_loop(problem.device, record),
-            "hands": in_hands(problem.device, hands, [each.omega for each in worst]) if hands else None,
-        },
+        "constants": numbered(constants, numbers),
+        "numbers": list(numbers),
     }
 
 

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf
+from math import ceil, floor, inf, log10
 from typing import Literal
 
 from vctune.analysis.demands import transparency_error
 from vctune.document.records.certificate_json import CertificateRecord
 from vctune.document.records.design_json import DesignRecord
-from vctune.document.records.gains_json import SpringRecord, TransparencyRecord
+from vctune.document.records.gains_json import SpringRecord
 from vctune.document.records.part import text
 from vctune.model.gains import Coupling, Gains
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
+from vctune.report.typography import quantity
 
 LITTLE_USE = 0.75
 """Share of the error without a loop from which on a design is of little use: a design that removes less than a quarter
 of it is hardly worth a force sensor. Half would say so of designs that halve the error, twice of none that is worse
 than no loop."""
-LINEAR_UP_TO = 1.5
-"""Error up to which the scale is linear; greater errors come ever closer to its end."""
+LINEAR_UP_TO = 10.0
+"""Greatest error on a linear scale; a greater one needs a logarithmic scale. Half takes it from the errors of devices
+without a loop; at twice that nobody can tell 0.1 from 0.4."""
+MARGIN = 1.08
+"""End of a linear scale over its greatest error."""
 NOTHING = Coupling(1e-18, 1e-18, 0.0)
 """Practically no coupling, but not 0, because formulas divide by it."""
 
@@ -33,14 +37,41 @@ class Mark:
 
     Attributes
     ----------
-    label : text at the mark
-    error : its value
+    label : its name, or the text of a tick
     share : its place as a share of the scale's length
+    value : the error as text; "" at a tick
     """
 
     label: str
-    error: float
     share: float
+    value: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """The error on its yardstick.
+
+    Attributes
+    ----------
+    marks : errors, this design first
+    ticks : ticks of the scale
+    little_use : place from which on a design is of little use; 1 without one
+    logarithmic : whether a length is a ratio
+    """
+
+    marks: list[Mark]
+    ticks: list[Mark]
+    little_use: float
+    logarithmic: bool
+
+    @property
+    def said(self) -> str:
+        """The picture in words."""
+        axis = "logarithmic, 1 is off by the reference impedance" * self.logarithmic
+        return "; ".join(
+            [f"{mark.label} {mark.value}" for mark in self.marks]
+            + [axis or "0 is perfect, 1 is off by the reference impedance"]
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,19 +83,17 @@ class Summary:
     kind : good, doubtful or bad
     sign : the kind as one character
     word : the verdict
-    sentence : the meaning of the verdict
-    marks : marks on the error's scale, this design first; empty without a design
-    ticks : ticks of the scale
-    little_use : place on the scale from which on a design is of little use
+    sentence : what is proved, or why nothing is
+    measure : how good the design is; "" without a design
+    scale : the error on its yardstick; None without a design
     """
 
     kind: Kind
     sign: str
     word: str
     sentence: str
-    marks: list[Mark]
-    ticks: list[Mark]
-    little_use: float
+    measure: str
+    scale: Scale | None
 
 
 SIGNS: dict[Kind, str] = {"good": "✓", "doubtful": "!", "bad": "✗"}
@@ -79,11 +108,7 @@ def summary(record: DesignRecord, problem: Problem) -> Summary:
     problem : stated by the record
     """
     kind, word, sentence = _verdict(record, problem)
-    useless = _useless_from(problem)
-    ticks = [_mark(label, at) for label, at in (("0: perfect", 0.0), ("0.5", 0.5), ("1: off by Z_0", 1.0), ("2", 2.0))]
-    return Summary(
-        kind, SIGNS[kind], word, sentence, _marks(record, problem), ticks, _share(useless) if useless < inf else 1.0
-    )
+    return Summary(kind, SIGNS[kind], word, sentence, _measure(record, problem), _scale(record, problem))
 
 
 def doubt(record: DesignRecord, problem: Problem) -> str:
@@ -116,8 +141,8 @@ def _without_loop(problem: Problem) -> float:
 
 
 def _verdict(record: DesignRecord, problem: Problem) -> tuple[Kind, str, str]:
-    proof, transparency = record.certificate, record.transparency
-    if proof is None or transparency is None:
+    proof = record.certificate
+    if proof is None:
         kind: Kind = "bad" if record.status == "infeasible" else "doubtful"
         reason = record.reason or ("no design meets the constraints" if kind == "bad" else "no design was found")
         return kind, record.status, f"{reason[0].upper()}{reason[1:]}."
@@ -125,32 +150,38 @@ def _verdict(record: DesignRecord, problem: Problem) -> tuple[Kind, str, str]:
         return "bad", "violated", f"Not for use: {_failed(proof, 'refuted', record.units)}."
     if record.status == "undecided":
         return "doubtful", "undecided", f"Not proved, so not for use: {_failed(proof, 'undecided', record.units)}."
-    return _certified(record, transparency, problem)
+    return _certified(record, problem)
 
 
-def _certified(record: DesignRecord, transparency: TransparencyRecord, problem: Problem) -> tuple[Kind, str, str]:
-    proved, useless = f"Proved {record.promise}", "certified, of little use"
+def _certified(record: DesignRecord, problem: Problem) -> tuple[Kind, str, str]:
+    useless = record.idle or _little_use(record, problem)
+    word = "certified, of little use" if useless else "certified"
+    return "doubtful" if useless else "good", word, f"Proved {record.promise}."
+
+
+def _measure(record: DesignRecord, problem: Problem) -> str:
+    """Return how good a design is, whether it is proved or not."""
+    transparency = record.transparency
+    if transparency is None:
+        return ""
     if isinstance(record.coupling, SpringRecord):
-        wall = f"a wall may be as stiff as {text(record.coupling.stiffness, 4)} {problem.units.stiffness}"
+        wall = f"A wall may be as stiff as {text(record.coupling.stiffness, 4)} {problem.units.stiffness}"
         moved = f"in free motion the handle is {text(transparency.admittance, 3)} of Z_0 = {_reference(problem)}"
-        return "good", "certified", f"{proved}; {wall}, {moved}, {_mean(problem)}."
+        return f"{wall}; {moved}, {_mean(problem)}."
     if (contact := record.contact) is not None and contact.stiffest_contact is not None:
-        bears = f"it bears contacts of {text(contact.stiffest_contact, 7)} {problem.units.stiffness}"
+        bears = f"It bears contacts of {text(contact.stiffest_contact, 7)} {problem.units.stiffness}"
         late = (
             f"the lightest drag for contacts up to {text(contact.stiffness, 7)} {problem.units.stiffness} behind "
             f"{text(1e3 * contact.latency_s, 3)} ms is {text(contact.rest_drag, 4)} {problem.units.damping}"
         )
-        return "good", "certified", f"{proved}; {bears}; {late}."
-    off = (
-        f"the handle is off the ideal by {text(transparency.error, 3)} of Z_0 = {_reference(problem)}, "
-        f"{_mean(problem)}, the device without a loop by {text(_without_loop(problem), 3)}"
-    )
+        return f"{bears}; {late}."
     if record.idle:
-        idle = f"the velocity loop hardly moves the handle: |1 - G_he| is {text(transparency.tracking, 3)}"
-        return "doubtful", useless, f"{proved}; but {idle}, and 1 means no loop at all."
-    if _little_use(record, problem):
-        return "doubtful", useless, f"{proved}; but {off}."
-    return "good", "certified", f"{proved}; {off}."
+        return (
+            f"The velocity loop hardly moves the handle: |1 - G_he| is {text(transparency.tracking, 3)}, "
+            "and 1 means no loop at all."
+        )
+    off = f"The handle is off the ideal by {text(transparency.error, 3)} of Z_0 = {_reference(problem)}"
+    return f"{off}, {_mean(problem)}; the device without a loop by {text(_without_loop(problem), 3)}."
 
 
 def _failed(proof: CertificateRecord, verdict: str, units: Units) -> str:
@@ -173,23 +204,37 @@ def _mean(problem: Problem) -> str:
     return f"{'in the mean' if problem.transparency.norm == 'rms' else 'at most'} from {low:.4g} to {high:.4g} Hz"
 
 
-def _marks(record: DesignRecord, problem: Problem) -> list[Mark]:
+def _scale(record: DesignRecord, problem: Problem) -> Scale | None:
     if record.transparency is None or record.transparency.error is None:
-        return []
-    marks = [_mark("this design", record.transparency.error)]
+        return None
+    errors = {"this design": record.transparency.error}
     if problem.device.kind.banded:
-        marks += [_mark("device without a loop", _without_loop(problem))]
+        errors["device without a loop"] = _without_loop(problem)
     found = record.optimality
     if found is not None and found.lower_bound is not None and found.terms is None:
-        marks += [_mark("no design is below", found.lower_bound)]
-    return marks
+        errors["no design is below"] = found.lower_bound
+    most, useless = max(errors.values()), _useless_from(problem)
+    logarithmic = most > LINEAR_UP_TO
+    if logarithmic:
+        low = floor(log10(min([1.0, *filter(None, errors.values())])))
+        high = float(ceil(log10(most * MARGIN)))
+        ticks = {_number(10.0**k): 10.0**k for k in range(low, int(high) + 1, max(1, int(high - low) // 4))}
+    else:
+        high = MARGIN * max(most, 1.0)
+        step = next(each for each in (0.25, 0.5, 1.0, 2.0) if high / each < 6)
+        ticks = {_number(k * step): k * step for k in range(int(high / step) + 1)}
+
+    def share(error: float) -> float:
+        place = (log10(error or 10.0**low) - low) / (high - low) if logarithmic else error / high
+        return round(min(max(place, 0.0), 1.0), 4)
+
+    return Scale(
+        [Mark(label, share(error), _number(error)) for label, error in errors.items()],
+        [Mark(label, share(at)) for label, at in ticks.items()],
+        share(useless) if useless < inf else 1.0,
+        logarithmic,
+    )
 
 
-def _mark(label: str, error: float) -> Mark:
-    return Mark(label, error, _share(error))
-
-
-def _share(error: float) -> float:
-    """Return a place on the scale: linear up to `LINEAR_UP_TO`, which takes three quarters of it, then ever closer."""
-    placed = error if error <= LINEAR_UP_TO else LINEAR_UP_TO + 0.5 * (1 - LINEAR_UP_TO / error)
-    return round(placed / (LINEAR_UP_TO + 0.5), 5)
+def _number(error: float) -> str:
+    return str(quantity(error, digits=3))

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from math import inf
 from typing import NamedTuple
 
 from vctune.analysis.demands import ratio_minima, unmodelled_maxima
 from vctune.analysis.feel import FREE_HZ, NO_LOOP, SPEED, WALL_HZ, Feel, feel
 from vctune.document.records.certificate_json import CertificateRecord, InnerLoopRecord, WorldRecord
 from vctune.document.records.design_json import DesignRecord
-from vctune.document.records.part import text
 from vctune.document.schema.number_units import unit_of
 from vctune.model.device import Device
 from vctune.model.display import ADMITTANCE
@@ -22,7 +20,7 @@ from vctune.model.numbers.units import Units
 from vctune.model.parts import ENTRIES, PARTS, Servo
 from vctune.model.problem import Band, Problem
 from vctune.proof.claims.registry import CLAIMS, ClaimId
-from vctune.report.figures.style import time_text
+from vctune.report.typography import Quantity, quantity, span
 
 
 class Line(NamedTuple):
@@ -45,12 +43,11 @@ class ClaimLine(NamedTuple):
 
 
 class FeelLine(NamedTuple):
-    """A number of how the design feels, beside that of the bare device."""
+    """A number of how the design feels, with its unit, beside that of the bare device."""
 
     label: str
     design: str
-    bare: str
-    unit: str
+    bare: str = ""
 
 
 def asked(problem: Problem) -> dict[str, list[Line]]:
@@ -64,16 +61,15 @@ def _device(problem: Problem) -> list[Line]:
     lines = []
     for key, number in device.numbers().items():
         unit = unit_of(tuple(key.split(".")), units)
-        value, unit = time_text(number, 4) if unit == units.time else (text(float(number)), unit)
         known = f"± {100 * widths[key]:.4g} %" if widths.get(key) else ""
-        lines.append(Line(units.translated(ENTRIES[key].label), value, unit, known))
+        lines.append(Line(units.translated(ENTRIES[key].label), *quantity(float(number), unit), known))
     display = []
     if device.kind is not ADMITTANCE:
         display = [Line("display", device.kind.name, "", device.kind.makes.format(force=units.force_name))]
     lines = [*display, *lines, *(_own_loop(device) if device.servo is None else _servo(device.servo))]
     if uncertain is not None and uncertain.unmodelled:
         radii = [radius for _, radius in uncertain.unmodelled]
-        lines.append(Line("unmodelled, radius", f"{min(radii):.4g} to {max(radii):.4g}"))
+        lines.append(Line("unmodelled, radius", *span(min(radii), max(radii))))
     return lines
 
 
@@ -89,51 +85,42 @@ def _servo(servo: Servo) -> list[Line]:
 
 
 def _demands(problem: Problem) -> list[Line]:
-    wanted, stable = problem.transparency, problem.stability
-    terms = problem.device.kind.terms
-    weights = ", ".join(f"{getattr(wanted.weights, term):g}" for term in terms)
-    lines = [
-        Line(
-            problem.device.kind.ratio,
-            f"≥ {stable.safety_factor:g}",
-            "",
-            "the safety factor",
-        ),
-    ]
-    if problem.device.kind.own_loop:
+    wanted, stable, kind = problem.transparency, problem.stability, problem.device.kind
+    lines = [Line(kind.ratio, f"≥ {stable.safety_factor:g}", "", "the safety factor")]
+    if kind.own_loop:
         limit = f"≤ {stable.max_sensitivity:g}"
         lines.append(Line("|S| of the sampled loop", limit, "", "up to the Nyquist frequency"))
     if problem.passive:
-        lines.append(Line("stability band", _band(stable.band), "Hz", "for any passive hand"))
+        lines.append(Line("stability band", *_band(stable.band), "for any passive hand"))
+    norm = {"rms": "mean", "peak": "greatest"}[wanted.norm] + " error"
+    weights = ", ".join(f"{getattr(wanted.weights, term):g}" for term in kind.terms)
     return [
         *lines,
-        Line(
-            "transparency band", _band(wanted.band), "Hz", {"rms": "mean", "peak": "greatest"}[wanted.norm] + " error"
-        ),
-        Line("reference impedance Z_0", f"{wanted.reference_impedance:.4g}", problem.units.damping),
-        Line("weights", weights, "", ", ".join(terms)),
+        Line("transparency band", *_band(wanted.band), norm),
+        Line("reference impedance Z_0", *quantity(wanted.reference_impedance, problem.units.damping)),
+        Line("weights", weights, "", ", ".join(kind.terms)),
     ]
 
 
 def _hands(problem: Problem) -> list[Line]:
     lines, met, least, units = [], problem.hands_met, problem.device.operator, problem.units
     if met is not None:
-        for name, (low, high) in met.ranges.items():
-            box, unit = f"{low:g} to {high:g}", units.of(QUANTITIES[name])
-            lines.append(Line(units.translated(name), box, unit, "every hand of the box, at every frequency"))
+        lines.append(Line("every hand", "", "", "of this box, at every frequency"))
+        for name, ends in met.ranges.items():
+            lines.append(Line(units.translated(name), *span(*ends, units.of(QUANTITIES[name]))))
+    if problem.worlds is not None:
+        lines.append(Line(f"with every environment of {problem.worlds.in_words(units)}", ""))
     if problem.any_hand:
         lines.append(Line("any passive hand", "", "", "at every frequency"))
     if problem.passive:
         lines.append(Line("any passive hand", "", "", "on the stability band"))
-        if least is not None:
-            for name, number in asdict(least).items():
-                lines.append(Line(f"that has at least the {units.translated(name)}", f"{number:g}", units.of(name)))
+        for name, number in (asdict(least) if least is not None else {}).items():
+            lines.append(Line(f"that has at least the {units.translated(name)}", *quantity(number, units.of(name))))
     return lines
 
 
-def _band(band: Band) -> str:
-    low, high = band.hz
-    return f"{low:.5g} to {'∞' if high == inf else f'{high:.5g}'}"
+def _band(band: Band) -> Quantity:
+    return span(*band.hz, "Hz")
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +175,7 @@ def _least_in_hands(known: Found) -> tuple[str, str]:
         return "", ""
     hand = hands.worst_hand.in_words(units)
     world = f", with {_world(hands.worst_world, units)}" if hands.worst_world else ""
-    return f"least {text(hands.min_ratio)}, {_hz(hands.worst_hz)}, in the hand of {hand}{world}", known.factor
+    return f"least {_at(hands.min_ratio, hands.worst_hz)}, in the hand of {hand}{world}", known.factor
 
 
 def _least_at_walls(known: Found) -> tuple[str, str]:
@@ -197,8 +184,8 @@ def _least_at_walls(known: Found) -> tuple[str, str]:
         return "", ""
     walls = hands.walls
     place = f"{_hz(walls.worst_hz)}, in the hand of {walls.worst_hand.in_words(units)}"
-    multiplier = f"multiplier with its corner at {text(walls.corner_hz)} Hz"
-    return f"least {text(walls.min_ratio)}, {place}; {multiplier}", known.factor
+    multiplier = f"multiplier with its corner at {quantity(walls.corner_hz, 'Hz')}"
+    return f"least {quantity(walls.min_ratio)}, {place}; {multiplier}", known.factor
 
 
 def _world(world: WorldRecord, units: Units) -> str:
@@ -217,14 +204,13 @@ def _peak_sensitivity(known: Found) -> tuple[str, str]:
 def _radius_and_margins(known: Found) -> tuple[str, str]:
     loop = known.loop
     assert loop is not None, "a claim about it is made"
-    margins = (loop.gain_margin_db, "dB"), (loop.phase_margin_deg, "°")
-    left = [f"{text(value, 3)} {unit}" for value, unit in margins if value is not None]
-    left += [" ".join(time_text(loop.delay_margin_s, 3))] if loop.delay_margin_s is not None else []
-    return text(loop.spectral_radius) + (f"; margins {', '.join(left)}" if left else ""), "< 1"
+    margins = (loop.gain_margin_db, "dB"), (loop.phase_margin_deg, "deg"), (loop.delay_margin_s, "s")
+    left = [str(quantity(value, unit, 3)) for value, unit in margins if value is not None]
+    return f"{quantity(loop.spectral_radius)}" + (f"; margins {', '.join(left)}" if left else ""), "< 1"
 
 
 def _peak_unmodelled(known: Found) -> tuple[str, str]:
-    return f"peak {text(float(-unmodelled_maxima(known.problem, known.gains).value[0]))}", "< 1"
+    return f"peak {quantity(float(-unmodelled_maxima(known.problem, known.gains).value[0]))}", "< 1"
 
 
 def _least_in_any_hand(known: Found) -> tuple[str, str]:
@@ -256,11 +242,11 @@ FOUND: dict[ClaimId, Callable[[Found], tuple[str, str]]] = {
 
 
 def _at(value: float | None, hz: float | None) -> str:
-    return f"{text(value)}, {_hz(hz)}"
+    return f"{quantity(value)}, {_hz(hz)}"
 
 
 def _hz(hz: float | None) -> str:
-    return "where ω → ∞" if hz is None else f"at {text(hz, 5)} Hz"
+    return "where ω → ∞" if hz is None else f"at {quantity(hz, 'Hz')}"
 
 
 def assumptions(problem: Problem) -> list[str]:
@@ -326,12 +312,12 @@ def assumptions(problem: Problem) -> list[str]:
 
 def _stated(device: Device) -> str:
     if (servo := device.servo) is not None:
-        low_pass = f"a servo of {servo.bandwidth_hz:.4g} Hz and order {servo.order}"
-        late = f"a {servo.command} command every {' '.join(time_text(device.sample_time, 4))}"
-        stated = [low_pass, f"delay {' '.join(time_text(servo.delay, 4))}", late]
+        low_pass = f"a servo of {quantity(servo.bandwidth_hz, 'Hz')} and order {servo.order}"
+        late = f"a {servo.command} command every {quantity(device.sample_time, 's')}"
+        stated = [low_pass, f"delay {quantity(servo.delay, 's')}", late]
         return ", ".join([*stated, *_parts(device)])
-    stated = [f"hold “{device.hold}” of {' '.join(time_text(device.sample_time, 4))}"]
-    stated += [f"delay {' '.join(time_text(device.delay, 4))}"] if device.delay > 0 else []
+    stated = [f"hold “{device.hold}” of {quantity(device.sample_time, 's')}"]
+    stated += [f"delay {quantity(device.delay, 's')}"] if device.delay > 0 else []
     return ", ".join([*stated, *_parts(device)])
 
 
@@ -353,7 +339,7 @@ def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Fe
         return _feel_of_servo(here, units)
     bare = feel(problem.device, *NO_LOOP)
     lines = [
-        FeelLine(f"apparent {name} in free motion at {hz:g} Hz", _number(ours[k]), _number(theirs[k]), unit)
+        FeelLine(f"apparent {name} in free motion at {hz:g} Hz", _felt(ours[k], unit), _felt(theirs[k], unit))
         for name, unit, ours, theirs in (
             (units.mass_name, units.mass, here.mass, bare.mass),
             ("damping", units.damping, here.damping, bare.damping),
@@ -365,45 +351,39 @@ def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Fe
         (here.stiffness, bare.stiffness, f"{WALL_HZ:g} Hz"),
     )
     lines += [
-        FeelLine(f"stiffest wall felt, {where}", _number(ours), _number(theirs), units.stiffness)
+        FeelLine(f"stiffest wall felt, {where}", _felt(ours, units.stiffness), _felt(theirs, units.stiffness))
         for ours, theirs, where in walls
     ]
     force = f"{units.force_name} for a steady {SPEED:g} {units.speed}"
-    lines.append(FeelLine(force, _number(here.force), _number(bare.force), units.force))
-    ends = _number(here.tracking_bandwidth), _number(bare.tracking_bandwidth)
-    lines.append(FeelLine("bandwidth of tracking", ends[0], ends[1], "Hz"))
+    lines.append(FeelLine(force, _felt(here.force, units.force), _felt(bare.force, units.force)))
+    ends = _felt(here.tracking_bandwidth, "Hz"), _felt(bare.tracking_bandwidth, "Hz")
+    lines.append(FeelLine("bandwidth of tracking", *ends))
     late = [
         ("loop latency", here.loop_latency),
         (f"{units.force_name}-path latency at {WALL_HZ:g} Hz", here.force_latency),
     ]
     if not problem.device.kind.senses_force:  # which moves at once, and whose force path is its loop
         late = late[:1]
-    return lines + [FeelLine(label, *(("", "", "") if seconds is None else _late(seconds))) for label, seconds in late]
+    return lines + [
+        FeelLine(label, *(("", "") if seconds is None else (str(quantity(seconds, "s", 3)), "no loop")))
+        for label, seconds in late
+    ]
 
 
 def _feel_of_servo(here: Feel, units: Units) -> list[FeelLine]:
     """Return how a servo feels; it has no bare device, because it does not move without a coupling."""
-    late, unit = ("", "") if here.loop_latency is None else time_text(here.loop_latency, 3)
-    free = [
-        (f"apparent {name} in free motion at {hz:g} Hz", _number(of[k]), of_unit)
-        for name, of_unit, of in ((units.mass_name, units.mass, here.mass), ("damping", units.damping, here.damping))
+    rows = [
+        (f"apparent {name} in free motion at {hz:g} Hz", _felt(of[k], unit))
+        for name, unit, of in ((units.mass_name, units.mass, here.mass), ("damping", units.damping, here.damping))
         for k, hz in enumerate(FREE_HZ)
     ]
-    steady = f"{units.force_name} for a steady {SPEED:g} {units.speed}", _number(here.force), units.force
-    tracked = "bandwidth of tracking", _number(here.tracking_bandwidth), "Hz"
-    rows = [*free, steady, tracked, ("latency from command to motion", late, unit)]
-    return [FeelLine(label, value, "", of_unit) for label, value, of_unit in rows]
+    rows.append((f"{units.force_name} for a steady {SPEED:g} {units.speed}", _felt(here.force, units.force)))
+    rows.append(("bandwidth of tracking", _felt(here.tracking_bandwidth, "Hz")))
+    late = "" if here.loop_latency is None else str(quantity(here.loop_latency, "s", 3))
+    return [FeelLine(*row) for row in [*rows, ("latency from command to motion", late)]]
 
 
-def _late(seconds: float) -> tuple[str, str, str]:
-    value, unit = time_text(seconds, 3)
-    return value, "no loop", unit
-
-
-def _number(value: float | None) -> str:
-    """Return a value with four digits, in plain decimals if they are few."""
+def _felt(value: float | None, unit: str) -> str:
     if value is None:
         return "above Nyquist"
-    if abs(value) <= 1e-12:
-        return "0"
-    return f"{float(f'{value:.4g}'):.10g}"
+    return str(quantity(0.0 if abs(value) <= 1e-12 else value, unit))

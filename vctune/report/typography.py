@@ -1,0 +1,171 @@
+"""How numbers, units and mathematics are set: one format for the page, its tables and its figures."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from html import escape, unescape
+from math import floor, inf, log10
+from typing import NamedTuple
+
+THIN = "\u202f"
+"""Thin space that no line ends at, between a number and its unit."""
+DIGITS = 4
+"""Significant digits of a number that is read, not copied."""
+PLAIN = (0.1, 1e4)
+"""Sizes from which on, and below which, a number keeps its unit without a prefix."""
+PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+PREFIXED = ("N", "Hz", "m", "s", "W")
+"""First letters of the units that take a prefix; a kilogram loses its own, that of an inertia keeps it."""
+UNITS = ("N m s/rad", "N m/rad", "N s/m", "N/m", "N m", "m/(N s)", "m/N", "kg m2", "kg", "N", "ms", "s")
+"""Units that a sentence may contain, a longer one before its beginning."""
+UNIT = "|".join(map(re.escape, UNITS))
+MEASURED = re.compile(rf"(?<![\w.,])(?:([\d.]+(?:e[+-]?\d+)?) to )?([\d.]+(?:e[+-]?\d+)?) ({UNIT})(?![\w/(])")
+"""A number or a range of numbers with a unit."""
+SYMBOL = re.compile(r"(?<![\w.\"'])([A-Za-zτ])_([A-Za-z0-9]{1,5}\b)(?![_.])")
+"""A letter with a subscript."""
+SIGNS: dict[str, str | Callable[[re.Match[str]], str]] = {
+    r">=": "≥",
+    r"<=": "≤",
+    r"(?<![\w.)])-(?=\d)": "−",
+    r"(?<=\w|\|) - (?=[\w|])": " − ",
+    r"(\d)e([+-]\d+)(?!\w)": lambda found: f"{found[1]} × 10{raised(int(found[2]))}",
+}
+
+
+class Quantity(NamedTuple):
+    """A number and its unit, as texts."""
+
+    value: str
+    unit: str
+
+    def __str__(self) -> str:
+        return f"{self.value}{THIN}{self.unit}" if self.unit else self.value
+
+
+def quantity(value: float | None, unit: str = "", digits: int = DIGITS) -> Quantity:
+    """Return a number in the unit whose prefix suits it.
+
+    Parameters
+    ----------
+    value : the number; None if there is none
+    unit : its unit without a prefix, "kg" apart; "" for a number without one
+    digits : significant ones
+    """
+    return _together([value], unit, digits)
+
+
+def span(low: float, high: float, unit: str = "", digits: int = DIGITS) -> Quantity:
+    """Return a range of numbers in one unit, whose prefix suits the greater end.
+
+    Parameters
+    ----------
+    low, high, unit, digits : of both ends, as of `quantity`
+    """
+    return _together([low, high], unit, digits)
+
+
+def _together(values: list[float | None], unit: str, digits: int) -> Quantity:
+    size = max((abs(each) for each in values if each is not None and each != inf), default=0.0)
+    power, unit = _prefixed(size, unit)
+    return Quantity(" to ".join(_number(each, power, digits) for each in values), spaced(unit))
+
+
+def _prefixed(size: float, unit: str) -> tuple[int, str]:
+    """Return the power of ten of the prefix for a size, and the unit with that prefix."""
+    if size == 0 or PLAIN[0] <= size < PLAIN[1] or not (unit == "kg" or unit.startswith(PREFIXED)):
+        return 0, unit
+    own = 3 if unit == "kg" else 0
+    power = max(min(3 * floor(log10(size * (1 + 1e-12)) / 3) + own, 9), -9)
+    if unit == "kg":
+        power = min(power, 3)
+        return power - own, f"{PREFIXES[power]}g"
+    return power, f"{PREFIXES[power]}{unit}"
+
+
+def _number(value: float | None, power: int, digits: int) -> str:
+    if value is None:
+        return "none"
+    if abs(value) == inf:
+        return "∞" if value > 0 else "−∞"
+    scaled = float(f"{value / 10.0**power:.{digits}g}")
+    if scaled and not 1e-3 <= abs(scaled) < 1e6:
+        mantissa, _, exponent = f"{scaled:.{digits - 1}e}".partition("e")
+        return f"{float(mantissa):g} × 10{raised(int(exponent))}".replace("-", "−")
+    return f"{scaled:.10g}".replace("-", "−")
+
+
+def tick(value: float) -> str:
+    """Return the number at a tick of an axis, a great or small power of ten as such."""
+    power = round(log10(value)) if value > 0 else 0
+    if value > 0 and abs(value / 10.0**power - 1) < 1e-9 and not -3 < power < 4:
+        return f"10{raised(power)}"
+    return _number(value, 0, DIGITS)
+
+
+def raised(exponent: int) -> str:
+    """Return an exponent in superior figures."""
+    return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+def spaced(unit: str) -> str:
+    """Return a unit with thin spaces and its powers raised."""
+    return {"deg": "°"}.get(unit, re.sub(r"(?<=[a-z])2\b", "²", unit).replace(" ", THIN))
+
+
+def plain(text: str) -> str:
+    """Return a sentence with its signs and units set, in characters alone.
+
+    Parameters
+    ----------
+    text : our own text, with units as `vctune.model.numbers.units` has them
+    """
+    text = MEASURED.sub(_measured, text)
+    for sign, put in SIGNS.items():
+        text = re.sub(sign, put, text)
+    text = re.sub(rf"(?<![\w/])(?:{UNIT})(?![\w/(])", lambda unit: spaced(unit[0]), text)
+    return re.sub(rf"(?<=\d) (?=(?:{UNIT}|Hz|%|dB)(?![\w/]))", THIN, text)
+
+
+def _measured(found: re.Match[str]) -> str:
+    low, high, unit = found[1], found[2], found[3]
+    if unit == "ms":
+        return f"{found[0][: -len(unit) - 1]}{THIN}ms"
+    return str(quantity(float(high), unit) if low is None else span(float(low), float(high), unit))
+
+
+def html(text: str) -> str:
+    """Return a sentence as HTML: escaped, its symbols in italics, their subscripts below the line.
+
+    Parameters
+    ----------
+    text : as of `plain`
+    """
+    return _with_symbols(escape(plain(text), quote=False), lambda base, below: f"<i>{base}</i><sub>{below}</sub>")
+
+
+def svg_texts(svg: str) -> str:
+    """Return an SVG with the texts of its figure set: real subscripts, signs and thin spaces.
+
+    Parameters
+    ----------
+    svg : a figure's file, whose texts are elements
+    """
+
+    def set_text(found: re.Match[str]) -> str:
+        words = _with_symbols(escape(plain(unescape(found[2])), quote=False), _lowered)
+        return found[1] + words.removesuffix(RAISED) + found[3]
+
+    return re.sub(r"(<text[^>]*>)([^<]*)(</text>)", set_text, svg)
+
+
+RAISED = '<tspan dy="-.18em">\u200b</tspan>'
+"""Back to the line: an empty character that takes the text behind it along."""
+
+
+def _lowered(base: str, below: str) -> str:
+    return f'{base}<tspan dy=".25em" font-size="72%">{below}</tspan>{RAISED}'
+
+
+def _with_symbols(text: str, put: Callable[[str, str], str]) -> str:
+    return SYMBOL.sub(lambda found: put(found[1], found[2]), text)
