@@ -141,8 +141,8 @@ def simulate(scene: Scene, samples: int) -> dict[str, np.ndarray]:
             felt[k] = read if time >= 0 else 0.0
         elif kind == 1:
             state, given = control(scene.law, state, Measurement(y[0], y[1], felt[k]), FLOATS)
-            heapq.heappush(events, (time + delay, 2, k, given.force))
-            for name, number in zip(RECORDED, (*body.handle(y), force, given.force, y[0], y[1]), strict=True):
+            heapq.heappush(events, (time + delay, 2, k, given.given))
+            for name, number in zip(RECORDED, (*body.handle(y), force, given.given, y[0], y[1]), strict=True):
                 out[name].append(number)
         else:
             command = value

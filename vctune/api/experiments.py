@@ -26,6 +26,7 @@ from vctune.markup import html_table
 from vctune.model.experiment import Experiment
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.report.figures.experiment_figures import HEADINGS as HEADINGS
+from vctune.report.figures.experiment_figures import dwell_line as dwell_line
 from vctune.report.figures.experiment_figures import measured_rows as measured_rows
 from vctune.simulation.firmware.library import CompiledController as CompiledController
 from vctune.simulation.simulation_record import simulation_record, trace_arrays

@@ -46,6 +46,9 @@ class Operator:
     speed : greatest speed of the intended motion, m/s
     cycles : number of cycles to and fro
     mass, damping, stiffness : mass, damping and stiffness of the hand, kg, N s/m, N/m
+    dwell : time from one change of the hand to the next, s; None if it does not change
+    other_damping : damping in every other interval, N s/m; None if it is the same
+    regrip : whether the hand takes hold again where the handle is, at each change
     """
 
     motion: Motion
@@ -56,6 +59,9 @@ class Operator:
     mass: float
     damping: float
     stiffness: float
+    dwell: float | None = None
+    other_damping: float | None = None
+    regrip: bool = False
 
 
 @dataclass(frozen=True, slots=True)

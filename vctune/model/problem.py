@@ -85,13 +85,18 @@ class Transparency:
 
 @dataclass(frozen=True, slots=True)
 class Stability:
-    """The constraints (design/README.md, section 1): band of Llewellyn's conditions, least ratio, greatest |S|, and
-    hands."""
+    """The constraints (design/README.md, section 1): band of Llewellyn's conditions, least ratio, greatest |S|, hands.
+
+    `changing` says what of a hand may change while it holds the handle; the hand's mass is then at least
+    `changing_mass_min`, kg.
+    """
 
     band: Band
     safety_factor: float
     max_sensitivity: float
     criterion: Criterion = "passive"
+    changing: Literal["damping"] | None = None
+    changing_mass_min: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +113,7 @@ class Demands:
     any_hand : whether the constraints include any passive hand on an impedance display, at every frequency
     hands : box of hands in which the sampled loop must be stable at every frequency; None without one
     worlds : box of environments that must be stable in these hands; None for every passive environment
+    changing : box of hands whose damping may change at every sample; None if no hand may change
     """
 
     device: Device
@@ -118,6 +124,7 @@ class Demands:
     any_hand: bool = False
     hands: Hands | None = None
     worlds: Worlds | None = None
+    changing: Hands | None = None
 
     @property
     def worlds_met(self) -> WorldsMet | None:
@@ -197,6 +204,14 @@ class Problem:
         return None if self.stability.criterion == "passive" or self.any_hand else self.hands
 
     @property
+    def changing_hands(self) -> Hands | None:
+        """The hands whose damping may change at every sample; None if no hand may change."""
+        hands, least = self.hands_met, self.stability.changing_mass_min or 0.0
+        if hands is None or self.stability.changing is None:
+            return None
+        return replace(hands, low=replace(hands.low, mass=max(hands.low.mass, least)))
+
+    @property
     def worlds_met(self) -> WorldsMet | None:
         """The linear environments that must be stable in these hands; None for every passive environment."""
         return None if self.worlds is None else WorldsMet(self.worlds.linear, self.stability.safety_factor)
@@ -219,6 +234,7 @@ class Problem:
             any_hand=self.any_hand,
             hands=self.hands_met,
             worlds=self.worlds,
+            changing=self.changing_hands,
         )
 
     @property
@@ -248,6 +264,7 @@ class Problem:
         """
         Z, t = 1 / impedance, 1 / time
         bounds, transparency, stability = self.bounds, self.transparency, self.stability
+        least = stability.changing_mass_min
         return replace(
             self,
             device=self.device.in_units(impedance, time),
@@ -264,7 +281,11 @@ class Problem:
                 band=Band(transparency.band.min / t, transparency.band.max / t),
                 reference_impedance=transparency.reference_impedance * Z,
             ),
-            stability=replace(stability, band=Band(stability.band.min / t, stability.band.max / t)),
+            stability=replace(
+                stability,
+                band=Band(stability.band.min / t, stability.band.max / t),
+                changing_mass_min=None if least is None else least * Z * t,
+            ),
             uncertainty=self.uncertainty and self.uncertainty.in_time(time),
             experiments=(),
             hands=self.hands.in_units(impedance, time),

@@ -27,6 +27,7 @@ from vctune.proof.claims.registry import ClaimId
 from vctune.proof.claims.sampled_poles import prove_sampled_poles, prove_sensitivity, unmodelled_at
 from vctune.proof.device_box import DeviceBox
 from vctune.proof.engine.interval import Outcome, Verdict
+from vctune.proof.storage.changing import prove_changing
 
 HIGHEST_CORNER = 2 * (1 - 1e-9)
 """Greatest product of corner and T; above it a < 0. Half and twice its distance from 2 work as well."""
@@ -131,6 +132,12 @@ def _walls(question: Question, known: Outcomes) -> Outcome:
     return prove_hands(question.design, question.demands, question.box)
 
 
+def _changing(question: Question, _known: Outcomes) -> Outcome:
+    hands = question.demands.changing
+    assert hands is not None
+    return prove_changing(question.design, hands)
+
+
 PROVERS: dict[ClaimId, Prover] = {
     "passive": lambda question, _: prove_passive(question),
     "sensitivity": _sensitivity,
@@ -141,6 +148,7 @@ PROVERS: dict[ClaimId, Prover] = {
     "hands": _hands,
     "worlds": _hands,
     "walls": _walls,
+    "changing": _changing,
 }
 """The prover of each claim."""
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vctune.interrupt import interrupt_deferred
+from vctune.simulation.mechanics.hand_changes import called, hand_changes, moved_on, steps_of_hands
 from vctune.simulation.mechanics.intended_motion import Floats, intended_motion, sample_count
 from vctune.simulation.mechanics.step import CHUNK, INPUTS, build, columns
 from vctune.simulation.mechanics.stretches import Stretch, fixed_steps
@@ -65,6 +66,8 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
     Traces
         Finite numbers; the traces of a run that diverges end where the divergence begins.
     """
+    if scene.operator.dwell is not None:
+        return _run_changing(scene, progress, stretch)
     samples = sample_count(scene.operator, scene.device.sample_time)
     with interrupt_deferred():
         step = build(scene, stretch)
@@ -82,6 +85,29 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
         state = np.asarray(states)[:, -1]
         block = recorded[done : done + count] = np.asarray(records).T[:count]
         wanted[done : done + count] = inputs[0, :count]
+        done += count
+        diverged = not (np.isfinite(block).all() and np.abs(block[:, 0] - inputs[0, :count]).max() <= reach)
+        progress(done / samples)
+    return traces_of(scene, recorded[:done], wanted[:done], diverged=diverged)
+
+
+def _run_changing(scene: Scene, progress: Callable[[float], None], stretch: Stretch) -> Traces:
+    """Simulate a scene whose hand changes, sample by sample."""
+    samples, changes = sample_count(scene.operator, scene.device.sample_time), hand_changes(scene)
+    with interrupt_deferred():
+        steps = steps_of_hands(scene, lambda now, then: build(now, stretch, then))
+    recorded, wanted = np.empty((samples, len(columns(scene)))), np.empty(samples)
+    noise, reach = np.random.default_rng(scene.seed), DIVERGENCE * abs(scene.operator.end - scene.operator.start)
+    state, grip, done, diverged = steps[0, 0].start, 0.0, 0, False
+    while done < samples and not diverged:
+        count, inputs = min(CHUNK, samples - done), motion_inputs(scene, done, noise)
+        with interrupt_deferred():
+            for at in range(done, done + count):
+                one = called(steps[changes.hands(at)].one, state)
+                regrips = changes.regrips and changes.at(at)
+                state, recorded[at], grip = moved_on(one, inputs[:, at - done], grip, regrips=regrips)
+        wanted[done : done + count] = inputs[0, :count]
+        block = recorded[done : done + count]
         done += count
         diverged = not (np.isfinite(block).all() and np.abs(block[:, 0] - inputs[0, :count]).max() <= reach)
         progress(done / samples)

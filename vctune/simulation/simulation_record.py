@@ -104,6 +104,8 @@ def _experiment(one: Simulated, device: Device, coupling: AnyCoupling) -> Experi
         )
     if isinstance(coupling, SpringDamper) and experiment.sensors.position_resolution > 0:
         also["quiet_stiffness"] = quiet_stiffness(device, experiment)
+    if experiment.operator.dwell is not None:
+        also["dwell_s"] = max(1, round(experiment.operator.dwell / device.sample_time)) * device.sample_time
     return ExperimentRecord(
         name=experiment.name,
         environment=EnvironmentRecord(**asdict(experiment.environment)),

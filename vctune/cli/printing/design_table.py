@@ -120,7 +120,7 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
     record : record of the simulation
     folder : folder of the files, which the last line names
     """
-    from vctune.api.experiments import HEADINGS, measured_rows
+    from vctune.api.experiments import HEADINGS, dwell_line, measured_rows
 
     with page(WIDE, folder) as console:
         console.print(f"[bold]{escape(printable(record.problem.name))}[/bold]")
@@ -143,6 +143,8 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
                 console.print(
                     f"{escape(printable(one.name))}: {_least(one.least_virtual, record.units)}", soft_wrap=True
                 )
+        if line := dwell_line(record):
+            console.print(line, soft_wrap=True)
 
 
 def _apart(difference: DifferenceRecord, unit: str) -> str:

@@ -73,7 +73,10 @@ class WorkingSet:
     in_hand: list[ConstraintPoint] = field(default_factory=list)
 
     def points(self, quantity: Quantity) -> list[ConstraintPoint] | None:
-        """Return the points at which a claim's quantity is limited; None for poles, which have tangents instead."""
+        """Return the points at which a claim's quantity is limited.
+
+        Poles have tangents instead, and the search does not know storage functions; both have None.
+        """
         known = {
             "ratio": self.ratio,
             "in_hand": self.in_hand,

@@ -11,12 +11,14 @@ from vctune.analysis.lossless_hand import growing_in_any_hand
 from vctune.design.verdict.judge import Judgement
 from vctune.design.verdict.uncertainty_record import device_record
 from vctune.document.records.certificate_json import ClaimRecord, EnvironmentRecord, HandRecord, ResonatorRecord
+from vctune.document.records.changing_json import ChangingRecord, StorageRecord
 from vctune.model.device import Device
 from vctune.model.gains import SpringDamper
 from vctune.model.hands import LeastOperator
 from vctune.model.numbers.frequency import finite_hertz, hertz
 from vctune.model.numbers.units import UNITS
 from vctune.model.problem import Problem
+from vctune.model.sampled.changing_hand import TERMS, states_of
 from vctune.proof.claims.registry import CLAIMS, ClaimId
 from vctune.proof.engine.interval import Outcome, Verdict
 
@@ -30,6 +32,24 @@ def claim_records(problem: Problem, judgement: Judgement) -> list[ClaimRecord]:
     """
     outcomes = judgement.certificate.outcomes
     return [_claim(problem, judgement, claim, outcome) for claim, outcome in outcomes.items()]
+
+
+def changing_record(problem: Problem, judgement: Judgement) -> dict[str, ChangingRecord]:
+    """Return the record of hands whose damping changes; nothing if the problem does not require them.
+
+    Parameters
+    ----------
+    problem, judgement : a design, SI units
+    """
+    hands, outcome = problem.changing_hands, judgement.certificate.outcomes.get("changing")
+    if hands is None or outcome is None:
+        return {}
+    also: dict[str, Any] = {}
+    if (found := outcome.storage) is not None:
+        matrices = [[list(row) for row in term] for term in found.terms]
+        also["storage"] = StorageRecord(states=states_of(problem.device), terms=list(TERMS), matrices=matrices)
+    box = {name: list(ends) for name, ends in hands.ranges.items()}
+    return {"changing": ChangingRecord(verdict=outcome.verdict.value, box=box, boxes=outcome.boxes, **also)}
 
 
 def _claim(problem: Problem, judgement: Judgement, claim: ClaimId, outcome: Outcome) -> ClaimRecord:

@@ -20,7 +20,7 @@ from vctune.design.rendered import rendered_record
 from vctune.design.result import Alternative, Repair, Solved
 from vctune.design.search.rounding import near
 from vctune.design.variables import Point, keys_for, point, ranges
-from vctune.design.verdict.claim_records import claim_records
+from vctune.design.verdict.claim_records import changing_record, claim_records
 from vctune.design.verdict.contact_record import contact_record
 from vctune.design.verdict.judge import Judgement, judge
 from vctune.design.verdict.nlp_record import active, left_out, solver_record
@@ -253,6 +253,7 @@ def _judged(problem: Problem, judgement: Judgement, proved: dict[str, Any]) -> d
     worst, band = judgement.worst, problem.stability.band
     somewhere = problem.passive and 0 < worst < inf
     also: dict[str, Any] = {**proved, **_in_hands(problem, judgement)}
+    also |= changing_record(problem, judgement)
     also |= _in_any_hand(problem, judgement) | _at_whole_sample(problem, judgement)
     display = _display(problem)
     return {

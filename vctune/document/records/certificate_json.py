@@ -8,7 +8,8 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from vctune.document.records.part import DisplayPart, Number, Pair, Part, Row, Shown, text
+from vctune.document.records.changing_json import ChangingRecord
+from vctune.document.records.part import DisplayPart, Number, Pair, Part, Proof, Row, Shown, text
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.units import Units
 from vctune.model.parts import Unmodelled
@@ -19,8 +20,6 @@ ENVIRONMENTS = "with every environment that is passive as the firmware runs it"
 
 GRAMS = 0.1
 """Mass below which a tool is weighed in grams, kg."""
-
-Proof = Literal["proved", "refuted", "undecided"]
 
 
 class PerturbationRecord(Part):
@@ -280,6 +279,7 @@ class CertificateRecord(DisplayPart):
     without_operator: WithoutOperatorRecord | None = None
     hands: HandsRecord | None = None
     any_hand: AnyHandRecord | None = None
+    changing: ChangingRecord | None = None
     whole_sample: WholeSampleRecord | None = None
 
     @property
@@ -294,6 +294,7 @@ class CertificateRecord(DisplayPart):
         yield from self.any_hand.rows(units) if self.any_hand else ()
         yield from self.without_operator.rows(units) if self.without_operator else ()
         yield from self.hands.rows(units) if self.hands else ()
+        yield from self.changing.rows(units) if self.changing else ()
         yield from self.whole_sample.rows(units) if self.whole_sample else ()
         for claim in self.claims:
             yield from claim.rows(units) if claim.verdict != "proved" else ()

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import isfinite
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
@@ -68,6 +68,7 @@ def _existing(value: Any) -> Any:
 
 Number = Annotated[float | None, BeforeValidator(_existing)]
 """A number that is null in the file if it does not exist."""
+Proof = Literal["proved", "refuted", "undecided"]
 Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
 

@@ -108,7 +108,10 @@ class DifferenceRecord(Part):
 
 
 class ExperimentRecord(Part):
-    """An experiment with the runs of the regular PID and of the design."""
+    """An experiment with the runs of the regular PID and of the design.
+
+    `dwell_s` is the time from one change of the hand to the next.
+    """
 
     name: str
     environment: EnvironmentRecord
@@ -119,6 +122,12 @@ class ExperimentRecord(Part):
     design: RunRecord
     difference: DifferenceRecord | None = None
     quiet_stiffness: float | None = None
+    dwell_s: float | None = None
+
+    @property
+    def stayed(self) -> bool:
+        """Whether the design stayed at rest: its loop does not grow over a period of the hand's changes."""
+        return self.design.loop.stable and self.design.diverged_s is None
 
 
 class SimulationRecord(Document):

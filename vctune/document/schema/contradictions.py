@@ -28,6 +28,7 @@ def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
         *_impossible_numbers(raw),
         *_impossible_criterion(raw),
         *_unproved_worlds(raw),
+        *_unproved_changing(raw),
         *impossible_display(raw),
         *impossible_experiments(raw),
         *missing_of_rotary(raw),
@@ -122,6 +123,25 @@ def _unproved_walls(raw: dict[str, Any]) -> Iterator[Contradiction]:
     if corner and sample_time and sample_time > 0 and corner * pi * sample_time > 1:
         highest = float(f"{1 / (pi * sample_time) * (1 - 5e-7):.6g}")
         yield ("environment", "corner_hz"), f"{corner:g} Hz is above 1/(pi sample_time); write at most {highest:g}"
+
+
+def _unproved_changing(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    """Return what is not looked at where the damping of the hand changes."""
+    stability, device = raw.get("stability"), raw.get("device")
+    if not isinstance(stability, dict) or not isinstance(device, dict):
+        return
+    least, most = number_at(raw, "stability", "changing_mass_min"), number_at(raw, "operator", "mass", "max")
+    if stability.get("changing") is None:
+        if least is not None:
+            yield ("stability", "changing_mass_min"), 'needs a hand that changes; write changing = "damping"'
+        return
+    if least is not None and most is not None and least > most:
+        yield ("stability", "changing_mass_min"), f"{least:g} is above operator.mass.max = {most:g}; lower it"
+    if stability.get("criterion") == "passive":
+        yield ("stability", "changing"), 'needs a box of hands; write stability.criterion = "hands" or "both"'
+    parts = [f"device.{key}" for key in PARTS if key in device and key != "servo"]
+    for stated in [*parts, *(key for key in ("uncertainty", "environment") if key in raw)]:
+        yield ("stability", "changing"), f"is not proved together with [{stated}]; leave one of them out"
 
 
 def _is_infinite(raw: dict[str, Any], table: str, edge: int) -> bool:

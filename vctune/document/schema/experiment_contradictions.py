@@ -54,6 +54,7 @@ def _hand(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradiction]
     )
     if damping == 0 and stiffness == 0:
         yield ("operator",), "damping and stiffness are both 0: the hand does not move the handle; give it one of them"
+    yield from _changing(raw, table)
     if start is None or end is None:
         return
     if start == end:
@@ -73,6 +74,21 @@ def _hand(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradiction]
             ("operator",),
             f"about {pi * cycles * samples:.3g} samples; at most {MOST_SAMPLES}: fewer cycles, faster or less far",
         )
+
+
+def _changing(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradiction]:
+    """Return contradictions in how the hand changes."""
+    hand = table.get("operator")
+    if not isinstance(hand, dict):
+        return
+    dwell, changes = number_at(table, "operator", "dwell"), hand.get("regrip") is True or "other_damping" in hand
+    if dwell is not None and not changes:
+        yield ("operator", "dwell"), "nothing changes; write regrip = true or other_damping"
+    if changes and "dwell" not in hand:
+        yield ("operator",), "a hand that changes needs the time between two changes; write dwell"
+    sample_time = number_at(raw, "device", "sample_time")
+    if dwell is not None and sample_time and 0 < dwell < sample_time:
+        yield ("operator", "dwell"), f"{dwell:g} s is shorter than a sample time; write at least {sample_time:g}"
 
 
 def _rendering(table: dict[str, Any]) -> Iterator[Contradiction]:

@@ -44,6 +44,19 @@ class SceneOperatorTable(Table):
     mass: NotNegative = Field(0.0, description="Mass of the hand, which is rigidly on the handle, kg.")
     damping: NotNegative = Field(2.0, description="Damping between hand and intended motion, N s/m.")
     stiffness: NotNegative = Field(1000.0, description="Stiffness between hand and intended motion, N/m.")
+    dwell: Positive | None = Field(
+        None,
+        description="Time from one change of the hand to the next, s, rounded to whole samples. Default: it does not "
+        "change.",
+    )
+    other_damping: NotNegative | None = Field(
+        None, description="Damping in every other interval, N s/m. Default: the same in all."
+    )
+    regrip: bool = Field(
+        False,
+        strict=True,
+        description="Whether the hand lets go and takes hold again where the handle is, at each change.",
+    )
 
 
 class FrictionTable(Table):

@@ -10,14 +10,14 @@ from vctune.model.numbers.keys import QUANTITIES as OF_VARIABLES
 from vctune.model.numbers.units import UNITS, Units
 
 QUANTITIES = {
-    "mass": ("mass", "handle_mass"),
-    "damping": ("damping", "drag", "kd", "reference_impedance"),
+    "mass": ("mass", "handle_mass", "changing_mass_min"),
+    "damping": ("damping", "other_damping", "drag", "kd", "reference_impedance"),
     "stiffness": ("stiffness", "kp"),
     "integral_gain": ("ki",),
     "force": ("coulomb", "stiction", "limit", "force_noise"),
     "position": ("zero", "from", "to", "position_resolution"),
     "speed": ("stribeck_velocity", "speed"),
-    "time": ("sample_time", "delay"),
+    "time": ("sample_time", "delay", "dwell"),
     "frequency": ("band_hz", "bandwidth_hz", "filter_hz", "frequency_hz", "corner_hz"),
 }
 """Quantity of a number by the last part of its key (`vctune.model.numbers.units`), in any table."""

@@ -202,6 +202,14 @@ class StabilityTable(Table):
         '[environment], has the default "hands". The environment is any passive one or, if the file has [environment], '
         "any one in its box.",
     )
+    changing: Literal["damping"] | None = Field(
+        None,
+        description='What of the hand may change while it holds the handle. Default: nothing. "damping": at every '
+        "sample the damping takes any value of its range. vctune proves it, and does not search for it.",
+    )
+    changing_mass_min: NotNegative | None = Field(
+        None, description="Least mass of a hand whose damping changes, kg. Default: the least one of operator.mass."
+    )
 
 
 class AxisTable(Table):

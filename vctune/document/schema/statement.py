@@ -122,7 +122,8 @@ def _edge(omega: float) -> float:
 
 
 def _experiment(experiment: Experiment) -> dict[str, Any]:
-    operator, sensors = asdict(experiment.operator), asdict(experiment.sensors)
+    operator = {key: value for key, value in asdict(experiment.operator).items() if value is not None}
+    sensors = asdict(experiment.sensors)
     operator["from"], operator["to"] = operator.pop("start"), operator.pop("end")
     parts = {
         "friction": experiment.friction and asdict(experiment.friction),

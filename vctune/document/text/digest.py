@@ -31,23 +31,35 @@ def problem_digest(problem: Problem) -> str:
         del stated["device"]["display"], stated["bounds"]["stiffness"]
     if problem.device.units == "linear":
         del stated["device"]["units"]
+    stated["stability"] = _without_defaults(stated["stability"], ("changing", "changing_mass_min"))
     if problem.worlds is None:
         del stated["worlds"]
     else:
-        stated["worlds"] = _without_defaults(stated["worlds"])
+        stated["worlds"] = _without_defaults(stated["worlds"], ("walls", "corner"))
     if problem.hands_met is None:
         del stated["hands"], stated["stability"]["criterion"]
     return digest(stated)
 
 
-def _without_defaults(worlds: dict[str, Any]) -> dict[str, Any]:
-    """Return environments without a walls key that requires nothing, and without a corner that is not stated."""
-    return {key: value for key, value in worlds.items() if value not in (False, None)}
+def _without_defaults(stated: dict[str, Any], later: Sequence[str]) -> dict[str, Any]:
+    """Return a table without the keys of later versions that it does not use: earlier digests still hold.
+
+    Parameters
+    ----------
+    stated : numbers and flags by their keys
+    later : keys that came later
+    """
+    return {
+        key: value for key, value in stated.items() if key not in later or (value is not None and value is not False)
+    }
 
 
 def experiments_digest(experiments: Sequence[Experiment]) -> str:
     """Return the digest of a list of experiments."""
-    return digest([asdict(experiment) for experiment in experiments])
+    stated = [asdict(experiment) for experiment in experiments]
+    for each in stated:
+        each["operator"] = _without_defaults(each["operator"], ("dwell", "other_damping", "regrip"))
+    return digest(stated)
 
 
 def digest(value: Any) -> str:

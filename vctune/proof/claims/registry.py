@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from vctune.proof.device_box import DeviceBox
 
 ClaimId = Literal[
-    "passive", "sensitivity", "stable_model", "stable", "unmodelled", "any_hand", "hands", "worlds", "walls"
+    "passive", "sensitivity", "stable_model", "stable", "unmodelled", "any_hand", "hands", "worlds", "walls", "changing"
 ]
-Quantity = Literal["ratio", "in_hand", "sensitivity", "unmodelled", "poles"]
+Quantity = Literal["ratio", "in_hand", "sensitivity", "unmodelled", "poles", "storage"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,8 @@ class Claim:
     ----------
     id : public name in design.json; once a file contains it, it never changes
     sentence : the statement; {couples} stands for the response of the display's coupling, Z_c or 1/Z_c
-    quantity : the limited quantity, by the name that the search's constraints use (`in_hand` is the ratio in a hand)
+    quantity : the limited quantity, by the name that the search's constraints use (`in_hand` is the ratio in a hand;
+        the search constrains neither "poles" nor "storage")
     margin : dotted path within vctune of the function that must be positive, or of the curve that must not go around 0
     witness : description of the place where the claim fails
     label : heading of the claim's row in a report
@@ -187,6 +188,27 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "unstable."
             ),
             asked=lambda demands, _: demands.hands is not None and demands.worlds is not None and demands.worlds.walls,
+        ),
+        Claim(
+            id="changing",
+            sentence=(
+                "stable with every passive environment in every hand whose damping takes any value of its range at "
+                "every sample, its mass and stiffness fixed: one storage function for all dampings"
+            ),
+            quantity="storage",
+            margin="model.sampled.changing_hand.room_of_storage",
+            witness="a hand of `[operator]` in which no storage function is found",
+            label="hands whose damping changes",
+            explain=(
+                "The inequality of Kalman, Yakubovich and Popov, with a storage function that all dampings of the hand "
+                "have in common. The device is stable in each hand of `[operator]` with every environment that is "
+                "passive as it runs, in the exact sampled loop, while the damping of the hand takes any value of its "
+                "range at every sample. The mass, at least `changing_mass_min`, and the stiffness of the hand stay as "
+                "they are. The claim does not include the safety factor. Where no such function is found nothing is "
+                "known: it does not say that a hand makes the device unstable. If a hand without mass is the reason, "
+                "`changing_mass_min` leaves it out."
+            ),
+            asked=lambda demands, _: demands.changing is not None,
         ),
     )
 }

@@ -14,6 +14,7 @@ from vctune.model.device import Device
 from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.frequency import hertz
+from vctune.model.sampled.changing_hand import Storage
 from vctune.proof.enclosures.arb_balls import box
 from vctune.running import check_time, tell
 
@@ -69,6 +70,7 @@ class Outcome:
     device : device of the box for which the claim is refuted or undecided
     hand : hand of the box in which the claim is refuted or undecided
     cut : whether the claim is undecided because the time limit ended the proof
+    storage : storage function that proves the claim; None without one
     """
 
     verdict: Verdict
@@ -77,6 +79,7 @@ class Outcome:
     device: Device | None = None
     hand: Hand | None = None
     cut: bool = False
+    storage: Storage | None = None
 
     @property
     def witness_hz(self) -> float | None:

@@ -17,7 +17,7 @@ from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.part import Row
 from vctune.document.records.simulation_json import SimulationRecord
 from vctune.model.problem import Problem
-from vctune.report.figures.experiment_figures import HEADINGS, measured_rows
+from vctune.report.figures.experiment_figures import HEADINGS, dwell_line, measured_rows
 from vctune.report.figures.style import INK, PAPER
 from vctune.report.page.contents import IN_WORDS, READINGS, reading
 from vctune.report.page.findings import findings, limits
@@ -83,6 +83,7 @@ def page(
         sliders=_embedded(tried) if tried is not None else None,
         measured=measured_rows(simulation) if simulation else [],
         headings=HEADINGS,
+        dwell=dwell_line(simulation) if simulation else "",
         translated=problem.units.translated,
     )
 

@@ -13,6 +13,7 @@ from vctune.interrupt import interrupt_deferred
 from vctune.simulation.firmware.controller import coefficients_of, encoded
 from vctune.simulation.firmware.operations import FLOATS
 from vctune.simulation.firmware.stepped import Precision, Start, SteppedFirmware, exported_parts
+from vctune.simulation.mechanics.hand_changes import called, hand_changes, moved_on, steps_of_hands
 from vctune.simulation.mechanics.intended_motion import Floats, sample_count
 from vctune.simulation.mechanics.step import ANSWER, CHUNK, OpenStep, build_open, columns
 from vctune.simulation.run import DIVERGENCE, Traces, motion_inputs, traces_of
@@ -86,19 +87,22 @@ def run_in_the_loop(
     """
     samples, T = sample_count(scene.operator, scene.device.sample_time), scene.device.sample_time
     with interrupt_deferred():
-        step = build_open(scene)
+        steps = steps_of_hands(scene, lambda now, then: build_open(now, then=then))
     beside, noise = _Beside(scene, controller.precision), np.random.default_rng(scene.seed)
     recorded, wanted = np.empty((samples, len(columns(scene)))), np.empty(samples)
     reach = DIVERGENCE * abs(scene.operator.end - scene.operator.start)
     controller.start(scene)
-    state, done, diverged = step.start, 0, False
+    changes, grip = hand_changes(scene), 0.0
+    state, done, diverged = steps[0, 0].start, 0, False
     given, own, exact = np.zeros((3, samples))
     while done < samples and not diverged:
         count = min(CHUNK, samples - done)
         inputs = motion_inputs(scene, done, noise)
         for k in range(count):
             at = done + k
-            state, recorded[at], measured, given[at] = _sample(step, controller, state, inputs[:, k])
+            step, regrips = steps[changes.hands(at)], changes.regrips and changes.at(at)
+            sampled = _sample(step, controller, state, inputs[:, k], grip, regrips=regrips)
+            state, recorded[at], grip, measured, given[at] = sampled
             own[at], exact[at] = beside.commands(measured)
         block = recorded[done : done + count]
         wanted[done : done + count] = inputs[0, :count]
@@ -116,14 +120,17 @@ def run_in_the_loop(
 
 
 def _sample(
-    step: OpenStep, controller: Controller, state: Floats, inputs: Floats
-) -> tuple[Floats, Floats, Floats, float]:
-    """Return state, record, measurement and command of one sample."""
+    step: OpenStep, controller: Controller, state: Floats, inputs: Floats, grip: float, *, regrips: bool
+) -> tuple[Floats, Floats, float, Floats, float]:
+    """Return state, record, the hand's grip, measurement and command of one sample."""
     with interrupt_deferred():
-        measured = np.asarray(step.sense(state, inputs)).ravel()
+        held = inputs.copy()
+        held[[0, 2]] += grip
+        measured = np.asarray(step.sense(state, held)).ravel()
         answer = controller.step(measured)
-        after, record = step.one(state, np.concatenate([inputs, answer]))
-    return np.asarray(after).ravel(), np.asarray(record).ravel(), measured, float(answer[ANSWER.index("motor")])
+        one = called(step.one, state)
+        moved = moved_on(lambda given: one(np.concatenate([given, answer])), inputs, grip, regrips=regrips)
+    return *moved, measured, float(answer[ANSWER.index("motor")])
 
 
 class _Beside:

@@ -11,6 +11,7 @@ import numpy as np
 from vctune.interrupt import interrupt_deferred
 from vctune.model.device import Device
 from vctune.model.experiment import Baseline, Experiment
+from vctune.simulation.mechanics.hand_changes import HandChanges, called, hand_changes, moved_on, steps_of_hands
 from vctune.simulation.mechanics.intended_motion import Floats
 from vctune.simulation.mechanics.step import INPUTS, build
 from vctune.simulation.scene import Scene, baseline_scene
@@ -59,16 +60,52 @@ def loop_matrix(scene: Scene) -> Floats:
 
 
 def fastest_mode(scene: Scene) -> Mode:
-    """Return the mode that decides whether hand, device and environment oscillate together."""
-    modes = [_fastest(loop_matrix(linear), scene.device.sample_time) for linear in linear_scenes(scene)]
+    """Return the mode that decides whether hand, device and environment oscillate together.
+
+    If the hand changes, the mode is that of a period of its changes: its growth is per sample, its frequency that at
+    which the period's share of it repeats.
+    """
+    T, changes = scene.device.sample_time, hand_changes(scene)
+    if changes.every == 0:
+        modes = [_fastest(loop_matrix(linear), T) for linear in linear_scenes(scene)]
+    else:
+        period = changes.every * (2 if changes.alternates else 1)
+        modes = [_fastest(_period_matrix(linear, changes), T, period) for linear in linear_scenes(scene)]
     return max(modes, key=lambda mode: mode.radius)
 
 
-def _fastest(matrix: Floats, sample_time: float) -> Mode:
+def _period_matrix(scene: Scene, changes: HandChanges) -> Floats:
+    """Return the matrix over state and grip from one change of the hand to the next, or to the one after that."""
+    with interrupt_deferred():
+        steps = steps_of_hands(scene, lambda now, then: build(now, then=then))
+
+    def matrix(pair: tuple[int, int], *, regrips: bool) -> Floats:
+        size = len(steps[pair].start)
+
+        def after(whole: Floats) -> Floats:
+            one = called(steps[pair].one, whole[:-1])
+            state, _, grip = moved_on(one, np.zeros(INPUTS), whole[-1], regrips=regrips)
+            return np.append(state, grip)
+
+        rest = after(np.zeros(size + 1))
+        return np.array([after(unit) - rest for unit in np.eye(size + 1)]).T
+
+    whole = np.eye(len(steps[0, 0].start) + 1)
+    with interrupt_deferred():
+        for now, then in [(0, 1), (1, 0)] if changes.alternates else [(0, 0)]:
+            held, changed = matrix((now, now), regrips=False), matrix((now, then), regrips=changes.regrips)
+            whole = changed @ np.linalg.matrix_power(held, changes.every - 1) @ whole
+    return whole if changes.regrips else whole[:-1, :-1]
+
+
+def _fastest(matrix: Floats, sample_time: float, samples: int = 1) -> Mode:
+    """Return the mode that grows the fastest, of a matrix over some samples."""
     values = np.linalg.eigvals(matrix)
     oscillating = values[np.abs(values - 1) > STANDING]
     dominant = oscillating[np.argmax(np.abs(oscillating))]
-    return Mode(float(abs(dominant)), float(abs(np.angle(dominant)) / (2 * pi * sample_time)))
+    return Mode(
+        float(abs(dominant)) ** (1 / samples), float(abs(np.angle(dominant)) / (2 * pi * sample_time * samples))
+    )
 
 
 def least_virtual(device: Device, experiment: Experiment, pid: Baseline) -> float | None:

@@ -37,8 +37,9 @@ MOTOR_COLUMNS = ("motor_position", "motor_velocity")
 """Further recorded columns if motor and handle move differently."""
 ANSWER = ("reference", "desired", "environment_force", "motor")
 """Outputs of a firmware among these columns; they follow `INPUTS` as inputs of an open step."""
-INPUTS = 5
-"""Number of inputs of a step: x_i and v_i at this sample and at the next, and the noise of the force sensor."""
+INPUTS = 6
+"""Number of inputs of a step: x_i and v_i at this sample and at the next, the noise of the force sensor,
+and how far the hand's grip moves just after this sample's force is sensed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,13 +72,14 @@ class OpenStep:
     start: Floats
 
 
-def build(scene: Scene, stretch: Stretch = fixed_steps) -> Step:
+def build(scene: Scene, stretch: Stretch = fixed_steps, then: Scene | None = None) -> Step:
     """Assemble and compile the step of a scene; `stretch` integrates the friction.
 
     Parameters
     ----------
     scene : the scene of the run
     stretch : function that integrates the friction; not used without friction
+    then : the scene with the hand from this sample on, whose force is sensed with the next one; None for the same
 
     Returns
     -------
@@ -95,16 +97,17 @@ def build(scene: Scene, stretch: Stretch = fixed_steps) -> Step:
         start=[known.get(name, 0.0) for name in changed],
         answer=[remembered.reference, remembered.desired, command.environment, command.given],
     )
-    return _compiled(scene, stretch, wired, firmware)
+    return _compiled(scene, stretch, wired, firmware, then)
 
 
-def build_open(scene: Scene, stretch: Stretch = fixed_steps) -> OpenStep:
+def build_open(scene: Scene, stretch: Stretch = fixed_steps, then: Scene | None = None) -> OpenStep:
     """Assemble and compile the step of a scene without its firmware.
 
     Parameters
     ----------
     scene : the scene of the run; the function uses only the encoder of its law
     stretch : function that integrates the friction; not used without friction
+    then : as in `build`
 
     Returns
     -------
@@ -113,7 +116,7 @@ def build_open(scene: Scene, stretch: Stretch = fixed_steps) -> OpenStep:
     """
     wired = _wire(scene, INPUTS + len(ANSWER))
     given = [wired.inputs[INPUTS + k] for k in range(len(ANSWER))]
-    step = _compiled(scene, stretch, wired, _Firmware([], [], [], given))
+    step = _compiled(scene, stretch, wired, _Firmware([], [], [], given), then)
     read = wired.measurement
     position = encoded(scene.law, read.position, SYMBOLS)
     states = ca.vertcat(wired.body, *wired.queue, *wired.late)
@@ -157,7 +160,9 @@ def _wire(scene: Scene, inputs: int) -> _Wired:
     return _Wired(begin, moving, body, given, queue, late, seen, Measurement(seen.motor.x, seen.motor.v, felt))
 
 
-def _compiled(scene: Scene, stretch: Stretch, wired: _Wired, firmware: _Firmware) -> Step:
+def _compiled(scene: Scene, stretch: Stretch, wired: _Wired, firmware: _Firmware, then: Scene | None) -> Step:
+    moved = scene if then is None else then
+    mechanism = wired.mechanism if then is None else assembly(then)
     seen, inputs, body, begin = wired.motion, wired.inputs, wired.body, wired.begin
     commanded = [firmware.answer[-1], *wired.queue]
     record = [seen.handle.x, seen.handle.v, seen.force, *firmware.answer, wired.measurement.force]
@@ -172,11 +177,11 @@ def _compiled(scene: Scene, stretch: Stretch, wired: _Wired, firmware: _Firmware
         *(begin.hand for _ in wired.late),
     ]
     if scene.friction is None:
-        exact = _moved_exactly(scene, wired.mechanism, body, inputs, acting)
+        exact = _moved_exactly(moved, mechanism, body, inputs, acting)
         one = ca.Function("one", [state, inputs], [ca.vertcat(exact, kept), ca.vertcat(*record)])
     else:
         given = ca.Function("firmware", [state, inputs], [kept, ca.vertcat(*record), acting[-1], acting[-2]])
-        one = _with_friction(scene, wired.mechanism, scene.friction, stretch, given)
+        one = _with_friction(moved, mechanism, scene.friction, stretch, given)
     return Step(one, np.array(start))
 
 
@@ -262,9 +267,16 @@ def _hand_force(scene: Scene, at: Slide, inputs: Any, motor: Any) -> Any:
 
 def _moved_exactly(scene: Scene, moving: Assembly | None, body: Any, inputs: Any, acting: list[Any]) -> Any:
     exact = plant.transition(scene) if moving is None else assembled_transition(scene, moving)
-    moved = ca.mtimes(ca.DM(exact.state), body) + ca.mtimes(ca.DM(exact.motion), inputs[:4])
+    moved = ca.mtimes(ca.DM(exact.state), body) + ca.mtimes(ca.DM(exact.motion), _motion(scene, inputs))
     moved = moved + ca.DM(exact.late) * acting[-2]
     return moved + ca.DM(exact.early) * acting[-1] if exact.early.any() else moved
+
+
+def _motion(scene: Scene, inputs: Any) -> Any:
+    """Return x_i and v_i at this sample and at the next, for the grip from this sample on."""
+    if not scene.operator.regrip:
+        return inputs[:4]
+    return ca.vertcat(inputs[0] + inputs[5], inputs[1], inputs[2] + inputs[5], inputs[3])
 
 
 def _with_friction(scene: Scene, moving: Assembly | None, friction: Friction, stretch: Stretch, firmware: Any) -> Any:
@@ -276,11 +288,12 @@ def _with_friction(scene: Scene, moving: Assembly | None, friction: Friction, st
     when, push = timing(scene), ca.DM(hand_force_derivatives(scene.operator, scene.device.sample_time))
     state, inputs = ca.MX.sym("state", firmware.size_in(0)), ca.MX.sym("inputs", firmware.size_in(1))
     kept, record, early, late = firmware(state, inputs)
+    motion = _motion(scene, inputs)
     body, felt = state[: 3 if moving is None else moving.size + 1], []
     instant, T = sensing(scene).instant, scene.device.sample_time
     for begin, end in pairwise(sorted({0.0, when.early, T} | ({instant} if instant is not None else set()))):
         motor = early if end <= when.early else late
-        body = stretch(scene, friction, begin, end - begin)(body, motor, ca.mtimes(push, inputs[:4]))
+        body = stretch(scene, friction, begin, end - begin)(body, motor, ca.mtimes(push, motion))
         if end == instant and moving is not None:
-            felt = [_felt(scene, moving, end)(body, motor, ca.mtimes(push, inputs[:4]))]
+            felt = [_felt(scene, moving, end)(body, motor, ca.mtimes(push, motion))]
     return ca.Function("one", [state, inputs], [ca.vertcat(body, *felt, kept), record])

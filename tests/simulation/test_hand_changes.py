@@ -1,0 +1,123 @@
+"""Hands that change during a simulated run: the growth of a period is that of an independent calculation."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import ROOT
+from in_time import Environment as World
+from switching_hands import growth, matrices, regripped
+
+import vctune
+from vctune.document.records.simulation_json import simulation_of
+from vctune.document.text.digest import experiments_digest
+from vctune.proof.claims.margins_of_claims import Design
+from vctune.report.figures.experiment_figures import dwell_line
+from vctune.simulation.mechanics.scene_stability import fastest_mode
+from vctune.simulation.run import run
+from vctune.simulation.scene import designed_scene
+
+TEXT = (ROOT / "problems/friction-wheel-hands.toml").read_text()
+GAINS = tomllib.loads((ROOT / "results/friction-wheel-hands/gains.toml").read_text())
+HAND = {"to": 0.002, "speed": 0.02, "cycles": 1, "damping": 0.0, "stiffness": 3000.0}
+SPRING = {"stiffness": 10000.0, "rule": "trapezoid"}
+
+
+def problem_with(*operators, environment=SPRING, **more):
+    """Return the problem with its published gains, and with an experiment for each hand."""
+    experiments = [
+        {"name": f"{number}", "environment": environment, "operator": HAND | operator, **more}
+        for number, operator in enumerate(operators)
+    ]
+    document = tomllib.loads(TEXT) | {key: GAINS[key] for key in ("gains", "coupling")}
+    return vctune.problem(document | {"experiment": experiments})
+
+
+def scene_of(file, number=0):
+    return designed_scene(file.problem.device, *file.problem.fixed_design, file.problem.experiments[number])
+
+
+def published():
+    problem = problem_with({}).problem
+    return Design(problem.device, *problem.fixed_design)
+
+
+@pytest.mark.parametrize(("samples", "damping"), [(6, 0.0), (6, 1.0), (30, 0.0), (1, 0.5)])
+def test_a_hand_that_grips_again_grows_as_in_exact_time(samples, damping):
+    scene = scene_of(problem_with({"dwell": samples * 1e-3, "regrip": True, "damping": damping, "stiffness": 3000.0}))
+    expected = regripped(published(), 3000.0, damping, 1e4, samples)
+    assert fastest_mode(scene).radius ** samples == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+def test_a_damping_that_alternates_grows_as_in_exact_time(samples):
+    scene = scene_of(problem_with({"dwell": samples * 1e-3, "other_damping": 30.0}))
+    steps = matrices(published(), 0.0, (0.0, 30.0), 3000.0, World(stiffness=1e4))
+    expected = growth(steps, np.array([[0] * samples + [1] * samples]))[0]
+    assert fastest_mode(scene).radius ** (2 * samples) == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_change_after_the_run_changes_nothing():
+    late, never = (run(scene_of(problem_with(more))) for more in ({"dwell": 10.0, "regrip": True}, {}))
+    for name in ("position", "force", "motor"):
+        assert np.allclose(getattr(late, name), getattr(never, name), rtol=0, atol=1e-12)
+
+
+def test_the_force_is_sensed_before_the_hand_takes_hold_again():
+    traces = run(scene_of(problem_with({"dwell": 0.02, "regrip": True, "damping": 3.0})))
+    never = run(scene_of(problem_with({"damping": 3.0})))
+    assert np.array_equal(traces.force[:21], never.force[:21]) and traces.position[21] != never.position[21]
+    before, after = abs(traces.force[20]), abs(traces.force[21])
+    assert after < 0.5 * before, "the spring of the new grip is loose"
+
+
+def test_friction_and_parts_change_too():
+    friction = {"friction": {"coulomb": 0.3}}
+    traces = run(scene_of(problem_with({"dwell": 0.01, "regrip": True, "damping": 3.0}, **friction)))
+    assert traces.diverged is None and np.abs(traces.position).max() < 0.01
+    file = problem_with({"dwell": 0.01, "other_damping": 9.0, "damping": 3.0})
+    device = replace(
+        file.problem.device,
+        actuator=vctune.problem(
+            tomllib.loads(TEXT) | {"device": tomllib.loads(TEXT)["device"] | {"actuator": {"bandwidth_hz": 400.0}}}
+        ).problem.device.actuator,
+    )
+    scene = replace(scene_of(file), device=device)
+    assert run(scene).diverged is None
+
+
+def test_the_line_says_from_which_dwell_time_on():
+    file = problem_with(*({"dwell": dwell, "regrip": True} for dwell in (0.006, 0.03, 0.05)), {})
+    record = simulation_of(vctune.simulate(file).record())
+    line = dwell_line(record)
+    assert line == (
+        "Simulated, not proved: hands that changed every 30 ms or slower stayed at rest; every 6 ms one grew."
+    )
+    assert len(line.split()) <= 20
+    assert dwell_line(record.model_copy(update={"experiments": record.experiments[3:]})) == ""
+    assert "loop grew" in dwell_line(record.model_copy(update={"experiments": record.experiments[:1]}))
+    assert dwell_line(record.model_copy(update={"experiments": record.experiments[1:]})).endswith("stayed at rest.")
+
+
+@pytest.mark.parametrize(
+    ("operator", "said"),
+    [
+        ({"dwell": 0.1}, "nothing changes; write regrip = true or other_damping"),
+        ({"regrip": True}, "needs the time between two changes; write dwell"),
+        ({"other_damping": 3.0}, "needs the time between two changes; write dwell"),
+        ({"dwell": 1e-4, "regrip": True}, "shorter than a sample time; write at least 0.001"),
+    ],
+)
+def test_contradictions_are_refused(operator, said):
+    with pytest.raises(vctune.InputError, match=said):
+        problem_with(operator)
+
+
+def test_experiments_without_changes_keep_their_digest():
+    known = vctune.problem(tomllib.loads((ROOT / "problems/friction-wheel.toml").read_text())).problem
+    stored = json.loads((ROOT / "results/friction-wheel/simulation.json").read_text())
+    assert experiments_digest(known.experiments) == stored["problem"]["experiments_sha256"]

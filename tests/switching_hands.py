@@ -1,0 +1,150 @@
+"""Hands whose damping changes from sample to sample, in exact time: the matrices of `in_time`, one for each damping."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import astuple, replace
+
+import numpy as np
+from device_arithmetic import DOUBLES
+from device_pairs import real_of
+from in_time import Environment, Loop
+from random_devices import decades, ordinary, ordinary_gains
+from random_hands import random_hands
+from sampled_device_oracle import Hand as Held
+from scipy.linalg import expm
+
+from vctune.analysis.in_hands import least_ratios_in_hands
+from vctune.model.gains import Coupling
+from vctune.model.hands import Hands
+from vctune.proof.claims.margins_of_claims import Design
+
+
+def matrices(
+    design: Design, mass: float, dampings: Sequence[float], stiffness: float, environment: Environment
+) -> np.ndarray:
+    """Return the matrix of a sample for each damping of the hand, shape (dampings, n, n).
+
+    The force that is sensed is that of the damping before, as the memory has it.
+    """
+    real, law = real_of(design.device), design.gains
+    loops = (
+        Loop(real, law, design.coupling, Held(mass, damping, stiffness), environment, DOUBLES) for damping in dampings
+    )
+    return np.array([loop.matrix() for loop in loops])
+
+
+def growth(steps: np.ndarray, sequences: np.ndarray) -> np.ndarray:
+    """Return by how much the loop grows in a period of each of some sequences of dampings, repeated for ever."""
+    product = np.broadcast_to(np.eye(steps.shape[-1]), (len(sequences), *steps.shape[1:]))
+    for at in sequences.T:
+        product = steps[at] @ product
+    return np.abs(np.linalg.eigvals(product)).max(axis=1)
+
+
+def greedy(steps: np.ndarray, rng: np.random.Generator, starts: int, length: int) -> np.ndarray:
+    """Return sequences that take at each sample the damping after which a state is greatest, one for each start."""
+    _, vectors = np.linalg.eig(steps[0])
+    metric = np.linalg.pinv(np.vstack([vectors.T.real, vectors.T.imag]).T)
+    state, found = rng.normal(size=(starts, steps.shape[-1])), []
+    for _ in range(2 * length):
+        after = np.einsum("bij,sj->sbi", steps, state)
+        best = np.argmax(((after @ metric.T) ** 2).sum(axis=2), axis=1)
+        state = after[np.arange(starts), best]
+        state = state / np.linalg.norm(state, axis=1, keepdims=True)
+        found.append(best)
+    return np.array(found[length:]).T
+
+
+def periodic(count: int, dwells: Sequence[int]) -> Iterator[np.ndarray]:
+    """Yield one period of switching between the least and the greatest of some dampings, with each dwell time."""
+    for one in dwells:
+        for other in dwells:
+            yield np.array([[0] * one + [count - 1] * other])
+
+
+def lossless(rng: np.random.Generator, design: Design) -> Environment:
+    """Return an environment that stores and does not lose: a mass, a spring or both, of the device's size."""
+    mass, T = design.device.mass, design.device.sample_time
+    numbers = mass * decades(rng, -3, 1), mass / T**2 * decades(rng, -5, 0)
+    kind = int(rng.integers(3))
+    return Environment(mass=numbers[0] * (kind != 0), stiffness=numbers[1] * (kind != 1))
+
+
+def random_certified(rng: np.random.Generator, ratio: float = 1.05) -> tuple[Design, Hands]:
+    """Return a random design of a rigid velocity loop with a least ratio over a box of hands, in floats."""
+    while True:
+        device = replace(
+            ordinary(rng, held=0.0), hold="zoh", velocity=None, actuator=None, force_sensor=None, structure=None
+        )
+        gains, coupling = ordinary_gains(device, rng)
+        hands = random_hands(rng, device)
+        if gains.position == 0 or hands.high.mass == 0:
+            continue
+        if coupling.drag == 0:
+            coupling = replace(coupling, drag=coupling.damping * decades(rng, -3, -0.5))
+        least = least_ratios_in_hands(device, hands, gains, coupling)[0].ratio
+        if 0 < least < np.inf:
+            scaled = (float(f"{number * ratio / least:.9g}") for number in astuple(coupling))
+            return Design(device, gains, Coupling(*scaled)), hands
+
+
+def regripped(design: Design, stiffness: float, damping: float, world: float, samples: int) -> float:
+    """Return by how much the loop grows from one grip to the next: the hand's spring is loose just after each.
+
+    It takes hold where the handle is, just after the force is sampled, without mass; the world is a spring.
+    """
+    held, gripping = (_step(design, stiffness, damping, world, grips=grips) for grips in (False, True))
+    period = np.linalg.matrix_power(held, samples - 1) @ gripping
+    return float(np.abs(np.linalg.eigvals(period)).max())
+
+
+def energy_of_cycle(design: Design, soft: float, stiff: float, reach: float, samples: int) -> float:
+    """Return the energy that the port supplies in a slow cycle: out in the soft hand, back in the stiff one, J.
+
+    The environment moves the loop in equal steps, and holds it still while the hand changes.
+    """
+    T, state, supplied = design.device.sample_time, np.zeros(4), 0.0
+    motion = np.concatenate([np.full(samples, reach / samples / T), np.zeros(samples)])
+    for v_e, stiffness in [(v, soft) for v in motion] + [(-v, stiff) for v in motion]:
+        row = np.array(_port(design, stiffness))
+        supplied -= T * v_e * float(row @ np.append(state, v_e))
+        state = _driven(design, stiffness) @ np.append(state, v_e)
+    return supplied
+
+
+def _body(design: Design, stiffness: float, damping: float) -> np.ndarray:
+    """Return the motion (x, v) after a sample from (x, v, command, where the hand holds)."""
+    m, b, T = design.device.mass, design.device.damping, design.device.sample_time
+    rates = np.array([[0, 1, 0, 0], [-stiffness / m, -(b + damping) / m, 1 / m, stiffness / m], [0] * 4, [0] * 4])
+    return expm(T * rates)[:2]
+
+
+def _step(design: Design, stiffness: float, damping: float, world: float, *, grips: bool) -> np.ndarray:
+    """Return the matrix over (x, v, x_p, p_c, x_0), as in `in_time.Loop`; the hand holds at x_0, or takes hold at x."""
+    T, gains, coupling = design.device.sample_time, design.gains, design.series
+    x, v, x_p, p_c, x_0 = np.eye(5)
+    soft = coupling.damping / (1 + coupling.damping * T / (2 * coupling.mass))
+    force = -(damping * v + stiffness * (x - x_0))
+    v_e = (force + soft * p_c - world * x_p) / (coupling.drag + soft + world * T / 2)
+    command = gains.velocity * (v_e - v) + gains.position * (x_p + T / 2 * v_e - x)
+    holds = x if grips else x_0
+    moved = _body(design, stiffness, damping) @ np.array([x, v, command, holds])
+    return np.array([*moved, x_p + T * v_e, p_c + T / coupling.mass * soft * (v_e - p_c), holds])
+
+
+def _port(design: Design, stiffness: float) -> np.ndarray:
+    """Return y = Z_c v_e - f over (x, v, x_p, p_c, v_e), in a hand that is a spring."""
+    T, coupling = design.device.sample_time, design.series
+    soft = coupling.damping / (1 + coupling.damping * T / (2 * coupling.mass))
+    return np.array([stiffness, 0, 0, -soft, coupling.drag + soft])
+
+
+def _driven(design: Design, stiffness: float) -> np.ndarray:
+    """Return the next (x, v, x_p, p_c) over the same."""
+    T, gains, coupling = design.device.sample_time, design.gains, design.series
+    x, v, x_p, p_c, v_e = np.eye(5)
+    soft = coupling.damping / (1 + coupling.damping * T / (2 * coupling.mass))
+    command = gains.velocity * (v_e - v) + gains.position * (x_p + T / 2 * v_e - x)
+    moved = _body(design, stiffness, 0.0) @ np.array([x, v, command, np.zeros(5)])
+    return np.array([*moved, x_p + T * v_e, p_c + T / coupling.mass * soft * (v_e - p_c)])

@@ -1,0 +1,131 @@
+"""A candidate for a storage function that all dampings of a hand have in common, in floats, rounded to decimals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vctune.model.hands import Hand, Hands
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.numbers.matrices import Matrix
+from vctune.model.sampled.changing_hand import STAYING, Storage, loop_states, weights
+from vctune.model.sampled.plant_in_hand import delays_of
+from vctune.proof.claims.margins_of_claims import Design
+from vctune.proof.enclosures.array_intervals import Floats
+from vctune.proof.storage.barrier import analytic_centre
+
+ACROSS = {"mass": 4, "damping": 3, "stiffness": 3}
+"""Numbers of each quantity at which the first candidate is sought. One less needs another round for many a design, one
+more takes a third longer."""
+DIGITS = 10
+"""Significant digits of the decimals. Half are too few for loops with little room; twice are more than a double has."""
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """Hands in which a storage is sought, each with one damping when the force was sampled; arrays of shape (p,)."""
+
+    hand: Hand
+    sensed: Floats
+
+    def with_hand(self, hand: Hand, hands: Hands) -> Places:
+        """Return these and one more hand, with the least and with the greatest sensed damping.
+
+        Parameters
+        ----------
+        hand : another hand
+        hands : the box
+        """
+        ends = np.array([hands.low.damping, hands.high.damping])
+        more = hand.mapped(lambda number: np.full(2, number))
+        joined = self.hand.mapped(lambda one, other: np.concatenate([one, other]), more)
+        return Places(joined, np.concatenate([self.sensed, ends]))
+
+
+def grid(hands: Hands) -> Places:
+    """Return hands all over a box."""
+    ends = hands.ranges
+    axes = [
+        np.linspace(*ends[name], ACROSS[name]) if ends[name][0] < ends[name][1] else ends[name][:1] for name in ends
+    ]
+    sensed = np.unique([hands.low.damping, hands.high.damping])
+    *numbers, last = (each.ravel() for each in np.meshgrid(*axes, sensed, indexing="ij"))
+    return Places(Hand(*numbers), last)
+
+
+def candidate(design: Design, hands: Hands, at: Places) -> Storage | None:
+    """Return a storage that grows by less than the port supplies in some hands; None if none is found.
+
+    Parameters
+    ----------
+    design : in plain numbers
+    hands : box to which its functions refer
+    at : hands of the box
+    """
+    constant, linear, basis = _affine(design, hands, at)
+    found = analytic_centre(constant, linear)
+    if found is None:
+        return None
+    terms = np.tensordot(found.reshape(-1, len(basis)), basis, axes=1)
+    return Storage(hands, tuple(tuple(tuple(_rounded(x) for x in row) for row in term) for term in terms.tolist()))
+
+
+def hand_without(design: Design, hands: Hands) -> Hand | None:
+    """Return a hand in which no storage is found for the dampings alone, its mass and its stiffness as they are.
+
+    Parameters
+    ----------
+    design : in plain numbers
+    hands : the box
+
+    Returns
+    -------
+    Hand or None
+        With the greatest damping; None if there is one for each mass and stiffness.
+    """
+    for corner in hands.corners:
+        if corner.damping < hands.high.damping:
+            continue
+        fixed = Hands(Hand(corner.mass, hands.low.damping, corner.stiffness), corner)
+        if candidate(design, fixed, grid(fixed)) is None:
+            return corner
+    return None
+
+
+def _rounded(x: float) -> float:
+    return float(f"{x:.{DIGITS}g}")
+
+
+def _affine(design: Design, hands: Hands, at: Places) -> tuple[Floats, Floats, Floats]:
+    """Return the constant part of the matrices of `room_of_storage`, the parts of Y's numbers, and the units of Y."""
+    loop = loop_states(design.device, design.gains, design.series, at.hand, at.sensed, delays_of(design.device), FLOATS)
+    count = at.sensed.size
+    step, push, seen = (
+        _stacked(loop.change, count) + np.diag(np.arange(len(loop.push)) < STAYING),
+        _stacked((loop.push,), count)[:, 0],
+        _stacked((loop.seen,), count)[:, 0],
+    )
+    n = push.shape[1]
+    before = replace(at.hand, damping=at.sensed)
+    now, then = (
+        _stacked((weights(hands, design.device.mass, hand, float),), count)[:, 0] for hand in (before, at.hand)
+    )
+    rows, columns = np.triu_indices(n)
+    basis = np.zeros((rows.size, n, n))
+    basis[np.arange(rows.size), rows, columns] = basis[np.arange(rows.size), columns, rows] = 1.0
+    moved = np.concatenate([step, push[:, :, None]], axis=2)
+    held = np.zeros((rows.size, n + 1, n + 1))
+    held[:, :n, :n] = basis
+    after = moved.swapaxes(1, 2)[:, None] @ basis @ moved[:, None]
+    constant = np.zeros((count, n + 1, n + 1))
+    constant[:, :n, n] = constant[:, n, :n] = seen
+    constant[:, n, n] = 2 * loop.direct - loop.spring
+    now, then = (each[:, :, None, None, None] for each in (now, then))
+    linear = now * held - then * after[:, None]
+    return constant, linear.reshape(count, -1, n + 1, n + 1), basis
+
+
+def _stacked(matrix: Matrix, count: int) -> Floats:
+    """Return a matrix of arrays as matrices of floats, shape (count, rows, columns)."""
+    return np.array([[np.broadcast_to(np.asarray(x, float), count) for x in row] for row in matrix]).transpose(2, 0, 1)

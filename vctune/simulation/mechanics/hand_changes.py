@@ -1,0 +1,113 @@
+"""A hand that changes during a run: its damping alternates, or it takes hold again where the handle is.
+
+It changes just after the force is sampled: the sample has the hand that ends, the motion that follows the next one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from vctune.simulation.mechanics.intended_motion import Floats
+from vctune.simulation.scene import Scene
+
+OneSample = Callable[[Floats], tuple[Floats, Floats]]
+"""State and record after a sample with some inputs."""
+
+
+@dataclass(frozen=True, slots=True)
+class HandChanges:
+    """When the hand of a scene changes, and to what.
+
+    Attributes
+    ----------
+    every : samples from one change to the next; 0 if it does not change
+    alternates : whether its damping changes
+    regrips : whether it takes hold again
+    """
+
+    every: int
+    alternates: bool
+    regrips: bool
+
+    def at(self, sample: int) -> bool:
+        """Return whether the hand changes at a sample."""
+        return self.every > 0 and sample > 0 and sample % self.every == 0
+
+    def hands(self, sample: int) -> tuple[int, int]:
+        """Return the number of the hand whose force is sampled, and of the hand from then on."""
+        if not self.alternates:
+            return 0, 0
+        now = max(sample - 1, 0) // self.every % 2
+        return now, 1 - now if self.at(sample) else now
+
+    @property
+    def pairs(self) -> list[tuple[int, int]]:
+        """All of these pairs."""
+        return [(0, 0), (0, 1), (1, 1), (1, 0)] if self.alternates else [(0, 0)]
+
+
+def hand_changes(scene: Scene) -> HandChanges:
+    """Return how the hand of a scene changes."""
+    hand = scene.operator
+    if hand.dwell is None:
+        return HandChanges(0, alternates=False, regrips=False)
+    every = max(1, round(hand.dwell / scene.device.sample_time))
+    return HandChanges(every, alternates=hand.other_damping is not None, regrips=hand.regrip)
+
+
+def scenes_of_hands(scene: Scene) -> tuple[Scene, Scene]:
+    """Return a scene with the hand at the start, and with that of every other interval."""
+    other = scene.operator.other_damping
+    return scene, scene if other is None else replace(scene, operator=replace(scene.operator, damping=other))
+
+
+def steps_of_hands(scene: Scene, build: Callable[[Scene, Scene], Any]) -> dict[tuple[int, int], Any]:
+    """Return the step of each pair of hands, by `HandChanges.pairs`.
+
+    Parameters
+    ----------
+    scene : scene of the run
+    build : function that builds the step with the hand that is sampled, and with the hand from then on
+    """
+    hands = scenes_of_hands(scene)
+    return {(now, then): build(hands[now], hands[then]) for now, then in hand_changes(scene).pairs}
+
+
+def moved_on(one: OneSample, inputs: Floats, grip: float, *, regrips: bool) -> tuple[Floats, Floats, float]:
+    """Return state and record after a sample, and where the hand holds from then on.
+
+    Parameters
+    ----------
+    one : the step from the state before
+    inputs : of the intended motion, for a hand that holds at 0
+    grip : where the hand holds, m
+    regrips : whether it takes hold again at this sample
+    """
+    given = inputs.copy()
+    given[[0, 2]] += grip
+    state, record = one(given)
+    if not regrips:
+        return state, record, grip
+    taken = float(record[0]) - inputs[0]
+    given[5] = taken - grip
+    return *one(given), taken
+
+
+def called(step: Any, state: Floats) -> OneSample:
+    """Return a compiled step from a state, with arrays for CasADi's matrices.
+
+    Parameters
+    ----------
+    step : the compiled function
+    state : the state before
+    """
+
+    def one(inputs: Floats) -> tuple[Floats, Floats]:
+        after, record = step(state, inputs)
+        return np.asarray(after).ravel(), np.asarray(record).ravel()
+
+    return one
