@@ -143,7 +143,7 @@ def test_a_hand_that_grips_again_makes_gains_grow_that_hold_in_every_hand():
 
 
 def test_a_stiffness_that_changes_supplies_energy():
-    """Model README, section 20: a slow cycle returns more than it took, whatever the gains."""
+    """Model README, section 21: a slow cycle returns more than it took, whatever the gains."""
     design = published()
     k_1, k_2 = (K * design.gains.position / (K + design.gains.position) for K in (300.0, 3000.0))
     for steps, share in ((300, 0.5), (3000, 0.95)):

@@ -9,7 +9,7 @@ from vctune.model.hands import Hand, Hands
 
 
 class StorageRecord(Part):
-    """The storage function (k_eq/T) q^2 + zeta' Y zeta, without dimensions (model/README.md, section 20).
+    """The storage function (k_eq/T) q^2 + zeta' Y zeta, without dimensions (model/README.md, section 21).
 
     `states` names zeta. Y is the sum of the matrices, each times its function of the hand in `terms`.
     """

@@ -1,5 +1,5 @@
 """The sampled loop in a hand whose damping changes, as states, and what a storage function of them must meet
-(model/README.md, section 20).
+(model/README.md, section 21).
 
 All numbers are dimensionless, in units of the sample time T and of the device's mass m. The states xi are the position
 x, the velocity v, the commands u[k-1] ... u[k-N-1] that still act or were the last to act, the position q that v_e has

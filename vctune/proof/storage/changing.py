@@ -1,4 +1,4 @@
-"""The claim that the damping of the hand may change from sample to sample (model/README.md, section 20)."""
+"""The claim that the damping of the hand may change from sample to sample (model/README.md, section 21)."""
 
 from __future__ import annotations
 
