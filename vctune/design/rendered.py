@@ -17,7 +17,7 @@ from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Demands, Problem
 from vctune.proof.claims.margins_of_claims import Design
-from vctune.proof.claims.world_cells import OpenInHands, Witnesses, WorldCells, open_in_hands, refuted_in_worlds
+from vctune.proof.claims.worlds.world_cells import OpenInHands, Witnesses, WorldCells, open_in_hands, refuted_in_worlds
 from vctune.proof.enclosures.array_intervals import Flags
 from vctune.proof.engine.boxes import Integers
 from vctune.running import OutOfTimeError

@@ -8,8 +8,9 @@ from typing import Literal
 from vctune.model.numbers.units import UnitSystem
 
 Motion = Literal["reciprocate", "sine"]
-Rule = Literal["backward", "trapezoid"]
-"""How mass and stiffness follow the velocity: by backward Euler, which damps, or lossless by the trapezoidal rule."""
+Rule = Literal["backward", "trapezoid", "explicit"]
+"""How mass and stiffness follow the velocity: by backward Euler, which damps, lossless by the trapezoidal rule, or by
+explicit Euler."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +25,7 @@ class Environment:
     zero : position without spring force, m
     wall : whether damping and stiffness only push, towards negative x
     rule : its integration in the firmware; a wall by backward Euler
+    late : samples by which its force is late
     """
 
     mass: float
@@ -32,6 +34,7 @@ class Environment:
     zero: float
     wall: bool
     rule: Rule = "backward"
+    late: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """What may be rendered: the environments that given gains bear, as cells of a plane of their numbers.
 
 A cell is a box of environments. It is feasible where the claim about a box of environments is proved of it, and
-infeasible where each of its members holds a pole on the unit circle in some hand (`vctune.proof.claims.world_cells`).
+infeasible where each of its members holds a pole on the unit circle in some hand (`vctune.proof.claims.worlds.world_cells`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from vctune.document.text.errors import Mistake
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.keys import WORLD
 from vctune.model.problem import Problem, Range
-from vctune.proof.claims.world_cells import WorldCells
+from vctune.proof.claims.worlds.world_cells import WorldCells
 from vctune.proof.enclosures.array_intervals import Flags
 from vctune.running import OutOfTimeError
 from vctune.study.plane import DIGITS, Plane, Squares

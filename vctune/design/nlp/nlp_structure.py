@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf
 
+from vctune.analysis.hardest_hands import shares_of_coupling
 from vctune.design.prepared import Posed
 from vctune.design.search.working_set import WorkingSet
 from vctune.design.variables import Coordinate
@@ -38,6 +39,7 @@ class NlpStructure:
     rigid : whether b_c is infinite
     worlds : whether the environments are those of a box
     walls : whether walls are among these, and the corner of their multiplier a number of the design
+    shares : of the coupling at which environments that run late or by Euler's rules are looked at; empty without them
     free : (index among a design's numbers, whether it may be 0) for each variable
     integrator : whether the law has its K_p/s term
     terms : terms of the error with a positive weight
@@ -57,6 +59,7 @@ class NlpStructure:
     rigid: bool
     worlds: bool
     walls: bool
+    shares: tuple[float, ...]
     free: tuple[tuple[int, bool], ...]
     integrator: bool
     terms: tuple[TermName, ...]
@@ -103,6 +106,7 @@ def nlp_structure(
     """
     problem, weights = posed.problem, posed.problem.transparency.weights
     estimate = problem.device.velocity or VelocityEstimate()
+    in_time = problem.worlds is not None and not problem.worlds.lossless
     steps = CAPACITY_STEPS if problem.worlds is None else (*CAPACITY_STEPS[:-1], IN_WORLDS)
     ratio, sensitivity, stability, *others = (
         -(-used // step) * step for used, step in zip(working_set.sizes(), steps, strict=True)
@@ -114,6 +118,7 @@ def nlp_structure(
         rigid=problem.bounds.damping.min == inf,
         worlds=problem.worlds is not None,
         walls=problem.worlds is not None and problem.worlds.walls,
+        shares=shares_of_coupling(problem.stability.safety_factor) if in_time else (),
         free=tuple((coordinate.index, coordinate.scale > 0) for coordinate in free),
         integrator=integrator,
         terms=tuple(term for term in TERMS if getattr(weights, term) > 0),

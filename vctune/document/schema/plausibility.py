@@ -8,6 +8,7 @@ from vctune.document.text.codes import Note
 from vctune.document.text.output_files import RESERVED, folder_name
 from vctune.model.experiment import Environment
 from vctune.model.problem import Problem
+from vctune.model.worlds import Worlds
 
 SLOWEST = 0.1
 """Sample time, s, from which on vctune asks whether it is in seconds: twice that of the slowest example."""
@@ -47,10 +48,7 @@ def doubts(problem: Problem) -> Iterator[Note]:
 
 
 def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | None:
-    """Return a number of an environment that is outside a problem's box, in words, and its key; None if none is.
-
-    A spring by backward Euler is one by the trapezoidal rule with a damper beside it, a mass is not.
-    """
+    """Return a number of an environment that is outside a problem's box, in words, and its key; None if none is."""
     worlds, units = problem.worlds, problem.units
     if worlds is None:
         return None
@@ -58,13 +56,28 @@ def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | No
         return "a wall that comes and goes", "wall"
     if environment.wall and environment.damping > 0:
         return "a wall with a damper, which acts on one side,", "damping"
-    if environment.mass > 0 and environment.rule == "backward":
-        return "a mass by backward Euler", "rule"
+    if environment.late != worlds.late:
+        return f"a force {environment.late} samples late", "late"
+    if not _stepped_alike(environment, worlds):
+        return f"{'a mass' if environment.mass > 0 else 'a spring'} by {_RULES[environment.rule]}", "rule"
     for name, unit in (("mass", units.mass), ("damping", units.damping), ("stiffness", units.stiffness)):
         value = getattr(environment, name)
         if not getattr(worlds.low, name) <= value <= getattr(worlds.high, name):
             return f"a {name} of {value:g} {unit}", name
     return None
+
+
+_RULES = {"backward": "backward Euler", "trapezoid": "the trapezoidal rule", "explicit": "explicit Euler"}
+
+
+def _stepped_alike(environment: Environment, worlds: Worlds) -> bool:
+    """Return whether an environment of a rule is one of a box's.
+
+    A spring by backward Euler is one by the trapezoidal rule with a damper beside it, a mass is not.
+    """
+    rule = "implicit" if environment.rule == "backward" else environment.rule
+    alike = environment.mass == 0 and (environment.stiffness == 0 or (rule == "implicit" and worlds.lossless))
+    return rule == worlds.rule or alike
 
 
 def in_finer_unit(value: float, most: float) -> tuple[str, float]:

@@ -13,6 +13,7 @@ from vctune.document.schema.device_schema import AnyDeviceTable, UncertaintyTabl
 from vctune.document.schema.experiment_schema import ExperimentTable
 from vctune.document.schema.fields import (
     Edge,
+    Late,
     NotNegative,
     NotNegativeOrInf,
     Positive,
@@ -22,6 +23,7 @@ from vctune.document.schema.fields import (
 )
 from vctune.model.display import DisplayName
 from vctune.model.numbers.units import UnitSystem
+from vctune.model.worlds import WorldRule
 
 
 class PositiveRange(Table):
@@ -76,9 +78,14 @@ class WorldMassTable(Table):
 
 
 class WorldDampingTable(Table):
-    """Damping of the environments, N s/m, which has no upper limit."""
+    """Damping of the environments, N s/m."""
 
     min: NotNegative = Field(0.0, description="Least damping, N s/m.")
+    max: NotNegativeOrInf | None = Field(
+        None,
+        description="Greatest damping, N s/m: required of environments that run late or by explicit Euler, which are not "
+        "passive; all others have no upper limit.",
+    )
 
 
 class WorldStiffnessTable(Table):
@@ -89,7 +96,7 @@ class WorldStiffnessTable(Table):
 
 
 class WorldsTable(Table):
-    """The environments that the device renders, mass s + damping + stiffness/s by the trapezoidal rule.
+    """The environments that the device renders, mass s + damping + stiffness/s.
 
     The claims then hold for every environment of this box in every hand of [operator]. Without this table they hold for
     every environment that is passive as it runs, including tools of a gram and walls of any stiffness.
@@ -106,6 +113,14 @@ class WorldsTable(Table):
     )
     corner_hz: Positive | None = Field(
         None, description="Corner of the multiplier that proves the walls, Hz. Default: the one with the most room."
+    )
+    rule: WorldRule = Field(
+        "trapezoid",
+        description="Rule by which mass and spring are stepped: the lossless trapezoidal rule, explicit Euler, or implicit "
+        "Euler, which damps.",
+    )
+    late: Late = Field(
+        0, description="Whole samples by which the force of the environment is late, as that of a slow game loop."
     )
 
 

@@ -41,13 +41,17 @@ def problem_digest(problem: Problem) -> str:
 
 
 def _without_defaults(worlds: dict[str, Any]) -> dict[str, Any]:
-    """Return environments without walls that are not asked for and a corner that is not stated."""
-    return {key: value for key, value in worlds.items() if value not in (False, None)}
+    """Return environments without walls, a corner, a rule and a lateness that are not stated."""
+    return {key: value for key, value in worlds.items() if value not in (False, None, "trapezoid")}
 
 
 def experiments_digest(experiments: Sequence[Experiment]) -> str:
     """Return the digest of experiments."""
-    return digest([asdict(experiment) for experiment in experiments])
+    stated = [asdict(experiment) for experiment in experiments]
+    for environment in (each["environment"] for each in stated):
+        if not environment["late"]:  # a digest of before there was any lateness still holds
+            del environment["late"]
+    return digest(stated)
 
 
 def digest(value: Any) -> str:
