@@ -59,12 +59,12 @@ def stepped(loop: Whole, world: InTime) -> np.ndarray:
             known = known - contacts[0]
         else:
             at_once, known = at_once + d + k * reach, known - k * x_p
-        carried = g_m if world.rule == "trapezoid" else 0.0
+        carried = g_m if world.rule == "trapezoid" and m > 0 else 0.0
         if own > 0:
             known = known - inertias[0]
         elif own == 0:
             at_once, known = at_once + inertance, known + inertance * last + carried
-        v_e = v_next if ahead else known / at_once
+        v_e, v_next = (v_next if ahead else known / at_once), 0.0
         if ahead:  # what is left of the force accelerates the mass
             v_next = v_e + T / m * (known - at_once * v_e)
         contact, inertia = d * v_e + k * (x_p + reach * v_e), inertance * (v_e - last) - carried

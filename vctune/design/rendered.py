@@ -186,10 +186,10 @@ def rendered_record(problem: Problem, judgement: Judgement) -> RenderedRecord | 
     Returns
     -------
     RenderedRecord or None
-        None if no environments are stated, or the time limit ends it.
+        None if no environments are stated, if they run late or by Euler's rules, or if the time limit ends it.
     """
     worlds, certified = problem.worlds, judgement.status is Status.CERTIFIED
-    if problem.hands_met is None or worlds is None:
+    if problem.hands_met is None or worlds is None or not worlds.lossless:
         return None
     low, high = np.array(astuple(worlds.low)), np.array(astuple(worlds.high))
     law = judgement.gains, judgement.coupling

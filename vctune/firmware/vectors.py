@@ -45,7 +45,7 @@ class Replay:
 
 
 def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] = lambda stage: None) -> list[Replay]:
-    """Simulate a design in the experiments of its problem, or in the usual ones if it has none.
+    """Simulate a design in the experiments of its problem, or in the usual ones if it has none that the C code renders.
 
     Parameters
     ----------
@@ -58,7 +58,8 @@ def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] =
     list of Replay
         One for each experiment, sample by sample.
     """
-    experiments = file.problem.experiments or usual(file.problem)
+    stated = file.problem.experiments
+    experiments = [each for each in stated if each.environment.built_in] or usual(file.problem)
     return [_replay(made, experiment, progress) for experiment in experiments]
 
 

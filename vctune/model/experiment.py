@@ -36,6 +36,11 @@ class Environment:
     rule: Rule = "backward"
     late: int = 0
 
+    @property
+    def built_in(self) -> bool:
+        """Whether the exported firmware renders it: on time, and not by explicit Euler."""
+        return self.rule != "explicit" and self.late == 0
+
 
 @dataclass(frozen=True, slots=True)
 class Operator:

@@ -14,8 +14,8 @@ WorldRule = Literal["trapezoid", "explicit", "implicit"]
 """How mass and stiffness follow the velocity: by the lossless trapezoidal rule, by explicit Euler, or by implicit Euler,
 which damps."""
 WORLD_RULES: tuple[WorldRule, ...] = get_args(WorldRule)
-MOST_LATE = 20
-"""Greatest lateness of an environment in samples: a game loop of 50 Hz beside a controller of 1 kHz."""
+MOST_LATE = 10
+"""Greatest lateness of an environment in samples: a game loop of 100 Hz beside a controller of 1 kHz."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,19 +92,12 @@ class Worlds:
             )
         ]
         stated = ", ".join(each for each in ranges if each) or "any mass, damping and stiffness"
-        return f"{stated}, walls among them" if self.walls else f"{stated}{self.in_time_in_words}"
+        return f"{stated}, walls among them" if self.walls else f"{stated}{in_time_in_words(self.rule, self.late)}"
 
     @property
     def ahead(self) -> bool:
         """Whether masses answer to a force only at the next sample: they grow in a loop with enough damping."""
         return bool(self.rule == "explicit" and self.late == 0 and self.high.mass > 0)
-
-    @property
-    def in_time_in_words(self) -> str:
-        """The rule and the lateness, after the numbers; "" for lossless environments."""
-        rule = {"trapezoid": "", "explicit": "stepped by explicit Euler", "implicit": "stepped by implicit Euler"}
-        late = f"{self.late} sample{'s' * (self.late > 1)} late" if self.late else ""
-        return "".join(f", {each}" for each in (rule[self.rule], late) if each)
 
     def in_units(self, impedance: float, time: float) -> Worlds:
         """Return the same environments with impedances in units of `impedance` [N s/m] and times in `time` [s].
@@ -129,6 +122,19 @@ class Worlds:
 
 EVERY_WORLD = Worlds(World(0.0, 0.0, 0.0), World(inf, inf, inf))
 """Every environment that is passive as it runs."""
+
+
+def in_time_in_words(rule: WorldRule, late: int) -> str:
+    """Return a rule and a lateness as they follow the numbers of an environment; "" for a lossless one on time.
+
+    Parameters
+    ----------
+    rule : by which it is stepped
+    late : samples by which its force is late
+    """
+    stepped = {"trapezoid": "", "explicit": "stepped by explicit Euler", "implicit": "stepped by implicit Euler"}[rule]
+    waited = f"{late} sample{'s' * (late > 1)} late" if late else ""
+    return "".join(f", {each}" for each in (stepped, waited) if each)
 
 
 def _range(low: Number, high: Number, unit: str) -> str:

@@ -45,6 +45,12 @@ def world_plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
     others = [key for key in (x, y) if key not in WORLD]
     said = f"is no number of an environment; those are {', '.join(WORLD)}"
     found = [Mistake("no-plane", key, said) for key in others]
+    if problem.worlds is not None and not problem.worlds.lossless:
+        said = (
+            "asks for environments late or by Euler's rules, and the cells of a region are proved of the trapezoidal rule on "
+            "time alone; leave rule and late out, or check single boxes with `vctune check`"
+        )
+        found.append(Mistake("no-plane", "environment", said))
     if x == y:
         found.append(Mistake("no-plane", x, "is both axes of the plane; choose another for x or y"))
     if problem.uncertainty is not None and problem.uncertainty.unmodelled:
