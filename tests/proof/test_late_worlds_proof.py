@@ -14,8 +14,7 @@ from test_worlds_proof import ON_CIRCLE, STABLE, Case, draw, of_hand
 from world_loops import Whole, in_world, offered, seen
 from world_loops import spectral_radius as lossless_radius
 
-from vctune.model.gains import Coupling, Gains
-from vctune.model.hands import Hand, Hands
+from vctune.model.hands import Hand
 from vctune.model.worlds import WORLD_RULES, World, Worlds
 from vctune.proof.engine.interval import Outcome, Verdict
 

@@ -11,8 +11,8 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import Units
 
 WorldRule = Literal["trapezoid", "explicit", "implicit"]
-"""How mass and stiffness follow the velocity: by the lossless trapezoidal rule, by explicit Euler, or by implicit Euler,
-which damps."""
+"""How mass and stiffness follow the velocity: by the lossless trapezoidal rule, by explicit Euler, or by implicit
+Euler, which damps."""
 WORLD_RULES: tuple[WorldRule, ...] = get_args(WorldRule)
 MOST_LATE = 10
 """Greatest lateness of an environment in samples: a game loop of 100 Hz beside a controller of 1 kHz."""
@@ -73,7 +73,8 @@ class Worlds:
 
     @property
     def lossless(self) -> bool:
-        """Whether masses and springs are the lossless ones of section 18, stepped by the trapezoidal rule and on time."""
+        """Whether masses and springs are the lossless ones of section 18, stepped by the trapezoidal rule and on
+        time."""
         return self.rule == "trapezoid" and self.late == 0
 
     @property

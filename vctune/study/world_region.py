@@ -1,7 +1,8 @@
 """What may be rendered: the environments that given gains bear, as cells of a plane of their numbers.
 
 A cell is a box of environments. It is feasible where the claim about a box of environments is proved of it, and
-infeasible where each of its members holds a pole on the unit circle in some hand (`vctune.proof.claims.worlds.world_cells`).
+infeasible where each of its members holds a pole on the unit circle in some hand
+(`vctune.proof.claims.worlds.world_cells`).
 """
 
 from __future__ import annotations
@@ -47,7 +48,8 @@ def world_plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
     found = [Mistake("no-plane", key, said) for key in others]
     if problem.worlds is not None and not problem.worlds.lossless:
         said = (
-            "asks for environments late or by Euler's rules, and the cells of a region are proved of the trapezoidal rule on "
+            "asks for environments late or by Euler's rules, and the cells of a region are proved of the trapezoidal "
+            "rule on "
             "time alone; leave rule and late out, or check single boxes with `vctune check`"
         )
         found.append(Mistake("no-plane", "environment", said))

@@ -1,7 +1,8 @@
-"""The environment that runs late or by Euler's rules with which a refuted loop grows in a hand (model/README.md, section 20).
+"""The environment that runs late or by Euler's rules with which a refuted loop grows in a hand (model/README.md,
+section 20).
 
-At the witness a member of the box holds a pole on the unit circle. The pole is followed on the way from that member to each
-corner of the box, and the member with which it grows most is the witness.
+At the witness a member of the box holds a pole on the unit circle. The pole is followed on the way from that member to
+each corner of the box, and the member with which it grows most is the witness.
 """
 
 from __future__ import annotations

@@ -57,7 +57,8 @@ WORLDS_IN_HAND: Layout = {
 }
 """Beside the loop in a hand, the environments, the margins that may be positive, g and the tightening of a room."""
 SIDES_IN_HAND: Layout = {f"side_{k}_{part}": 1 for k in range(SIDES) for part in HalfPlane._fields} | {"spare": 1}
-"""Beside the loop in a hand, the sides of environments that run late or by Euler's rules, and the tightening of a room."""
+"""Beside the loop in a hand, the sides of environments that run late or by Euler's rules, and the tightening of a
+room."""
 WALLS_IN_HAND: Layout = {"walled": 1, "share": 1, "lead": 1}
 """Whether the condition of walls is posed, 1, or that of linear environments, 0; the fields of `AtWall`."""
 STABILITY_CUT: Layout = {"open": 1, "velocity": 1, "position": 1}

@@ -77,8 +77,8 @@ def polish(
 ) -> Polished | None:
     """Improve a start to a local optimum of the semi-infinite problem; None if nothing feasible is found.
 
-    With environments late or by Euler's rules the real part alone has to suffice at first. Their polygons are thin, and an
-    exchange that begins between them finds no way out.
+    With environments late or by Euler's rules the real part alone has to suffice at first. Their polygons are thin,
+    and an exchange that begins between them finds no way out.
 
     Parameters
     ----------

@@ -7,8 +7,8 @@ from dataclasses import asdict
 from typing import Any
 
 from vctune.analysis.destabilising import GrowingEnvironment, destabilising, growing_in_worlds
-from vctune.analysis.worlds.growing_in_time import growing_in_time
 from vctune.analysis.lossless_hand import growing_in_any_hand
+from vctune.analysis.worlds.growing_in_time import growing_in_time
 from vctune.design.verdict.judge import Judgement
 from vctune.design.verdict.uncertainty_record import device_record
 from vctune.document.records.certificate_json import ClaimRecord, EnvironmentRecord, HandRecord, ResonatorRecord
@@ -107,7 +107,7 @@ def _environment_record(device: Device, hand: HandRecord, found: GrowingEnvironm
         hz=hertz(found.omega),
         growth_per_s=found.growth,
         **({"stiffness": found.stiffness} if found.stiffness else {}),
-        **({"rule": found.rule} if found.rule != "trapezoid" else {}),
-        **({"late": found.late} if found.late else {}),
+        rule=None if found.rule == "trapezoid" else found.rule,
+        late=found.late or None,
     )
     return {"environment": record}

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vctune.analysis.worlds.binding import binding_world
 from vctune.analysis.demands import rollett_factor_at
 from vctune.analysis.margins import loop_margins, unstable_poles
+from vctune.analysis.worlds.binding import binding_world
 from vctune.design.rendered import rendered_record
 from vctune.design.result import Alternative, Repair, Solved
 from vctune.design.search.rounding import near

@@ -104,7 +104,7 @@ def _unproved_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _endless_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Return limits that environments need which are not passive as they run, and limits that none of the others has."""
+    """Return limits that environments need which are not passive as they run, and those that none of the others has."""
     table = raw["environment"]
     late, explicit = table.get("late", 0), table.get("rule") == "explicit"
     if not (explicit or (isinstance(late, int) and late > 0)):
@@ -120,13 +120,15 @@ def _endless_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
         if number_at(raw, "environment", name, "max") in (None, inf):
             yield (
                 ("environment", name),
-                f"needs a max with {cause}: such environments are not passive, and a great {name} makes every loop grow",
+                f"needs a max with {cause}: such environments are not passive, and a great {name} makes every loop "
+                "grow",
             )
     least, most = number_at(raw, "environment", "mass", "min"), number_at(raw, "environment", "mass", "max")
     if explicit and not late and not least and most:
         yield (
             ("environment", "mass"),
-            'needs a min > 0 with rule = "explicit": a mass that is light enough grows by explicit Euler in every loop; '
+            'needs a min > 0 with rule = "explicit": a mass that is light enough grows by explicit Euler in every '
+            "loop; "
             "or write max = 0 for springs and dampers alone",
         )
 
@@ -140,7 +142,8 @@ def _unproved_walls(raw: dict[str, Any]) -> Iterator[Contradiction]:
         yield (
             ("environment", "walls"),
             f"is proved of walls that answer on time beside masses by the trapezoidal rule, not with {cause}: the "
-            "condition needs a force that does not decrease with the position of the same sample; leave one of them out",
+            "condition needs a force that does not decrease with the position of the same sample; leave one of them "
+            "out",
         )
     if table.get("walls") is not True:
         if corner is not None:

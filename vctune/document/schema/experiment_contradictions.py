@@ -86,7 +86,8 @@ def _rendering(table: dict[str, Any]) -> Iterator[Contradiction]:
         if environment.get("late"):
             yield ("environment", "late"), "a wall is simulated on time alone; leave it out, or write wall = false"
     if table.get("baseline") and isinstance(environment, dict):
-        if environment.get("late") or environment.get("rule") == "explicit":
+        late_or_explicit = environment.get("late") or environment.get("rule") == "explicit"
+        if late_or_explicit:
             yield (
                 ("baseline",),
                 "the regular PID renders environments on time alone, and not by explicit Euler; leave it out",

@@ -52,10 +52,9 @@ def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | No
     worlds, units = problem.worlds, problem.units
     if worlds is None:
         return None
-    if environment.wall and not worlds.walls:
-        return "a wall that comes and goes", "wall"
-    if environment.wall and environment.damping > 0:
-        return "a wall with a damper, which acts on one side,", "damping"
+    if environment.wall and not (worlds.walls and environment.damping == 0):
+        damped = "a wall with a damper, which acts on one side,", "damping"
+        return damped if worlds.walls else ("a wall that comes and goes", "wall")
     if environment.late != worlds.late:
         return f"a force {environment.late} samples late", "late"
     if not _stepped_alike(environment, worlds):

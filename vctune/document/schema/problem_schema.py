@@ -83,8 +83,8 @@ class WorldDampingTable(Table):
     min: NotNegative = Field(0.0, description="Least damping, N s/m.")
     max: NotNegativeOrInf | None = Field(
         None,
-        description="Greatest damping, N s/m: required of environments that run late or by explicit Euler, which are not "
-        "passive; all others have no upper limit.",
+        description="Greatest damping, N s/m: required of environments that run late or by explicit Euler, which are "
+        "not passive; all others have no upper limit.",
     )
 
 
@@ -116,8 +116,8 @@ class WorldsTable(Table):
     )
     rule: WorldRule = Field(
         "trapezoid",
-        description="Rule by which mass and spring are stepped: the lossless trapezoidal rule, explicit Euler, or implicit "
-        "Euler, which damps.",
+        description="Rule by which mass and spring are stepped: the lossless trapezoidal rule, explicit Euler, or "
+        "implicit Euler, which damps.",
     )
     late: Late = Field(
         0, description="Whole samples by which the force of the environment is late, as that of a slow game loop."

@@ -1,14 +1,16 @@
-"""Sides of the environments of a box that run late or by Euler's rules, in double precision (model/README.md, section 20).
+"""Sides of the environments of a box that run late or by Euler's rules, in double precision (model/README.md, section
+20).
 
-A search looks at a greater set: the polygon of the environments z^-n (m f_m + b + k f_k), with any damping on time beside
-each of them. If -Y is never in it, the loop is stable without further proof, for with the greatest damping v_e = 0. Sides of
-this set are those of the polygon with a normal of positive real part, and two along the real axis. Masses by explicit Euler
-that are on time do not bear any damping; of these the search looks at the polygon itself.
+A search looks at a greater set: the polygon of the environments z^-n (m f_m + b + k f_k), with any damping on time
+beside each of them. If -Y is never in it, the loop is stable without further proof, for with the greatest damping v_e =
+0. Sides of this set are those of the polygon with a normal of positive real part, and two along the real axis. Masses
+by explicit Euler that are on time do not bear any damping; of these the search looks at the polygon itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +19,10 @@ from vctune.model.sampled.loop_in_late_worlds import LEADING, HalfPlane
 from vctune.model.worlds import World, Worlds
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complexfloating[Any, Any]]
 SIDES = 8
-"""Number of sides: perpendicular to three factors on both sides of the polygon, and along the real axis and across it on
-both sides. Of these some are unposed."""
+"""Number of sides: perpendicular to three factors on both sides of the polygon, and along the real axis and across it
+on both sides. Of these some are unposed."""
 LEAST = 1e-9
 """Least distance of an angle from 0 and pi, rad, where factors may be infinite. Half and twice it: the same sides."""
 UNPOSED = -1e30
@@ -45,11 +48,11 @@ def open_sides(worlds: Worlds, sample_time: float, theta: Floats) -> list[HalfPl
     sin, cos = np.sin(theta / 2), np.cos(theta / 2)
     posed = [across] if worlds.resistive else [across, *normals, *others]
     found = [_half_plane(normal, each, worlds, sin, cos) for normal in posed]
-    nothing = HalfPlane(*(0 * theta for _ in range(3)), UNPOSED + 0 * theta)
+    nothing = HalfPlane(0 * theta, 0 * theta, 0 * theta, UNPOSED + 0 * theta)
     return [*found, *[nothing] * (SIDES - len(found))]
 
 
-def _factors(worlds: Worlds, T: float, theta: Floats) -> list[NDArray[np.complex128]]:
+def _factors(worlds: Worlds, T: float, theta: Floats) -> list[Complexes]:
     """Return what multiplies mass, damping and stiffness."""
     z, q = np.exp(1j * theta), LEADING[worlds.rule]
     moved = 2j / T * np.sin(theta / 2)
@@ -59,9 +62,7 @@ def _factors(worlds: Worlds, T: float, theta: Floats) -> list[NDArray[np.complex
     return [late * mass, late, late * spring]
 
 
-def _half_plane(
-    normal: NDArray[np.complex128], factors: Sequence[NDArray[np.complex128]], worlds: Worlds, sin: Floats, cos: Floats
-) -> HalfPlane:
+def _half_plane(normal: Complexes, factors: Sequence[Complexes], worlds: Worlds, sin: Floats, cos: Floats) -> HalfPlane:
     """Return a half-plane, times the sine and the cosine that make it regular."""
     room = np.zeros(sin.shape)
     for factor, low, high in zip(factors, _numbers(worlds.low), _numbers(worlds.high), strict=True):

@@ -7,8 +7,8 @@ polygon of all m f_m + b + k f_k, with Y' = z^n (y Z_c + Z_seen) (model/README.m
 
 with q = 1 for explicit Euler and q = -1 for implicit Euler; by the trapezoidal rule f_m = (2 j s/T)/c and f_k = 1/f_m,
 c = cos(theta/2). A point is outside of a polygon if and only if it is beyond one of its sides. Each of these is a
-half-plane, whose normal is perpendicular to 1, f_m or f_k. The real direction decides at theta = pi, where all three are
-real, or infinite.
+half-plane, whose normal is perpendicular to 1, f_m or f_k. The real direction decides at theta = pi, where all three
+are real, or infinite.
 """
 
 from __future__ import annotations
@@ -167,7 +167,8 @@ def _half_plane(side: Side, worlds: Worlds, T: Number, theta: Number, ops: Arith
     if side.normal == "real" and rigid and worlds.rule == "trapezoid":
         # the masses of coupling and environment have poles at -1, and where these cancel the loop has one there
         scale, room = scale * (cos * cos), room * (cos * cos)
-    return HalfPlane(*(scale * part for part in parts), room)
+    resistance, reactance, swing = (scale * part for part in parts)
+    return HalfPlane(resistance, reactance, swing, room)
 
 
 def _quotient(p: int, theta: Number, ops: Arithmetic) -> Number:

@@ -46,9 +46,9 @@ from vctune.proof.claims.margins_of_claims import (
 )
 from vctune.proof.claims.resonant_hands import AROUND, RATIO, Resonance, resonance
 from vctune.proof.claims.sampled_poles import in_rad_per_s
+from vctune.proof.claims.whole_samples import NEXT_TO
 from vctune.proof.claims.worlds.one_member import prove_member
 from vctune.proof.claims.worlds.walls import COUPLING_SHARE, fails_with_a_wall
-from vctune.proof.claims.whole_samples import NEXT_TO
 from vctune.proof.device_box import (
     DeviceBox,
     in_both_delays,
@@ -135,8 +135,8 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
 def prove_stable_in_middle(design: Design, demands: Demands) -> Outcome:
     """Prove the loop stable in the hand in the middle of the box, with one of the environments that are to be met.
 
-    With environments of a box the virtual tool of an impedance display is held, as by the greatest damping. Environments
-    that are not passive as they run have a greatest damping, and one of them is proved too.
+    With environments of a box the virtual tool of an impedance display is held, as by the greatest damping.
+    Environments that are not passive as they run have a greatest damping, and one of them is proved too.
 
     Parameters
     ----------

@@ -306,8 +306,8 @@ def _explicit_environment() -> Iterator[Equation]:
 def _late_environment(parts: Parts) -> Iterator[Equation]:
     """Yield an environment whose force acts some samples later.
 
-    The force of a mass by explicit Euler follows from its next velocity. It is late by one sample less from when that is
-    known, and with a lateness of one it acts at once.
+    The force of a mass by explicit Euler follows from its next velocity. It is late by one sample less from when that
+    is known, and with a lateness of one it acts at once.
     """
     own = parts.late - 1 if parts.explicit else parts.late
     at_once = parts.mass and own == 0

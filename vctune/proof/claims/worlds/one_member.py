@@ -1,8 +1,9 @@
 """One environment of a box proved stable in one hand, by the turns of Y + Z_e around 0 (model/README.md, section 20).
 
 Y + Z_e has no pole outside of the unit circle, for the loop with v_e = 0 is stable. Its factors take the poles on the
-circle away: 1 - 1/z that of springs at z = 1, 1 + 1/z that of masses by the trapezoidal rule at z = -1. A mass by explicit
-Euler has a pole at infinity, which 1/z takes away. The number of turns is then that of the poles of the loop outside.
+circle away: 1 - 1/z that of springs at z = 1, 1 + 1/z that of masses by the trapezoidal rule at z = -1. A mass by
+explicit Euler has a pole at infinity, which 1/z takes away. The number of turns is then that of the poles of the loop
+outside.
 """
 
 from __future__ import annotations
