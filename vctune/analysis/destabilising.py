@@ -158,10 +158,26 @@ def reaction(
     theta : omega T, rad, in (0, pi)
     factor : divisor of the coupling
     """
+    return reaction_in(device, gains, coupling, hand, factor)(theta)
+
+
+def reaction_in(
+    device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, factor: float = 1.0
+) -> Callable[[complex], complex]:
+    """Return the same as a function of the angle, for many of them.
+
+    Parameters
+    ----------
+    device, gains, coupling, hand, factor : as of `reaction`
+    """
     plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
-    if isinstance(coupling, SpringDamper):
-        return _met(plant, gains, theta) + _given(coupling, device, theta) / factor
-    return _seen(plant, gains, theta) + _coupling(coupling, _warped(theta, device.sample_time)) / factor
+
+    def at(theta: complex) -> complex:
+        if isinstance(coupling, SpringDamper):
+            return _met(plant, gains, theta) + _given(coupling, device, theta) / factor
+        return _seen(plant, gains, theta) + _coupling(coupling, _warped(theta, device.sample_time)) / factor
+
+    return at
 
 
 def growing_with(

@@ -15,7 +15,7 @@ from math import pi
 
 import numpy as np
 
-from vctune.analysis.destabilising import GrowingEnvironment, reaction, zero_near
+from vctune.analysis.destabilising import GrowingEnvironment, reaction_in, zero_near
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
@@ -54,12 +54,12 @@ def growing_in_time(
         None if no member is found to grow.
     """
     T = device.sample_time
-    theta = min(max(omega * T, LEAST), pi - LEAST)
+    theta, alone = min(max(omega * T, LEAST), pi - LEAST), reaction_in(device, gains, coupling, hand)
 
     def unbalance(theta: complex, *, member: Member) -> complex:
-        return reaction(device, gains, coupling, hand, theta) + sum(np.array(member) * _factors(theta, T, worlds))
+        return alone(theta) + complex(np.array(member) @ _factors(theta, T, worlds))
 
-    start = _holding(-reaction(device, gains, coupling, hand, theta), _factors(theta, T, worlds), worlds)
+    start = _holding(-alone(theta), _factors(theta, T, worlds), worlds)
     if start is None:
         return None
     corners = product(*zip(astuple(worlds.low), astuple(worlds.high), strict=True))

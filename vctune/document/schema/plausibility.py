@@ -56,7 +56,7 @@ def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | No
         damped = "a wall with a damper, which acts on one side,", "damping"
         return damped if worlds.walls else ("a wall that comes and goes", "wall")
     if environment.late != worlds.late:
-        return f"a force {environment.late} samples late", "late"
+        return f"a force {environment.late} samples late" if environment.late else "a force on time", "late"
     if not _stepped_alike(environment, worlds):
         return f"{'a mass' if environment.mass > 0 else 'a spring'} by {_RULES[environment.rule]}", "rule"
     for name, unit in (("mass", units.mass), ("damping", units.damping), ("stiffness", units.stiffness)):
