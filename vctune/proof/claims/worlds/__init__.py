@@ -1,1 +1,1 @@
-"""The claims about boxes of environments: walls, late worlds, and many boxes at once."""
+"""Claims about boxes of environments: walls, one member of a box, and many boxes at once."""
