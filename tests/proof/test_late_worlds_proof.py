@@ -214,7 +214,7 @@ def drag_asked(one: Timed, hand: Hand, theta: np.ndarray) -> np.ndarray:
         start, stop = corners[:, a], corners[:, b]
         with np.errstate(all="ignore"):
             along = (-Y.imag - start.imag) / (stop.imag - start.imag)
-        at = np.where((along >= 0) & (along <= 1), start.real + along * (stop.real - start.real), inf)
+            at = np.where((along >= 0) & (along <= 1), start.real + along * (stop.real - start.real), inf)
         left = np.fmin(left, at)
     return np.where(left < inf, -Y.real - left, -inf)
 
@@ -276,8 +276,8 @@ def test_no_proved_loop_grows_in_time(seed: int, count: int) -> None:
         share = 1 / rng.uniform(1, one.case.factor)
         step = stepped(in_world(of_hand(one.case, hand), world, share), one.world)
         state = np.linalg.matrix_power(step, 100) @ rng.normal(size=len(step))
-        early, state = np.abs(state).max(), np.linalg.matrix_power(step, 9900) @ state
-        assert np.abs(state).max() <= early * 1.01
+        moved = step @ state - state  # a position that nothing holds may stand anywhere
+        assert np.abs(np.linalg.matrix_power(step, 9900) @ moved).max() <= np.abs(moved).max() * 1.01 + 1e-9
 
 
 def simulated(one: Timed, hand: Hand, world: tuple[float, float, float]) -> float:
@@ -314,7 +314,7 @@ def test_simulate_steps_them_alike() -> None:
     assert len(known) > 8
 
 
-@pytest.mark.parametrize(("seed", "count"), [(8, 4), pytest.param(9, 80, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("seed", "count"), [(8, 4), pytest.param(9, 20, marks=pytest.mark.slow)])
 def test_a_refused_world_grows(seed: int, count: int) -> None:
     """Nine of ten refuted loops at least have an environment of the box with which they grow as told, in exact time."""
     rng, found, judged_ones = np.random.default_rng(seed), 0, 0

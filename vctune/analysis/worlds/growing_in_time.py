@@ -36,6 +36,7 @@ OUTSIDE = 1e-9
 Member = tuple[float, float, float]
 
 
+@np.errstate(all="ignore")
 def growing_in_time(
     device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, omega: float, worlds: Worlds
 ) -> GrowingEnvironment | None:

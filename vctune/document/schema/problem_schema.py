@@ -83,7 +83,7 @@ class WorldDampingTable(Table):
     min: NotNegative = Field(0.0, description="Least damping, N s/m.")
     max: NotNegativeOrInf | None = Field(
         None,
-        description="Greatest damping, N s/m: required of environments that run late or by explicit Euler, which are "
+        description="Greatest damping, N s/m. Environments that run late or by explicit Euler require it, for they are "
         "not passive; all others have no upper limit.",
     )
 
