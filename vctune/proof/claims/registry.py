@@ -163,8 +163,8 @@ CLAIMS: dict[ClaimId, Claim] = {
             label="every hand with every environment of the box",
             explain=(
                 "The device is stable in each hand of `[operator]` with each environment of `[environment]`, a mass, a "
-                "damper and a spring within their ranges, stepped by its rule and as many samples late as it states, in "
-                "the exact sampled loop, aliasing included, and with the coupling divided by any number from 1 to the "
+                "damper and a spring within their ranges, stepped by its rule and as many samples late as it states, "
+                "in the exact sampled loop, aliasing included, and with the coupling divided by any number from 1 to the "
                 "safety factor. The claim does not cover other hands and environments."
             ),
             asked=lambda demands, _: demands.hands is not None and demands.worlds is not None,
