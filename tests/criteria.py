@@ -92,9 +92,9 @@ def main():
     head = [
         "# Criteria",
         "",
-        f"Each problem under each criterion, and in how many of {TRIES:,} random hands of its box with random",
-        "environments (masses, dampers and springs together, as the firmware runs them) the design grows. Made by",
-        "`python tests/criteria.py`, which says how.",
+        f"The table shows each problem under each criterion, and in how many of {TRIES:,} random hands of its box the",
+        "design grows with a random environment (a mass, a damper and a spring together, as the firmware runs them).",
+        "`python tests/criteria.py` made the table and describes the method.",
         "",
         "| problem | criterion | error | verdict | grows in |",
         "|---|---|---|---|---|",

@@ -1,4 +1,4 @@
-"""Exit codes of the commands, for whoever calls them: part of vctune's contract (cli/README.md, section 1)."""
+"""Exit codes of the commands. They are part of vctune's contract with its callers (cli/README.md, section 1)."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ class ExitCode(IntEnum):
     """The exit code of a vctune command."""
 
     OK = 0
-    """Certified, or the check passed."""
+    """The design is certified, or the check passed."""
     FAILED = 1
-    """Infeasible, violated, or the check failed."""
+    """The problem is infeasible, a constraint is violated, or the check failed."""
     BAD_INPUT = 2
-    """Bad usage, bad input, or a place that cannot be read or written."""
+    """The usage or the input is wrong, or a place cannot be read or written."""
     UNDECIDED = 3
-    """Undecided or not converged, or cut short by a time limit or an interrupt, with the result so far."""
+    """The result is undecided or not converged, or a time limit or an interrupt cut the work short."""
     INTERNAL = 4
-    """A fault of vctune's own."""
+    """vctune itself has a fault."""
     INTERRUPTED = 130
-    """Interrupted by SIGINT (Ctrl-C) or SIGTERM; nothing half-written is left behind."""
+    """SIGINT (Ctrl-C) or SIGTERM interrupted the command; nothing half-written is left behind."""

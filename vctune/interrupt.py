@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM while compiled code runs that would swallow or garble them, or while files change places."""
+"""Handle Ctrl-C and SIGTERM while compiled code runs that would hide them, or while files are replaced."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ from types import FrameType
 INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 
 RECEIVED: list[int] = []
-"""Signals that have interrupted this process: compiled code may turn KeyboardInterrupt into errors of other names."""
+"""Signals that have interrupted this process. Compiled code may turn KeyboardInterrupt into errors of other names."""
 
 
 RESUMES: list[str] = []
-"""What to tell somebody who has interrupted the process, where its work goes on from what is kept."""
+"""Hints for the user who interrupts the process: how to resume the work from what is stored."""
 
 
 @contextmanager
 def resumable(how: str = "running it again resumes") -> Iterator[None]:
-    """Have an interrupt within the block say how to go on.
+    """Make an interrupt within the block tell the user how to resume.
 
     Parameters
     ----------
-    how : what continues the work
+    how : how to resume the work
     """
     RESUMES.append(how)
-    yield  # an interrupt leaves it there for who reports it
+    yield  # after an interrupt the hint stays, for the code that reports it
     RESUMES.remove(how)
 
 
 def raise_interrupt(number: int, frame: FrameType | None) -> None:
-    """Handle SIGINT or SIGTERM by KeyboardInterrupt, and remember it.
+    """Record a SIGINT or SIGTERM, and raise KeyboardInterrupt.
 
     Parameters
     ----------
     number : number of the signal
-    frame : that it came in; of no meaning
+    frame : the interrupted stack frame; not used
     """
     RECEIVED.append(number)
     signal.default_int_handler(number, frame)
@@ -46,10 +46,10 @@ def raise_interrupt(number: int, frame: FrameType | None) -> None:
 
 @contextmanager
 def interrupt_noted() -> Iterator[Callable[[], bool]]:
-    """Only note the first SIGINT or SIGTERM within the block; yield a function that returns whether it came.
+    """Record the first SIGINT or SIGTERM within the block, without interrupting it. Yield a function that reports it.
 
-    This is for work whose partial result is useful. The second is for whoever handled it before: it ends the work at
-    once. Only the main thread is ever interrupted.
+    The block is work whose partial result is useful. A second signal goes to the previous handler, which ends the work
+    at once. Python delivers signals to the main thread only.
     """
     with _held(at_most=1) as came:
         yield lambda: bool(came)
@@ -57,7 +57,7 @@ def interrupt_noted() -> Iterator[Callable[[], bool]]:
 
 @contextmanager
 def interrupt_deferred() -> Iterator[None]:
-    """Let SIGINT and SIGTERM wait until the block is left, then deliver the first to whoever handled it before.
+    """Hold SIGINT and SIGTERM back until the block ends, then deliver the first to the previous handler.
 
     CasADi checks for signals in the middle of its work and turns KeyboardInterrupt into failures of other names.
     """
@@ -68,14 +68,14 @@ def interrupt_deferred() -> Iterator[None]:
             signal.raise_signal(came[0])
 
     with ExitStack() as stack:
-        stack.callback(deliver)  # last of all, when the handlers from before are back
+        stack.callback(deliver)  # runs last, when the previous handlers are back
         came = stack.enter_context(_held())
         yield
 
 
 @contextmanager
 def _held(at_most: float = inf) -> Iterator[list[int]]:
-    """Yield the list of the received signals, which only the code around the block handles."""
+    """Collect signals during the block and yield their list; the code around the block handles them."""
     came: list[int] = []
 
     with ExitStack() as stack:

@@ -9,13 +9,13 @@ Cell = str | float | None
 
 
 def html_table(caption: str, rows: Iterable[Sequence[Cell]], head: Sequence[str] = ()) -> str:
-    """Return a table as HTML; numbers have six digits, absent ones are blank.
+    """Return a table as HTML. Numbers have six digits; a cell that is None is blank.
 
     Parameters
     ----------
-    caption : text above it
+    caption : text above the table
     rows : rows of texts, numbers and None
-    head : heading of the columns; empty for none
+    head : headings of the columns; empty for a table without headings
     """
     top = f"<thead>{_row(head, 'th')}</thead>" if head else ""
     body = "".join(_row(row, "td") for row in rows)
@@ -23,18 +23,18 @@ def html_table(caption: str, rows: Iterable[Sequence[Cell]], head: Sequence[str]
 
 
 def html_facts(caption: str, facts: Mapping[str, Cell]) -> str:
-    """Return named values as HTML, a row each, without those that are None.
+    """Return named values as an HTML table with one row for each, without the values that are None.
 
     Parameters
     ----------
-    caption : text above them
-    facts : value by name
+    caption : text above the table
+    facts : the values by name
     """
     return html_table(caption, [(name, value) for name, value in facts.items() if value is not None])
 
 
 def span(band: tuple[float, float] | None) -> str | None:
-    """Return a band as a text."""
+    """Return a frequency band as text."""
     return None if band is None else f"{band[0]:.6g} to {band[1]:.6g}"
 
 

@@ -1,7 +1,7 @@
-"""Long work: when it has to end, and who receives its progress.
+"""The time limit of long work, and the listener that receives its progress.
 
-Both are context, not arguments: between the command that sets a limit and the loop that ends lie ten calls, most of
-which have nothing to do with time. Without a limit no result depends on the clock.
+Both are context variables, not arguments. Some ten calls lie between the command that sets a limit and the loop that
+obeys it, and most of them have nothing to do with time. Without a limit no result depends on the clock.
 """
 
 from __future__ import annotations
@@ -14,15 +14,17 @@ from time import perf_counter, process_time
 from typing import TypeVar
 
 SELDOM = 0.1
-"""Seconds between two messages about the same work. Nobody reads faster, and half as many seconds would cost nothing
-yet."""
+"""Least number of seconds between two messages about the same work. Nobody reads faster than this."""
 
 Listener = Callable[[str], None]
 Item = TypeVar("Item")
 
 
 class OutOfTimeError(Exception):
-    """The time limit has ended the work. Each stage that has a result by then catches it and returns that result."""
+    """The time limit has ended the work.
+
+    Each stage that has a partial result catches this error and returns the result.
+    """
 
 
 _END: ContextVar[float] = ContextVar("end", default=inf)
@@ -33,7 +35,7 @@ _ALOUD: ContextVar[bool] = ContextVar("aloud", default=False)
 
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """Let work within the block end after so many seconds, or earlier if an outer limit ends it.
+    """Limit the work within the block to so many seconds, or to the rest of an outer limit if that ends earlier.
 
     Parameters
     ----------
@@ -47,17 +49,17 @@ def time_limit(seconds: float) -> Iterator[None]:
 
 
 def process_began() -> None:
-    """Note when this process began, for `time_limit_of_command`; the time since then is known."""
+    """Record when this process began, so that `time_limit_of_command` can count from there."""
     _BEGAN.set(perf_counter() - process_time())
 
 
 @contextmanager
 def time_limit_of_command(seconds: float) -> Iterator[None]:
-    """Let a command end after so many seconds of its process, including the start of the interpreter and the imports.
+    """Limit a command to so many seconds since its process began, including the interpreter's start and the imports.
 
     Parameters
     ----------
-    seconds : seconds from the beginning of the process, if it is known; inf for no limit
+    seconds : seconds since the process began, or from now on if its beginning is unknown; inf for no limit
     """
     began = _BEGAN.get()
     with time_limit(seconds if began is None else seconds - (perf_counter() - began)):
@@ -66,7 +68,7 @@ def time_limit_of_command(seconds: float) -> Iterator[None]:
 
 @contextmanager
 def unlimited() -> Iterator[None]:
-    """Let work within the block take its time: the little that is needed to report the result."""
+    """Suspend the time limit within the block, for the short work that reports the result."""
     token = _END.set(inf)
     try:
         yield
@@ -75,7 +77,7 @@ def unlimited() -> Iterator[None]:
 
 
 def seconds_left() -> float:
-    """Return the seconds until the limit, 0 after it, inf without one."""
+    """Return the seconds until the limit: 0 after the limit, inf if there is no limit."""
     end = _END.get()
     return inf if end == inf else max(end - perf_counter(), 0.0)
 
@@ -87,11 +89,11 @@ def out_of_time() -> bool:
 
 
 def in_time(items: Iterable[Item]) -> Iterator[Item]:
-    """Yield the first item, and the others as long as there is time.
+    """Yield the first item, and further items until the time limit.
 
     Parameters
     ----------
-    items : work items; the first is always done, the others only in time
+    items : work items; the first is always processed
     """
     for number, item in enumerate(items):
         if number and out_of_time():
@@ -105,7 +107,7 @@ def check_time() -> None:
     Raises
     ------
     OutOfTimeError
-        If it has.
+        If the time limit has passed.
     """
     if out_of_time():
         raise OutOfTimeError
@@ -113,11 +115,11 @@ def check_time() -> None:
 
 @contextmanager
 def told(listener: Listener) -> Iterator[None]:
-    """Let work within the block report its progress.
+    """Send the progress of the work within the block to a listener.
 
     Parameters
     ----------
-    listener : function that receives words, every `SELDOM` seconds at most
+    listener : function that receives a text, at most once every `SELDOM` seconds
     """
     last = -inf
 
@@ -136,7 +138,7 @@ def told(listener: Listener) -> Iterator[None]:
 
 @contextmanager
 def aloud() -> Iterator[None]:
-    """Let `tell` be heard within the block; proofs within a search are not reported."""
+    """Let messages of `tell` reach the listener within the block. Proofs inside a search run without this."""
     token = _ALOUD.set(True)
     try:
         yield
@@ -145,11 +147,11 @@ def aloud() -> Iterator[None]:
 
 
 def tell(words: Callable[[], str]) -> None:
-    """Report progress to the listener, if it listens `aloud`.
+    """Send progress to the listener, if the current work runs within `aloud`.
 
     Parameters
     ----------
-    words : function that makes the text, if somebody listens
+    words : function that makes the text; called only if there is a listener
     """
     listener = _LISTENER.get()
     if listener is not None and _ALOUD.get():

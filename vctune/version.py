@@ -1,4 +1,4 @@
-"""The version of vctune, in one place, and those of the libraries that determine a result beside it."""
+"""The version of vctune, and the versions of the libraries that affect a result."""
 
 from functools import cache
 
@@ -7,7 +7,7 @@ __version__ = "0.2.0"
 
 @cache
 def versions(ipopt: str | None) -> dict[str, str | None]:
-    """Return the versions that determine a result; IPOPT's is None if it took no part."""
+    """Return the versions that affect a result; IPOPT's is None if the result did not need IPOPT."""
     from importlib.metadata import version
 
     return {

@@ -287,3 +287,11 @@ def test_an_axis_that_the_problem_does_not_have_is_named(six):
     (six / "ros.yaml").write_text(parameters([Rule(5.0, 1.0, 0.0, 16.0, 1.0)] * 6))
     done = vctune("check", "six.toml", "ros.yaml", cwd=six)
     assert done.returncode == ExitCode.BAD_INPUT and "selects ry, rz, and six.toml has no [[axis]]" in done.stderr
+
+
+@pytest.mark.parametrize("asked", [["rz"], ["x", "rz"]])
+def test_an_axis_that_nobody_states_is_no_pass(six, asked):
+    """The gate names it, although the other axes that are asked for would pass."""
+    (six / "ros.yaml").write_text(parameters([Rule(5.0, 1.0, 0.0, 16.0, 1.0)] * 6, ["x"]))
+    done = vctune("check", "six.toml", "ros.yaml", *(word for name in asked for word in ("--axis", name)), cwd=six)
+    assert done.returncode == ExitCode.BAD_INPUT and "--axis asks for rz" in done.stderr

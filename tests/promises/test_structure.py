@@ -203,3 +203,13 @@ def test_public_functions_say_what_they_take_give_and_refuse():
     for path in PACKAGE.rglob("*.py"):
         for function in public_functions(ast.parse(path.read_text())):
             assert list(lacking(function)) == [], f"{path.relative_to(PACKAGE)}: {function.name}"
+
+
+def test_the_guide_names_each_file_of_tests_in_one_row():
+    folder = ROOT / "tests"
+    rows = [line for line in (folder / "README.md").read_text().splitlines() if line.startswith("|")]
+    files = sorted(str(path.relative_to(folder)) for path in folder.rglob("test_*.py"))
+    assert len(files) > 80
+    named = {file: sum(f"`{file}`" in row for row in rows) for file in files}
+    assert {file: count for file, count in named.items() if count != 1} == {}
+    assert set(re.findall(r"`(\w+/test_\w+\.py)`", "\n".join(rows))) == set(files)

@@ -1,1 +1,1 @@
-"""Numbers of a design in double precision: extrema over frequency, margins. Estimates, not proofs."""
+"""Numbers of a design in double precision: extrema over frequency, margins, feel. They are estimates, not proofs."""

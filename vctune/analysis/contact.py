@@ -1,6 +1,6 @@
 """The drag that a servo's latency requires, and the stiffest contact, in double precision (README.md, section 2).
 
-For a servo the requirement of a hand is linear in the hand, and convex if its response is in a disc.
+For a servo the requirement of a hand is linear in the hand. It is convex if the servo's response lies in a disc.
 """
 
 from __future__ import annotations
@@ -20,14 +20,16 @@ from vctune.model.sampled.hand_loop import offered
 from vctune.model.sampled.servo_in_hand import Demand, demand_of
 
 LOWEST = 1e-3
-"""Least angle beside 0: below, a constraint is that at rest to a millionth. Half and twice change no printed digit."""
+"""Least angle above 0. Below it the constraint equals that at rest to a millionth. Half and twice it change no printed
+digit."""
 PER_DECADE = 120
-"""Angles: neighbours are 2 % apart, eight on a sample of each of ten samples of latency at Nyquist. Half may step over
-a contact's narrowest place, twice costs twice as long."""
+"""Number of angles per decade: neighbours are 2 % apart, with eight angles to each of ten samples of latency at
+Nyquist. Half as many may step over the hardest frequency of a contact; twice as many take twice as long."""
 
 
 HALVINGS = 40
-"""Halvings of a range of stiffnesses: they give twelve digits; half of them six, and twice reach rounding."""
+"""Number of halvings of a range of stiffnesses. They give twelve digits; half as many give six, and twice as many reach
+rounding errors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +38,9 @@ class Greatest:
 
     Attributes
     ----------
-    drag : greatest R, N s/m: the drag of a coupling without damping and mass
-    omega : rad/s, where
-    hand : in which
+    drag : greatest R, N s/m, which is the drag of a coupling without damping and mass
+    omega : its frequency, rad/s
+    hand : its hand
     """
 
     drag: float
@@ -47,12 +49,12 @@ class Greatest:
 
 
 def drag_at_rest(devices: Sequence[Device], hands: Hands) -> float:
-    """Return the greatest R at rest, K L less the least damping: no coupling with less drag is stable, N s/m.
+    """Return the greatest R at rest, K L minus the least damping, N s/m. No coupling with less drag is stable.
 
     Parameters
     ----------
-    devices : servos, plain numbers
-    hands : the box
+    devices : servos with plain numbers
+    hands : the box of hands
     """
     return max(0.0, *(float(demand_of(device, hands).at(np.zeros(1))[0]) for device in devices))
 
@@ -80,26 +82,27 @@ def _greatest(device: Device, demand: Demand, hands: Hands) -> Greatest:
 
 
 def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupling, factor: float) -> float:
-    """Return the stiffness up to which a coupling bears the other hands of a box, N/m.
+    """Return the greatest stiffness of a contact with which a coupling is stable in the other hands of a box, N/m.
 
     Parameters
     ----------
     devices, hands : see `drag_at_rest`
-    coupling : plain numbers
-    factor : factor by which Re Z_c has to be greater than R
+    coupling : coupling with plain numbers
+    factor : factor by which Re Z_c must exceed R
 
     Returns
     -------
     float
-        Less than the least of the box if no stiffness is small enough, inf if every stiffness is.
+        It is less than the least stiffness of the box if no stiffness is small enough, and inf if every stiffness is.
     """
     return min(_stiffest(device, hands, coupling, factor) for device in devices)
 
 
 def _stiffest(device: Device, hands: Hands, coupling: AnyCoupling, factor: float) -> float:
-    """Return the least stiffness over the angles at which the requirement, linear in it, equals the coupling's offer.
+    """Return the least stiffness over the angles at which the requirement equals the coupling's offer.
 
-    In a disc of responses the constraint is convex in it, and the function bisects the stiffness.
+    The requirement is linear in the stiffness. In a disc of responses it is convex, and the function bisects the
+    stiffness.
     """
     if device.servo is not None and device.servo.radii:
         return _stiffest_in_disc(device, hands, coupling, factor)
@@ -140,7 +143,7 @@ def _stiffest_in_disc(device: Device, hands: Hands, coupling: AnyCoupling, facto
 
 
 def _angles(device: Device) -> Floats:
-    """Return angles up to Nyquist, even where a decade's would be farther apart than a latency turns."""
+    """Return angles up to Nyquist, close enough that the latency turns the phase little between neighbours."""
     servo = device.servo
     assert servo is not None
     turns = 4 + device.sensed_latency / device.sample_time

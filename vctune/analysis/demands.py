@@ -27,15 +27,15 @@ from vctune.model.sampled.impedance_display import firmware_filter, spring_dampe
 from vctune.model.transparency import Terms, log_quadrature, loop_terms, squared_terms
 
 END_DECADES = 5
-"""Sampled decades of an endless band beyond every corner of the device. A value that approaches its limit like omega^2
-or faster is there to 1e-8 relative to it. With half it is only to 1e-4, which a search would notice; twice only makes
-the grid longer."""
+"""Number of sampled decades of an endless band beyond every corner of the device. A value that approaches its limit
+like omega^2 or faster equals it there to 1e-8. With half as many decades it would only be 1e-4, which a search would
+notice; twice as many only make the grid longer."""
 RIPPLE_POINTS = 6
-"""Points of a grid while e^{-2j omega tau} turns once. With half, one of two neighbouring extrema may be missed. With
-twice, the grid is twice as long for bands far above 1/tau."""
+"""Number of grid points while e^{-2j omega tau} makes one turn. Half as many may miss one of two neighbouring extrema.
+Twice as many make the grid twice as long for bands far above 1/tau."""
 QUADRATURE_TOLERANCE = 1e-9
-"""Relative change at which doubling the panels ends, of the mean squares. Gauss's error falls so fast that the last
-change is far above the error; half and twice it end at the same number of panels."""
+"""Relative change of the mean squares at which doubling the panels ends. The error of Gauss's rule falls so fast that
+the last change is far greater than the error. Half and twice this change end at the same number of panels."""
 
 
 def response(device: Device, gains: Gains, omega: Floats) -> LoopResponse:
@@ -43,13 +43,13 @@ def response(device: Device, gains: Gains, omega: Floats) -> LoopResponse:
 
     Parameters
     ----------
-    device, gains : their numbers may be arrays that broadcast against omega
-    omega : rad/s, > 0
+    device, gains : device and gains; their numbers may be arrays that broadcast against omega
+    omega : frequency, rad/s, > 0
 
     Returns
     -------
     LoopResponse
-        Its numbers of the shape of all of these; those that do not depend on them may be plain.
+        Its numbers have the common shape of the arguments. Numbers that do not depend on an argument may be plain.
     """
     return loop_response(device_response(device, omega, FLOATS), gains, FLOATS)
 
@@ -62,20 +62,21 @@ def stability_ratio(device: Device, gains: Gains, coupling: AnyCoupling, omega: 
     Parameters
     ----------
     device, gains, coupling : a design; their numbers may be arrays that broadcast against omega
-    omega : rad/s, > 0
+    omega : frequency, rad/s, > 0
     """
     loop = response(device, gains, omega)
     return np.where(loop.resistance > 0, _ratio(loop, coupling, omega), -inf)
 
 
 def ratio_or_resistance(device: Device, gains: Gains, coupling: AnyCoupling, omega: Floats) -> Floats:
-    """Return Re Z_c / R; where the resistance is not positive, the resistance relative to |N D|: a continuous function
-    for descent.
+    """Return Re Z_c / R; where the loop's resistance is not positive, return the resistance relative to |N D| instead.
+
+    The result is a continuous function, so that a descent can use it.
 
     Parameters
     ----------
     device, gains, coupling : a design; their numbers may be arrays that broadcast against omega
-    omega : rad/s, > 0
+    omega : frequency, rad/s, > 0
     """
     loop = response(device, gains, omega)
     size = np.sqrt(loop.D_scaled.abs2() / loop.scale2 * (1 if loop.numerator is None else loop.numerator.abs2()))
@@ -94,8 +95,8 @@ def rollett_factor_at(device: Device, gains: Gains, coupling: AnyCoupling, omega
 
     Parameters
     ----------
-    device, gains, coupling : a design, plain numbers
-    omega : rad/s, > 0
+    device, gains, coupling : a design with plain numbers
+    omega : frequency, rad/s, > 0
     """
     at = np.array([omega])
     with np.errstate(divide="ignore"):
@@ -107,8 +108,8 @@ def rollett_factor_at(device: Device, gains: Gains, coupling: AnyCoupling, omega
 def sampled_span(problem: Problem) -> tuple[float, float]:
     """Return the part of the stability band that sampling can reach.
 
-    The code cuts a band from 0 or to inf `END_DECADES` decades beyond every corner of the device and of the
-    transparency band; beyond these, the limits at both ends of the axis apply to better than 1e-8.
+    The code cuts a band from 0 or to inf at `END_DECADES` decades beyond every corner of the device and of the
+    transparency band. Beyond these, the limits at the ends of the axis hold to better than 1e-8.
     """
     device, band = problem.device, problem.stability.band
     corners = [problem.transparency.band.min, problem.transparency.band.max, problem.nyquist]
@@ -121,9 +122,10 @@ def sampled_span(problem: Problem) -> tuple[float, float]:
 
 
 def towards_zero(problem: Problem) -> Floats:
-    """Return a frequency at which R and Re Z_c are at their limits for omega -> 0; none if the band does not reach 0.
+    """Return a frequency at which R and Re Z_c have reached their limits for omega -> 0; empty if the band excludes 0.
 
-    With K_p > 0 the limit of R is positive, while Re Z_c falls to the drag, far below `sampled_span` if m_c is great.
+    With K_p > 0 the limit of R is positive, while Re Z_c falls to the drag. If m_c is large, this happens far below
+    `sampled_span`.
     """
     bounds = problem.bounds
     if problem.stability.band.min > 0 or bounds.position.max == 0:
@@ -134,11 +136,11 @@ def towards_zero(problem: Problem) -> Floats:
 def demand_grid(device: Device, low: float, high: float) -> Floats:
     """Return a grid for the constraints of a device, fine enough for the ripple of its delays and for its resonance.
 
-    Hold "lag" without delay has no ripple, and its bands no end.
+    With hold "lag" and no delay, there is no ripple, and a band may be infinite.
 
     Parameters
     ----------
-    device : its sample time, hold, delays and structure decide the spacing
+    device : device; its sample time, hold, delays and structure determine the spacing
     low, high : ends of the grid, rad/s, 0 < low < high
     """
     delay = _ripple_delay(device)
@@ -147,7 +149,7 @@ def demand_grid(device: Device, low: float, high: float) -> Floats:
 
 
 def _ripple_delay(device: Device) -> float:
-    """Return the delay of the ripple that never decays, s: 0 for hold "lag" without delay."""
+    """Return the delay of the ripple that never decays, s; 0 for hold "lag" without delay."""
     sensor = float(device.sensing.delay)
     if device.hold == "lag" and device.delay == 0 and device.velocity is None:
         return sensor
@@ -155,12 +157,12 @@ def _ripple_delay(device: Device) -> float:
 
 
 def ratio_minima(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Minima:
-    """Return the local minima of Re Z_c / R over the stability band, lowest first.
+    """Return the local minima of Re Z_c / R over the stability band, the lowest first.
 
     Parameters
     ----------
     problem : problem of the nominal device
-    gains, coupling : a design, plain numbers
+    gains, coupling : a design with plain numbers
     """
     return local_minima(
         lambda omega: stability_ratio(problem.device, gains, coupling, omega),
@@ -169,17 +171,17 @@ def ratio_minima(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Minim
 
 
 def sensitivity_maxima(problem: Problem, gains: Gains) -> Minima:
-    """Return the local maxima of |S| of the sampled loop as minima of -|S|, highest |S| first.
+    """Return the local maxima of |S| of the sampled loop as minima of -|S|, the highest |S| first.
 
     Parameters
     ----------
-    problem : its device, without an operator, and its transparency band
-    gains : plain numbers
+    problem : problem with a device without an operator, and a transparency band
+    gains : gains with plain numbers
 
     Returns
     -------
     Minima
-        At least one; frequencies in rad/s. Without a loop S = 1 everywhere.
+        At least one minimum, with frequencies in rad/s. Without a loop, S = 1 everywhere.
     """
     device = problem.device
     if not device.kind.own_loop:
@@ -192,17 +194,17 @@ def sensitivity_maxima(problem: Problem, gains: Gains) -> Minima:
 
 
 def unmodelled_maxima(problem: Problem, gains: Gains) -> Minima:
-    """Return the local maxima of |1 - S| r of the sampled loop as minima of its negative, r the unmodelled radius.
+    """Return the local maxima of |1 - S| r of the sampled loop as minima of its negative; r is the unmodelled radius.
 
     Parameters
     ----------
-    problem : its device or uncertainty has an unmodelled radius
-    gains : plain numbers
+    problem : problem whose device or uncertainty has an unmodelled radius
+    gains : gains with plain numbers
 
     Returns
     -------
     Minima
-        At least one, lowest first; frequencies in rad/s, up to Nyquist.
+        At least one minimum, the lowest first, with frequencies in rad/s up to Nyquist.
     """
     device, uncertainty = problem.device, problem.uncertainty
     radii = device.unmodelled.radii if device.unmodelled is not None else uncertainty.unmodelled if uncertainty else ()
@@ -216,13 +218,13 @@ def unmodelled_maxima(problem: Problem, gains: Gains) -> Minima:
 
 
 def slowest_resonance(problem: Problem, velocity: float) -> float:
-    """Return a frequency below which |S| has no peak above 1, of any loop with at least this K_v, rad/s.
+    """Return a frequency, rad/s, below which |S| has no peak above 1 for any loop with at least this K_v.
 
-    Without lag a loop rings at sqrt(K_p/m) if that is above (b + K_v)/(2 m); half of it leaves room for the lag.
+    Without lag a loop rings at sqrt(K_p/m) if that is above (b + K_v)/(2 m). Half of it leaves room for the lag.
 
     Parameters
     ----------
-    problem : mass, damping and sample time of its device
+    problem : problem; its device gives mass, damping and sample time
     velocity : K_v, N s/m
 
     Returns
@@ -245,13 +247,13 @@ class TransparencyError:
 
 
 def error_terms(problem: Problem, gains: Gains, coupling: AnyCoupling, omega: Floats) -> Terms:
-    """Return the squares of the three unweighted terms at frequencies omega.
+    """Return the squares of the three unweighted terms at some frequencies.
 
     Parameters
     ----------
     problem : problem of the nominal device
     gains, coupling : a design
-    omega : rad/s, > 0
+    omega : frequency, rad/s, > 0
     """
     device, Z_0 = problem.device, problem.transparency.reference_impedance
     at, kind = device_response(device, omega, FLOATS), device.kind
@@ -260,13 +262,13 @@ def error_terms(problem: Problem, gains: Gains, coupling: AnyCoupling, omega: Fl
 
 
 def coupling_response(coupling: AnyCoupling, device: Device, omega: Floats) -> Pair:
-    """Return Z_c, N s/m, or of an impedance display 1/Z_c, m/(N s).
+    """Return Z_c, N s/m; for an impedance display 1/Z_c, m/(N s).
 
     Parameters
     ----------
-    coupling : plain numbers
-    device : device whose firmware runs it
-    omega : rad/s, > 0
+    coupling : coupling with plain numbers
+    device : device that runs the coupling
+    omega : frequency, rad/s, > 0
     """
     if not isinstance(coupling, SpringDamper):
         return coupling_impedance(coupling, omega)
@@ -280,13 +282,13 @@ def weighted_square(weights: Terms, squares: Terms) -> Floats:
 
     Parameters
     ----------
-    weights : weights of the three terms, without a unit
+    weights : dimensionless weights of the three terms
     squares : squared terms, from `error_terms`
 
     Returns
     -------
     array of float
-        Of the shape of the terms' frequencies.
+        It has the shape of the terms' frequencies.
     """
     total: Floats = (
         weights.admittance**2 * squares.admittance

@@ -1,12 +1,13 @@
-"""The passive environment that makes a refuted loop grow in a hand (model/README.md, section 14).
+"""Find the passive environment that makes a refuted loop grow in a hand (model/README.md, section 14).
 
-Where Re(Z_c + Z_seen) < 0, the spring or mass that cancels the imaginary part, with a damper of the missing amount
-beside it, holds a pole on the unit circle. It is followed while the damper is taken away. For a constraint that is just
-missed the pole moves outwards; if much is missed it may come back, and some of the damper remains. The functions of a
-hand's loop are analytic in theta, z = e^(j theta), so that the same formulas give the motion of the pole.
+Where Re(Z_c + Z_seen) < 0, a spring or mass cancels the imaginary part. A damper in parallel supplies the missing
+resistance and thus holds a pole on the unit circle. The code follows the pole while it removes the damper. If the
+constraint is just missed, the pole moves outwards. If it is missed by much, the pole may come back, and some of the
+damper remains. The functions of the loop in a hand are analytic in theta, z = e^(j theta), so the same formulas
+describe the moving pole.
 
-For an impedance display the same holds with admittances: a spring or mass cancels the imaginary part of 1/Z_c + G_y/(1
-+ K_v F G_y), and a damper in series with it holds the pole and is then removed (section 15).
+For an impedance display the same holds with admittances. A spring or mass cancels the imaginary part of 1/Z_c + G_y/(1
++ K_v F G_y). A damper in series with it holds the pole and is then removed (section 15).
 """
 
 from __future__ import annotations
@@ -30,23 +31,24 @@ from vctune.model.sampled.plant_in_hand import AnyPlantInHand, delays_of, plant_
 from vctune.model.worlds import WorldRule, Worlds
 
 LEAST = 1e-7
-"""Least angle omega T at which a spring is sought; at 0 no spring is soft enough. Half and twice it find the same
-growth."""
+"""Least angle omega T for a spring; at 0 no spring is soft enough. Half and twice this angle find the same growth."""
 NYQUIST = 1e-6
-"""Angle next to pi at which no environment has a reactance and none is needed. Half and twice it, too."""
+"""Distance from pi within which no environment has a reactance and none is needed. Half and twice it find the same
+growth."""
 FIRST, LAST = 0.125, 1e-4
-"""Shares of the damper in which it is taken away, the first tried and the least. Half and twice them follow the same
+"""Shares of the damper that are removed at once: the first share, and the least. Half and twice them follow the same
 poles."""
 FARTHEST = 0.2
-"""Greatest move of a pole in one step, relative to its angle. Half takes more steps; twice may lead to another."""
+"""Greatest move of a pole in one step, relative to its angle. Half takes more steps; twice may lead to another pole."""
 MOST = 64
-"""Steps in which a pole is followed at most; most take eight. Half and twice follow the same poles."""
+"""Greatest number of steps along which a pole is followed; most take eight. Half and twice as many follow the same
+poles."""
 GROWTH = 1e-10
-"""Growth in a radian from which on a motion counts as growing; it is above Newton's rounding. Half and twice: the same.
-"""
+"""Growth per radian above which a motion counts as growing. It exceeds the rounding error of Newton's method. Half and
+twice it find the same growth."""
 STEPS, CONVERGED, DIFFERENCE = 8, 1e-12, 1e-6
-"""Number of Newton's steps, the relative step that ends them, and the relative difference for the derivative, correct
-to 1e-10. Half the steps, and twice, follow the same poles."""
+"""Number of Newton's steps, the relative step that ends them, and the relative difference for the derivative, which is
+then correct to 1e-10. Half and twice as many steps follow the same poles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,10 +59,10 @@ class GrowingEnvironment:
     ----------
     kind : "spring" or "mass"
     value : N/m or kg, >= 0; 0 for no environment
-    damping : beside it, N s/m, >= 0
-    growth : growth of the motion's logarithm in that mode, 1/s, > 0
-    omega : at which it oscillates, rad/s
-    stiffness : stiffness of a spring beside a mass, N/m, >= 0
+    damping : damping in parallel, N s/m, >= 0
+    growth : growth rate of the motion, 1/s, > 0
+    omega : frequency of its oscillation, rad/s
+    stiffness : stiffness of a spring in parallel with a mass, N/m, >= 0
     rule, late : how it is stepped, and by how many samples its force is late
     """
 
@@ -86,14 +88,15 @@ def destabilising(
 
     Parameters
     ----------
-    device, gains, coupling : a design, plain numbers
+    device, gains, coupling : a design with plain numbers
     hand : hand in which the constraint is violated
     omega : frequency where it does not hold, rad/s, from 0 to pi/T
 
     Returns
     -------
     GrowingEnvironment or None
-        Lossless if that grows; None if no growing motion is found, for example where the constraint holds.
+        It has no damper if the loop grows without one; None if no growing motion is found, as where the constraint
+        holds.
     """
     T, plant = device.sample_time, plant_in_hand(device, hand, delays_of(device), FLOATS)
 
@@ -108,19 +111,19 @@ def destabilising(
 def growing_in_worlds(
     device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, omega: float, worlds: Worlds
 ) -> GrowingEnvironment | None:
-    """Return the environment of a box that a loop in a hand grows with, for a frequency where one holds a pole.
+    """Return the environment of a box with which a loop in a hand grows, for a frequency where one puts a pole.
 
     Parameters
     ----------
-    device, gains, coupling : a design, plain numbers
+    device, gains, coupling : a design with plain numbers
     hand : hand in which the constraint is violated
     omega : frequency where it does not hold, rad/s, from 0 to pi/T
-    worlds : the box
+    worlds : the box of environments
 
     Returns
     -------
     GrowingEnvironment or None
-        With the least damping of the box if that grows; None if no member grows.
+        It has the least damping of the box if the loop grows with that; None if the loop grows with no member.
     """
     T, low = device.sample_time, worlds.low
     theta = min(max(omega * T, LEAST), pi - NYQUIST)
@@ -149,12 +152,12 @@ def growing_in_worlds(
 def reaction(
     device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, theta: complex, factor: float = 1.0
 ) -> complex:
-    """Return Z_c/factor + Z_seen, or of an impedance display 1/Z_c/factor + G_y/(1 + K_v F G_y).
+    """Return Z_c/factor + Z_seen; for an impedance display 1/Z_c/factor + G_y/(1 + K_v F G_y).
 
     Parameters
     ----------
-    device, gains, coupling : a design, plain numbers
-    hand : in which it is
+    device, gains, coupling : a design with plain numbers
+    hand : hand at the handle
     theta : omega T, rad, in (0, pi)
     factor : divisor of the coupling
     """
@@ -187,19 +190,19 @@ def growing_with(
 
     Parameters
     ----------
-    alone : Z_c + Z_seen, or of an impedance display 1/Z_c + G_y/(1 + K_v F G_y), analytic in the angle
-    theta : rad, in [0, pi], at which its real part is negative
-    sample_time : s
-    admittance : whether it is the latter
+    alone : Z_c + Z_seen, analytic in the angle; for an impedance display 1/Z_c + G_y/(1 + K_v F G_y)
+    theta : angle, rad, in [0, pi], at which the real part of `alone` is negative
+    sample_time : T, s
+    admittance : whether `alone` is that of an impedance display
 
     Returns
     -------
     GrowingEnvironment or None
-        Lossless if that grows; None if no growing motion is found.
+        It has no damper if the loop grows without one; None if no growing motion is found.
     """
     theta = min(max(theta, LEAST), pi)
     reactance, at = alone(theta).imag if theta < pi - NYQUIST else 0.0, _warped(theta, sample_time).real
-    # a mass m and a spring k, or of an impedance display 1/k and 1/m
+    # a mass m and a spring k; for an impedance display 1/k and 1/m
     mass, stiffness = max(0.0, -reactance / at), max(0.0, reactance * at)
 
     def unbalance(theta: complex, *, damping: float) -> complex:
@@ -217,13 +220,13 @@ def growing_with(
 
 
 def growing_without(alone: Callable[[complex], complex], theta: float, sample_time: float) -> GrowingEnvironment | None:
-    """Return how a loop grows with nothing rendered; None if no growth is found.
+    """Return how a loop grows without an environment; None if no growth is found.
 
     Parameters
     ----------
     alone : -1 - 1/L of the loop, analytic in the angle
-    theta : rad, in (0, pi), at which L is real and less than -1: with some of the gain a pole is there
-    sample_time : s
+    theta : angle, rad, in (0, pi), at which L is real and less than -1, so that a part of the gain puts a pole there
+    sample_time : T, s
     """
     found = _outwards(lambda theta, *, damping: alone(theta) + damping, theta)
     if found is None or found[0] > 0:
@@ -232,7 +235,7 @@ def growing_without(alone: Callable[[complex], complex], theta: float, sample_ti
 
 
 def _outwards(unbalance: Callable[..., complex], theta: float) -> tuple[float, float, float] | None:
-    """Return the damper that is left, the growth in a sample and the angle of a pole that has left the unit circle."""
+    """Return the remaining damper, the growth per sample and the angle of a pole that has left the unit circle."""
     with np.errstate(all="ignore"):
         path = _followed(unbalance, theta, -unbalance(theta, damping=0.0).real)
     growing = [step for step in path if step[1].imag < -GROWTH * abs(step[1])]
@@ -243,8 +246,8 @@ def _outwards(unbalance: Callable[..., complex], theta: float) -> tuple[float, f
 
 
 def _dual(compliance: float, mobility: float, damping: float, growth: float, omega: float) -> GrowingEnvironment | None:
-    """Return the environment with 1/k = compliance or 1/m = mobility; None if a damper in series with it remains."""
-    if damping > 0 or compliance == mobility == 0:  # no experiment has the one, and the other is a rigid wall
+    """Return the environment with 1/k = compliance or 1/m = mobility; None if a damper in series remains."""
+    if damping > 0 or compliance == mobility == 0:  # experiments have no damper in series, and no rigid wall
         return None
     if compliance > 0:
         return GrowingEnvironment("spring", 1 / compliance, 0.0, growth, omega)
@@ -254,7 +257,7 @@ def _dual(compliance: float, mobility: float, damping: float, growth: float, ome
 def _followed(unbalance: Callable[..., complex], theta: float, damping: float) -> list[tuple[float, complex]]:
     """Follow a pole from the unit circle while the damper that holds it there is removed, step by step.
 
-    Nowhere if there is no such damper, and no further than it can be followed.
+    The path is empty without such a damper. It ends where the pole cannot be followed further.
     """
     pole, left, share, path = complex(theta), 1.0, FIRST, []
     for _ in range(MOST):
@@ -295,8 +298,9 @@ def _met(plant: AnyPlantInHand, gains: Gains, theta: complex) -> complex:
 def _seen(plant: AnyPlantInHand, gains: Gains, theta: complex) -> complex:
     """Return Z_seen = P/(2 j s F).
 
-    The form is o/(2 N) + e/(2 j s N), e + j s o = P (F.even - j s F.odd) and N = F.even^2 + s^2 F.odd^2, which on the
-    circle are its real and its imaginary part. Next to 0 the one would be lost in the other's rounding.
+    The form is o/(2 N) + e/(2 j s N) with e + j s o = P (F.even - j s F.odd) and N = F.even^2 + s^2 F.odd^2. On the
+    circle its terms are the real and the imaginary part. Near theta = 0 the rounding error of one would otherwise
+    exceed the other.
     """
     loop, s = loop_in_hand(plant, theta, FLOATS), complex(np.sin(theta / 2))
     F, P = loop.closed(gains), loop.numerator(gains)

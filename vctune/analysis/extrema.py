@@ -1,4 +1,4 @@
-"""Extrema of a function of frequency: a logarithmic grid, then every local one refined."""
+"""Find the extrema of a function of frequency: a logarithmic grid, whose local extrema are then refined."""
 
 from __future__ import annotations
 
@@ -15,18 +15,20 @@ from vctune.running import check_time
 Floats = NDArray[np.float64]
 
 POINTS_PER_DECADE = 60
-"""Points per decade of the grid whose local minima are refined; neighbours are 4 % apart. Half would merge two minima
-within 8 % of each other. Twice doubles the evaluations in every judgement of a design."""
+"""Points per decade of the grid, 4 % apart, whose local minima are refined. Half as many would merge two minima within
+8 % of each other. Twice as many double the evaluations in every judgement of a design."""
 ZOOMS = 3
-"""Rounds of a finer grid: each narrows an interval 8 times. Half leave the parabola an interval 23 times as wide, and a
-frequency correct to 1e-5. Twice narrow it below what rounding resolves of a minimum."""
+"""Number of rounds with a finer grid, each of which narrows an interval 8 times. Half as many leave the parabola an
+interval 23 times as wide, and a frequency correct to 1e-5. Twice as many narrow it below what rounding permits for a
+minimum."""
 ZOOM_POINTS = 17
-"""Points of a finer grid, both ends included. Half and twice as many narrow it 4 and 16 times a round."""
+"""Number of points of a finer grid, including both ends. Half and twice as many narrow it 4 and 16 times in each
+round."""
 
 
 @dataclass(frozen=True, slots=True)
 class Minima:
-    """Local minima, lowest first: where (rad/s) and how low."""
+    """Local minima, the lowest first: their frequencies, rad/s, and values."""
 
     omega: Floats
     value: Floats
@@ -47,7 +49,7 @@ def frequency_grid(
     Returns
     -------
     array of float
-        Increasing, read-only: it is shared by all who require the same grid.
+        In ascending order and read-only, since all callers with the same arguments share it.
     """
     decades = np.log10(omega_max / omega_min)
     grid = np.geomspace(omega_min, omega_max, max(9, int(np.ceil(decades * points_per_decade)) + 1))
@@ -64,18 +66,18 @@ def local_minima(f: Callable[[Floats], Floats], grid: Floats) -> Minima:
     """Find the local minima of f over the grid's span, ends included.
 
     Each local minimum of the grid is refined, all of them together, by `ZOOMS` rounds of a finer grid between its
-    neighbours and by the vertex of the parabola through the last: to about 1e-7 of the frequency for a smooth f, hence
-    1e-14 of its variation.
+    neighbours, and by the vertex of the parabola through the last points. For a smooth f the frequency is correct to
+    about 1e-7, and the value to 1e-14 of its variation.
 
     Parameters
     ----------
-    f : elementwise over arrays of any shape; nan is treated as +inf
-    grid : increasing, rad/s
+    f : function that works elementwise on arrays of any shape; the search treats nan as +inf
+    grid : frequencies in ascending order, rad/s
 
     Returns
     -------
     Minima
-        At least one, lowest first.
+        At least one minimum, the lowest first.
     """
 
     def value(omega: Floats) -> Floats:

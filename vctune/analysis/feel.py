@@ -21,35 +21,35 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
 
 FREE_HZ = (1.0, 10.0)
-"""Frequencies of the numbers in free motion, Hz: a slow reach, and the fastest motion of an arm by itself."""
+"""Frequencies in Hz for the numbers of free motion: a slow reach, and the fastest voluntary motion of an arm."""
 WALL_HZ = 10.0
-"""Frequency of the wall and of the force path, Hz: the upper end of voluntary motion and force."""
+"""Frequency in Hz for the wall and for the force path: the upper end of voluntary motion and force."""
 SPEED = 0.1
 """Speed of the steady motion of the handle, m/s or rad/s."""
 HALF_POWER = sqrt(0.5)
-"""Value of |G_he| at which tracking ends: half of the power."""
+"""Value of |G_he| at which tracking ends: half the power."""
 LOWEST = 1e-6
 """Lowest frequency of the search for the end of tracking, relative to Nyquist: half a millihertz at 1 kHz."""
 ZOOMS, ZOOM_POINTS = 3, 33
-"""Finer grids between the two frequencies where tracking ends, and points of each: 4 % apart become 1e-6."""
+"""Number of finer grids between the two frequencies where tracking ends, and points of each: 4 % become 1e-6."""
 NO_LOOP = Gains(0.0, 0.0), Coupling(0.0, 0.0, 0.0)
-"""The bare device's design."""
+"""The design of the bare device: no gains and no coupling."""
 
 
 @dataclass(frozen=True, slots=True)
 class Feel:
-    """How a device feels, with a design or without a loop; None for absent numbers, or above Nyquist.
+    """How a device feels, with a design or without a loop. None for a number that does not exist, or above Nyquist.
 
     Attributes
     ----------
-    mass, damping : apparent ones in free motion, at each of `FREE_HZ`, kg and N s/m
-    static_stiffness, stiffness : those of the stiffest wall, at 0 and at `WALL_HZ`, N/m; inf for a servo, which
+    mass, damping : apparent mass and damping in free motion at each of `FREE_HZ`, kg and N s/m
+    static_stiffness, stiffness : stiffness of the stiffest wall at 0 and at `WALL_HZ`, N/m; inf for a servo, which
         stands still
-    force : to move the handle steadily at `SPEED`, N
-    loop_latency : lag around the loop at low frequency, s; for a servo, from its command to its motion
-    force_latency : lag from the hand's force to the velocity that answers it, at `WALL_HZ`, s
-    tracking_bandwidth : frequency up to which |G_he| is at least `HALF_POWER`, Hz, the Nyquist frequency at most and 0
-        if there is none; for an impedance display that of |A H/N|
+    force : force that moves the handle steadily at `SPEED`, N
+    loop_latency : lag around the loop at low frequency, s; for a servo, the lag from its command to its motion
+    force_latency : lag from the hand's force to the resulting velocity at `WALL_HZ`, s
+    tracking_bandwidth : frequency up to which |G_he| is at least `HALF_POWER`, Hz, at most the Nyquist frequency; 0 if
+        there is none. For an impedance display it is the bandwidth of |A H/N|
     """
 
     mass: tuple[float | None, ...]
@@ -67,7 +67,7 @@ def feel(device: Device, gains: Gains, coupling: AnyCoupling) -> Feel:
 
     Parameters
     ----------
-    device : plain numbers; its least operator is not counted
+    device : device with plain numbers; the function ignores its least operator
     gains : gains of its loop, plain numbers
     coupling : virtual coupling; it has no effect without a loop
     """
@@ -94,14 +94,14 @@ def feel(device: Device, gains: Gains, coupling: AnyCoupling) -> Feel:
 def felt_impedance(
     device: Device, gains: Gains, coupling: AnyCoupling, omega: Floats, environment: Complex | None
 ) -> Complex:
-    """Return the impedance that the hand feels of a design, N s/m.
+    """Return the impedance that the hand feels with a design, N s/m.
 
     Parameters
     ----------
-    device : plain numbers
-    gains, coupling : those of its design
-    omega : rad/s, > 0, or 0 for quantities that are finite there; shape (n,)
-    environment : Z_e, an array of that shape; None for a rigid one
+    device : device with plain numbers
+    gains, coupling : the design
+    omega : frequency, rad/s, > 0, or 0 for quantities that are finite there; shape (n,)
+    environment : Z_e, an array of shape (n,); None for a rigid environment
     """
     if isinstance(coupling, SpringDamper):
         return _felt_force(device, gains, coupling, omega, environment)
@@ -114,8 +114,10 @@ def felt_impedance(
 def _felt_force(
     device: Device, gains: Gains, coupling: SpringDamper, omega: Floats, environment: Complex | None
 ) -> Complex:
-    """Return D/N of an impedance display, where the motor's W includes coupling and environment, which act on its
-    position."""
+    """Return D/N of an impedance display.
+
+    The motor's W includes coupling and environment, which act on its position.
+    """
     at, theta, s = device_response(device, omega, FLOATS), omega * device.sample_time, 1j * omega
     late = np.asarray(at.drive.re - 1j * omega * at.drive.lag)
     tool = 0j * omega
@@ -137,10 +139,10 @@ def impedance_at_handle(device: Device, gains: Gains, omega: Floats, beyond: Com
 
     Parameters
     ----------
-    device : plain numbers
+    device : device with plain numbers
     gains : gains of its loop
-    omega : rad/s, > 0, or 0 for quantities that are finite there; shape (n,)
-    beyond : Z_c + Z_e of the coupling and an environment, an array of that shape; None for a rigid environment, or
+    omega : frequency, rad/s, > 0, or 0 for quantities that are finite there; shape (n,)
+    beyond : Z_c + Z_e of the coupling and an environment, an array of shape (n,); None for a rigid environment, or
         without a loop
     """
     if beyond is None and device.servo is not None:
@@ -160,9 +162,9 @@ def _free(device: Device, gains: Gains, coupling: AnyCoupling, hz: float) -> com
 
 
 def _static_stiffness(device: Device, gains: Gains, coupling: AnyCoupling) -> float:
-    """Return the limit of |j omega D/N| for omega -> 0, in which D carries the scale omega: 0 without an integrator.
+    """Return the limit of |j omega D/N| for omega -> 0. D carries the scale omega, so without an integrator it is 0.
 
-    For an impedance display it is the coupling's spring, in series with that of a structure.
+    For an impedance display it is the stiffness of the coupling's spring in series with that of a structure.
     """
     if isinstance(coupling, SpringDamper):
         give = 0.0 if device.structure is None else 1 / mechanism(device, device.structure, FLOATS).stiffness
@@ -177,7 +179,7 @@ def _static_stiffness(device: Device, gains: Gains, coupling: AnyCoupling) -> fl
 
 
 def _tracking_bandwidth(device: Device, gains: Gains) -> float:
-    """Return the frequency up to which the handle follows its command, a velocity or a force, Hz."""
+    """Return the frequency up to which the handle follows its command, which is a velocity or a force, Hz."""
     grid = with_resonance(device, frequency_grid(LOWEST * pi / device.sample_time, pi / device.sample_time))
     for _ in range(1 + ZOOMS):
         below = np.flatnonzero(_tracking(device, gains, grid) < HALF_POWER)
@@ -191,7 +193,7 @@ def _tracking_bandwidth(device: Device, gains: Gains) -> float:
 
 
 def _tracking(device: Device, gains: Gains, omega: Floats) -> Floats:
-    """Return |G_he|, or of an impedance display |A H/N|."""
+    """Return |G_he|, or |A H/N| for an impedance display."""
     loop = response(device, gains, omega)
     if device.kind.inverse:
         at = device_response(device, omega, FLOATS)

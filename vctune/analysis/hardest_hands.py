@@ -1,4 +1,4 @@
-"""The requirement of hands on a coupling, and the hand near a place that requires most, in double precision."""
+"""The requirement of hands on a coupling, and the hand near a point that requires the most, in double precision."""
 
 from __future__ import annotations
 
@@ -25,28 +25,30 @@ from vctune.model.worlds import WorldsMet
 from vctune.running import check_time
 
 ROUNDS = 22
-"""Steps of the closer look, each of which moves to the best neighbour or halves the distance: to 1e-4 of the first
-distance, of which the ratio knows the square. Half: to 1e-2, and the prover finds what is missing, at its price."""
+"""Number of refinement steps, each of which moves to the best neighbour or halves the distance: down to 1e-4 of the
+first distance, whose square affects the ratio. Half as many reach 1e-2, and the prover finds the rest at its own
+cost."""
 DRIVEN = 1e6
-"""1/ratio from which on a coupling gives energy where none may be given. Half and twice it: the same designs."""
+"""Value of 1/ratio above which a coupling supplies energy where it must not. Half and twice it give the same
+designs."""
 
 
 @np.errstate(all="ignore")
 def needs_in_worlds(
     loop: AnyLoopInHand, device: Device, gains: Gains, coupling: Coupling, theta: Floats, met: WorldsMet
 ) -> dict[str, Floats]:
-    """Return 1/ratio by each of the margins of which one must be positive (`vctune.model.sampled.loop_in_worlds`).
+    """Return 1/ratio for each of the margins of which one must be positive (`vctune.model.sampled.loop_in_worlds`).
 
-    By the real part the ratio is (Re Z_c + g b_1)/R, by a reactance g times the exponential of its room, so that g is
-    enough in either case and a share is missing or to spare.
+    For the real part, the ratio is (Re Z_c + g b_1)/R. For a reactance, it is g times the exponential of its relative
+    reserve. In either case a ratio of g suffices, and the ratio tells the missing or the spare share.
 
     Parameters
     ----------
-    loop : in hands
-    device : plain numbers
-    gains, coupling : a design, plain numbers or arrays that broadcast against the loop
+    loop : loop in hands
+    device : device with plain numbers
+    gains, coupling : a design with plain numbers or arrays that broadcast against the loop
     theta : omega T, rad
-    met : the environments, and g
+    met : the environments and g
     """
     factor, worlds, T = met.factor, met.worlds, device.sample_time
     seen, at = seen_in_hand(loop, gains), offered_at(coupling, T, theta, FLOATS)
@@ -64,11 +66,11 @@ def needs_in_hands(
 
     Parameters
     ----------
-    loop : in hands
-    device : plain numbers
-    gains, coupling : a design, plain numbers or arrays that broadcast against the loop
+    loop : loop in hands
+    device : device with plain numbers
+    gains, coupling : a design with plain numbers or arrays that broadcast against the loop
     theta : omega T, rad
-    met : the environments, linear or with walls; None for every passive one
+    met : the environments, linear or with walls; None for every passive environment
     """
     if met is not None and met.worlds.corner is not None:
         return _need_in_walls(loop, device, gains, series_coupling(coupling), theta, met)
@@ -101,14 +103,14 @@ def _need_in_time(
 def _need_in_walls(
     loop: AnyLoopInHand, device: Device, gains: Gains, coupling: Coupling, theta: Floats, met: WorldsMet
 ) -> Floats:
-    """Return 1/ratio with walls: the ratio is g times the exponential of the least room of `rooms_at_walls`."""
+    """Return 1/ratio with walls. The ratio is g times the exponential of the least reserve from `rooms_at_walls`."""
     seen, at = seen_in_hand(loop, gains), offered_at(coupling, device.sample_time, theta, FLOATS)
     rooms = rooms_at_walls(seen, at, device.sample_time, theta, met)
     return np.exp(-np.minimum.reduce(list(rooms.values()))) / met.factor
 
 
 class AtWall(NamedTuple):
-    """The share of the coupling, and l of the stepping rule, of a condition of walls at an angle in a hand."""
+    """Share of the coupling, and l of the stepping rule, in a condition of walls at an angle in a hand."""
 
     share: float
     lead: float
@@ -116,14 +118,14 @@ class AtWall(NamedTuple):
 
 @np.errstate(all="ignore")
 def rooms_at_walls(seen: Seen, at: Offered, sample_time: float, theta: Floats, met: WorldsMet) -> dict[AtWall, Floats]:
-    """Return the room of the condition of walls with some shares of the coupling, by either rule.
+    """Return the relative reserve of the condition of walls, for some shares of the coupling and both stepping rules.
 
-    The room is the greatest of those of the margins, of which one must be positive.
+    The reserve is the greatest among those of the margins, of which one must be positive.
 
     Parameters
     ----------
     seen : Z_seen of the loop in hands
-    at : what the coupling offers
+    at : offer of the coupling
     sample_time : T, s
     theta : omega T, rad
     met : the environments with walls
@@ -141,14 +143,14 @@ def rooms_at_walls(seen: Seen, at: Offered, sample_time: float, theta: Floats, m
 def tightest_at_wall(
     device: Device, gains: Gains, coupling: AnyCoupling, omega: float, hand: Hand, met: WorldsMet
 ) -> AtWall:
-    """Return the share of a coupling, and the rule, with which walls have least room in one hand at one frequency.
+    """Return the share of a coupling, and the stepping rule, with which walls have the least reserve at one place.
 
     Parameters
     ----------
-    device : plain numbers
-    gains, coupling : a design, plain numbers
-    omega : rad/s
-    hand : held with
+    device : device with plain numbers
+    gains, coupling : a design with plain numbers
+    omega : frequency, rad/s
+    hand : hand that holds the device
     met : the environments with walls
     """
     theta = np.array([min(omega * device.sample_time, pi)])
@@ -170,7 +172,7 @@ def shares_of_coupling(factor: float) -> tuple[float, ...]:
 
 @np.errstate(all="ignore")
 def _need(required: Floats, there: Floats) -> Floats:
-    """Return 1/ratio, continuous where R changes its sign; of a coupling that drives, 0 or more than any other."""
+    """Return 1/ratio, continuous where R changes its sign. For a coupling that drives, it is 0 or exceeds any other."""
     drives = np.where(required < there, 0.0, DRIVEN * (2 + (required - there) / (np.abs(required) - there)))
     return np.where(there < 0, drives, required / np.maximum(there, 1e-300))
 
@@ -184,15 +186,16 @@ def hardest_near(
     starts: PlacesInHands,
     met: WorldsMet | None = None,
 ) -> tuple[Floats, PlacesInHands]:
-    """Go from places to the greatest 1/ratio near them, all together: in log theta and in the root of each share.
+    """Move from places to the greatest 1/ratio near them, all together, in log theta and in the square root of each
+    share.
 
     Parameters
     ----------
-    device : plain numbers
-    hands : the box
-    gains, coupling : a design, or one for each place, arrays of shape (n, 1, 1)
+    device : device with plain numbers
+    hands : the box of hands
+    gains, coupling : a design, or one design for each place as arrays of shape (n, 1, 1)
     starts : n angles omega T, rad, each with a hand of the box
-    met : the environments; None for every passive one
+    met : the environments; None for every passive environment
 
     Returns
     -------
@@ -204,7 +207,7 @@ def hardest_near(
     safe = np.where(width > 0, width, 1.0)
     share = np.sqrt((np.array([*starts.hands.numbers.values()]) - low[:, None]) / safe[:, None])
     step_hand, step_angle = np.full(theta.size, 0.2), np.full(theta.size, 2.3 / PER_DECADE)
-    # the requirement before a servo is convex in the hand: one that starts at a vertex stays there
+    # the requirement of a servo is convex in the hand: a search that starts at a vertex stays there
     at_vertices = device.servo is not None and met is None
     offsets = np.zeros((count, 1)) if at_vertices else np.array(list(product((-1, 0, 1), repeat=count))).T
     turns = np.array([-1, 0, 1])
@@ -214,13 +217,13 @@ def hardest_near(
         near = np.clip(share[:, :, None] + offsets[:, None, :] * step_hand[:, None], 0.0, 1.0)
         angle = np.minimum(theta[:, None] * np.exp(turns * step_angle[:, None]), np.pi)
         hand = Hand(*((low[:, None, None] + width[:, None, None] * near**2)[..., None]))
-        if isinstance(plant, ServoInHand):  # no hand moves it
+        if isinstance(plant, ServoInHand):  # no hand moves a servo
             plant = replace(plant, hand=hand)
         else:
             plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
         loop = loop_in_hand(plant, angle[:, None, :], FLOATS)
         need = needs_in_hands(loop, device, gains, coupling, angle[:, None, :], met).reshape(theta.size, -1)
-        need = np.nan_to_num(need, nan=-inf, posinf=inf)  # 0/0 at rest without an integrator asks for nothing
+        need = np.nan_to_num(need, nan=-inf, posinf=inf)  # 0/0 at rest without an integrator requires nothing
         at = np.argmax(need, axis=1)
         rows, (which, turn) = np.arange(theta.size), np.unravel_index(at, (offsets.shape[1], 3))
         better = need[rows, at] > best

@@ -25,21 +25,22 @@ from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.worlds import WorldsMet
 
 SEARCHED = 6
-"""Local minima over the angle that are refined. Half of them miss none of the reference problems' worst hands."""
+"""Number of local minima over the angle that are refined. Half as many miss none of the reference problems' worst
+hands."""
 SHARP = 0.03
-"""Damping ratio below which the angles where a hand resonates with the device are looked at, which no grid meets. Half
-and twice it lead to the same design of a display of hardly any damping."""
+"""Damping ratio below which the code evaluates the angles where a hand resonates with the device, which no grid meets.
+Half and twice this ratio lead to the same design of a display with hardly any damping."""
 
 
 @dataclass(frozen=True, slots=True)
 class RatioInHand:
-    """The least Re Z_c / R in hands, next to a frequency.
+    """A local minimum of Re Z_c / R in hands.
 
     Attributes
     ----------
-    ratio : inf if nothing is required
-    omega : rad/s
-    hand : in which it is least
+    ratio : Re Z_c / R; inf if nothing is required
+    omega : its frequency, rad/s
+    hand : its hand
     """
 
     ratio: float
@@ -49,12 +50,12 @@ class RatioInHand:
 
 @dataclass(frozen=True, slots=True)
 class RatioInAnyHand:
-    """The least Re(1/Z_c)/R of an impedance display in any passive hand, next to a frequency.
+    """A local minimum of Re(1/Z_c)/R of an impedance display in any passive hand.
 
     Attributes
     ----------
-    ratio : inf if nothing is required
-    omega : rad/s
+    ratio : Re(1/Z_c)/R; inf if nothing is required
+    omega : its frequency, rad/s
     """
 
     ratio: float
@@ -63,12 +64,12 @@ class RatioInAnyHand:
 
 
 def least_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[RatioInHand | RatioInAnyHand]:
-    """Return the local minima of the ratio in the hands of a problem, lowest first of each kind.
+    """Return the local minima of the ratio in the hands of a problem, the lowest first for each kind of hand.
 
     Parameters
     ----------
     problem : problem of one device, with a claim in hands, or in any hand on an impedance display
-    gains, coupling : plain floats, in the problem's units
+    gains, coupling : a design with plain floats, in the problem's units
     """
     found: list[RatioInHand | RatioInAnyHand] = []
     if problem.hands_met is not None:
@@ -81,19 +82,19 @@ def least_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[
 def least_ratios_in_hands(
     device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, met: WorldsMet | None = None
 ) -> list[RatioInHand]:
-    """Return the local minima of Re Z_c / R over the angle in the worst hand at each, lowest first.
+    """Return the local minima of Re Z_c / R over the angle, each in its worst hand, the lowest first.
 
     Parameters
     ----------
-    device : plain numbers
-    hands : the box
-    gains, coupling : a design, plain numbers
-    met : the environments, whose ratio `needs_in_worlds` defines; None for every passive one
+    device : device with plain numbers
+    hands : the box of hands
+    gains, coupling : a design with plain numbers
+    met : the environments, whose ratio `needs_in_worlds` defines; None for every passive environment
 
     Returns
     -------
     list of RatioInHand
-        At least one.
+        At least one minimum.
     """
     where = loops_in_hands(device, hands)
     need = needs_in_hands(where.loop, device, gains, coupling, where.theta, met)
@@ -109,8 +110,8 @@ def least_ratios_in_hands(
 
 
 WINDOW = np.exp(np.linspace(-0.3, 0.3, 121))
-"""Relative range of angles about a worst one at which the environments of a box are tried. Half and twice the range, or
-the number, give the same designs."""
+"""Relative range of angles around a worst angle at which the environments of a box are tried. Half and twice the range,
+or the number of angles, give the same designs."""
 
 
 def windows(
@@ -120,16 +121,16 @@ def windows(
     worst: Sequence[RatioInHand | RatioInAnyHand],
     met: WorldsMet,
 ) -> list[RatioInHand]:
-    """Return the ends of the windows of angles, about the worst places, in which the constraint for a box of
-    environments is violated.
+    """Return the ends of the windows of angles in which the constraint for a box of environments is violated.
 
-    Between them one margin has to do where another ceases to: a constraint in the middle alone moves the window along.
+    A constraint at each end makes one margin take over where another fails. A constraint in the middle alone would only
+    move the window.
 
     Parameters
     ----------
     problem : problem of one device, with a claim in hands
-    gains, coupling : plain floats, in the problem's units
-    worst : places of `least_ratios`
+    gains, coupling : a design with plain floats, in the problem's units
+    worst : places from `least_ratios`
     met : the environments, linear or with walls
     """
     device, found = problem.device, list[RatioInHand]()
@@ -153,11 +154,11 @@ def ratio_at(
 
     Parameters
     ----------
-    device : plain numbers
-    gains, coupling : a design, plain numbers
-    omega : rad/s
-    hand : held with
-    met : the environments; None for every passive one
+    device : device with plain numbers
+    gains, coupling : a design with plain numbers
+    omega : frequency, rad/s
+    hand : hand that holds the device
+    met : the environments; None for every passive environment
     """
     theta = np.array([omega * device.sample_time])
     loop = loop_in_hand(plant_in_hand(device, hand, delays_of(device), FLOATS), theta, FLOATS)
@@ -173,16 +174,16 @@ def least_ratio_near(
     hand: Hand,
     met: WorldsMet | None = None,
 ) -> RatioInHand:
-    """Return the local minimum of Re Z_c / R that is found from one frequency and hand.
+    """Return the local minimum of Re Z_c / R that a descent finds from one frequency and hand.
 
     Parameters
     ----------
-    device : plain numbers
-    hands : the box
-    gains, coupling : a design, plain numbers
-    omega : rad/s
+    device : device with plain numbers
+    hands : the box of hands
+    gains, coupling : a design with plain numbers
+    omega : frequency, rad/s
     hand : hand of the box
-    met : the environments; None for every passive one
+    met : the environments; None for every passive environment
     """
     start = PlacesInHands.of([(omega * device.sample_time, hand)])
     return _closest(device, hands, gains, coupling, start, met)[0]
@@ -193,13 +194,13 @@ def least_ratios_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling
 
     Parameters
     ----------
-    device : an impedance display, in plain numbers
-    gains, coupling : a design, plain numbers
+    device : an impedance display with plain numbers
+    gains, coupling : a design with plain numbers
 
     Returns
     -------
     list of RatioInAnyHand
-        One to `SEARCHED`; 0 where some hand makes the loop of K_v alone unstable.
+        One to `SEARCHED` minima. The ratio is 0 where some hand makes the loop of K_v alone unstable.
     """
     first, ratio = np.zeros(1), partial(ratio_in_any_hand, device, gains, coupling)
     minima = local_minima(ratio, angles(device, PER_DECADE)[1:])
@@ -208,12 +209,12 @@ def least_ratios_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling
 
 
 def ratio_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling, theta: Floats) -> Floats:
-    """Return Re(1/Z_c)/R of an impedance display in any passive hand; 0 where one makes the loop of K_v unstable.
+    """Return Re(1/Z_c)/R of an impedance display in any passive hand; 0 where some hand makes the loop of K_v unstable.
 
     Parameters
     ----------
-    device : an impedance display, in plain numbers
-    gains, coupling : a design, plain numbers
+    device : an impedance display with plain numbers
+    gains, coupling : a design with plain numbers
     theta : omega T, rad
     """
     found = answers(device, theta).required(gains)
@@ -224,8 +225,8 @@ def ratio_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling, theta
 def _resonant(device: Device, hands: Hands, gains: Gains) -> list[tuple[float, Hand]]:
     """Return angles at which hands resonate sharply with the device, and those hands.
 
-    These are the stiffest hands, where the angle is greatest and the damping ratio least, and hands a hundredth as
-    stiff.
+    They are the stiffest hands, where the angle is greatest and the damping ratio least, and hands with a hundredth of
+    their stiffness.
     """
     found = []
     damping = device.damping + hands.low.damping + gains.velocity
@@ -238,7 +239,7 @@ def _resonant(device: Device, hands: Hands, gains: Gains) -> list[tuple[float, H
 
 
 def _at_rest(device: Device, hands: Hands, gains: Gains) -> Hand:
-    """Return the hand with the greatest requirement at angle 0."""
+    """Return the hand that requires the most at angle 0."""
     where = loops_at_rest(device, hands)
     most = int(np.argmax(np.nan_to_num(where.required(gains).ravel(), nan=0.0)))
     return where.hands.mapped(lambda number: float(number[most]))
@@ -258,5 +259,5 @@ def _closest(
 
 
 def _inverse(need: float) -> float:
-    """Return the ratio, 0 where Re Z_c is."""
+    """Return the ratio from 1/ratio; it is 0 where Re Z_c is 0."""
     return inf if need <= 0 else 1 / need if need < 1e200 else 0.0

@@ -1,4 +1,4 @@
-"""The corner of the multiplier that proves walls, for a design that is given (model/README.md, section 19)."""
+"""Find the corner of the multiplier that proves walls, for a given design (model/README.md, section 19)."""
 
 from __future__ import annotations
 
@@ -16,26 +16,30 @@ from vctune.model.sampled.loop_in_worlds import offered_at
 from vctune.model.worlds import WorldsMet
 
 HIGHEST = 1 - 1e-5
-"""Greatest corner in 2/T, where the multiplier is a difference: so far below 1 that six digits do not
-pass it. Half might, twice is as good."""
+"""Greatest corner, in units of 2/T. At 1 the multiplier becomes a difference. This value is so far below 1 that
+rounding a corner to six digits cannot reach 1. With half this distance rounding might reach 1; twice the distance is as
+good."""
 LOWEST = 1e-4
-"""Least corner that is looked at, in 2/T: below all hands' frequencies. Ten times it and a tenth: the same corners."""
+"""Least corner that is evaluated, in units of 2/T, below all hands' frequencies. Ten times and a tenth of it give the
+same corners."""
 CORNERS = 17
-"""Corners that are looked at first, evenly on a log scale; the room may have two maxima. Half and twice: the same."""
+"""Number of corners that are evaluated first, evenly spaced on a log scale, since the reserve may have two maxima. Half
+and twice as many give the same corner."""
 FINER = 3
-"""How often the spacing about the best is then quartered: to 1 %. Half find corners that lose a hundredth of the room,
-twice the same as this."""
+"""Number of times that the spacing around the best corner is then quartered, down to 1 %. Half as many find corners
+that lose a hundredth of the reserve; twice as many find the same corner."""
 SHARES, PER_DECADE = (0.0, 0.1, 1.0), 16
-"""Hands and angles that are looked at. Half miss what binds, twice lead to the same corner."""
+"""Shares of hands, and angles per decade, that are evaluated. Half as many miss the binding hand or angle; twice as
+many lead to the same corner."""
 
 
 def corner_of(problem: Problem, gains: Gains, coupling: AnyCoupling) -> float:
-    """Return the corner with which the condition of walls has most room, rad/s, a decimal of six digits in hertz.
+    """Return the corner with which the condition of walls has the most reserve, rad/s; it has six digits in hertz.
 
     Parameters
     ----------
-    problem : with walls, SI units
-    gains, coupling : a design, plain floats
+    problem : problem with walls, SI units
+    gains, coupling : a design with plain floats
     """
     device, worlds, hands = problem.device, problem.worlds, problem.hands_met
     assert worlds is not None
@@ -59,5 +63,5 @@ def corner_of(problem: Problem, gains: Gains, coupling: AnyCoupling) -> float:
 
 
 def in_decimals(corner: float) -> float:
-    """Return about a corner, rad/s, whose frequency in hertz has six digits."""
+    """Return a corner, rad/s, rounded so that its frequency in hertz has six digits."""
     return 2 * np.pi * float(f"{corner / (2 * np.pi):.6g}")

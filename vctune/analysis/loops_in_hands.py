@@ -1,4 +1,4 @@
-"""Loops in some hands of a box at some angles, in double precision: first places of the search for the worst."""
+"""Loops in some hands of a box at some angles, in double precision: the first points in the search for the worst."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from vctune.model.sampled.loop_in_worlds import Seen
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 
 SHARES = (0.0, 0.01, 0.1, 0.4, 1.0)
-"""Where the hands of a box are looked at first, as shares of each range: the worst is mostly at an end, and towards 0
-much happens within little. Half or twice as many lead to the same designs, in more rounds or in more time."""
+"""Shares of each range of hands that are evaluated first. The worst hand is usually at an end, and near 0 the
+requirement changes quickly. Half or twice as many lead to the same designs, in more rounds or in more time."""
 LOWEST, PER_DECADE = 1e-4, 24
-"""Least angle omega T beside 0, and angles per decade. What is below the least is at its limit to 1e-8. Half as many
-angles may miss one of two neighbouring extrema; twice as many are twice the time."""
+"""Least angle omega T above 0, and angles per decade. Values below the least angle equal their limit to 1e-8. Half as
+many angles may miss one of two neighbouring extrema; twice as many take twice the time."""
 SOFT = np.geomspace(1e-12, 1.0, 97)
-"""Shares of the range of stiffness that are looked at at angle 0, where a soft spring and a late loop ask for drag, for
-most at about K_p, small in slow loops. Half or twice as many find the same hand, which is looked at closer."""
+"""Shares of the range of stiffness that are evaluated at angle 0. There a soft spring and a late loop require drag, the
+most at about K_p, which is small in slow loops. Half or twice as many find the same hand, which is then refined."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +37,8 @@ class LoopsInHands:
     Attributes
     ----------
     theta : omega T, rad, from 0 to pi, shape (n,)
-    hands : their numbers, each of shape (h,)
-    loop : of shape (h, n)
+    hands : hands with numbers of shape (h,)
+    loop : loop, with numbers of shape (h, n)
     """
 
     theta: Floats
@@ -46,14 +46,14 @@ class LoopsInHands:
     loop: AnyLoopInHand
 
     def required(self, gains: Gains) -> Floats:
-        """Return R, of the shape of the loop; of the gains' shape before it if they are arrays (..., 1, 1)."""
+        """Return R with the shape of the loop, preceded by the gains' shape if they are arrays of shape (..., 1, 1)."""
         found = required_in_hand(self.loop, gains)
         with np.errstate(divide="ignore", invalid="ignore"):
             R = np.asarray(found.lost / found.size)
-        return np.broadcast_to(R, np.broadcast_shapes(R.shape, np.shape(gains.velocity)))  # of a servo no gain is in it
+        return np.broadcast_to(R, np.broadcast_shapes(R.shape, np.shape(gains.velocity)))  # a servo's R is constant
 
     def seen(self, gains: Gains) -> Seen:
-        """Return Z_seen, of the same shape as `required`."""
+        """Return Z_seen with the shape of `required`."""
         found = seen_in_hand(self.loop, gains)
         shape = np.broadcast_shapes(np.shape(found.lost), np.shape(gains.velocity))
         return Seen(*(np.broadcast_to(part, shape) for part in found))
@@ -66,16 +66,16 @@ class LoopsInAnyHand:
     Attributes
     ----------
     theta : omega T, rad, from 0 to pi, shape (n,)
-    answers : of the device, of shape (1, n)
+    answers : response of the device, with numbers of shape (1, n)
     """
 
     theta: Floats
     answers: AnyHand
 
     def required(self, gains: Gains) -> Floats:
-        """Return R/s^2, of shape (1, n), inf where some hand makes the loop of K_v alone unstable.
+        """Return R/s^2 with shape (1, n); inf where some hand makes the loop of K_v alone unstable.
 
-        Of the gains' shape before it if they are arrays (..., 1, 1).
+        The gains' shape precedes this shape if they are arrays of shape (..., 1, 1).
         """
         found = self.answers.required(gains)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -88,7 +88,7 @@ def loops_in_any_hand(device: Device, per_decade: int = PER_DECADE) -> LoopsInAn
 
     Parameters
     ----------
-    device : plain numbers
+    device : device with plain numbers
     per_decade : number of angles in each decade
     """
     theta = angles(device, per_decade)
@@ -96,11 +96,11 @@ def loops_in_any_hand(device: Device, per_decade: int = PER_DECADE) -> LoopsInAn
 
 
 def answers(device: Device, theta: Floats) -> AnyHand:
-    """Return the answers of an impedance display in any passive hand.
+    """Return the response of an impedance display in any passive hand.
 
     Parameters
     ----------
-    device : plain numbers
+    device : device with plain numbers
     theta : omega T, rad
     """
     delays = delays_of(device)
@@ -115,9 +115,9 @@ def loops_in_hands(
 
     Parameters
     ----------
-    device : plain numbers
-    hands : the box
-    shares : of each range at which hands are looked at
+    device : device with plain numbers
+    hands : the box of hands
+    shares : shares of each range at which hands are evaluated
     per_decade : number of angles in each decade
     """
     theta = angles(device, per_decade)
@@ -130,17 +130,17 @@ def _loops(device: Device, hands: Hand, theta: Floats) -> LoopsInHands:
 
 
 def _every(numbers: Hand) -> Hand:
-    """Return the hands of all combinations of some numbers each, the last varying fastest."""
+    """Return the hands of all combinations of given numbers; the last number varies fastest."""
     each = np.meshgrid(*numbers.numbers.values(), indexing="ij")
     return Hand(*(number.ravel() for number in each))
 
 
 def angles(device: Device, per_decade: int) -> Floats:
-    """Return angles from 0 to pi, next to a resonance of the device more of them.
+    """Return angles from 0 to pi, with more of them near a resonance of the device.
 
     Parameters
     ----------
-    device : its sample time and structure are used
+    device : device; the function uses its sample time and structure
     per_decade : number of angles in each decade
     """
     theta = np.geomspace(LOWEST, np.pi, int(per_decade * np.log10(np.pi / LOWEST)))
@@ -155,9 +155,9 @@ def loops_at_rest(device: Device, hands: Hands, spacing: int = 1) -> LoopsInHand
 
     Parameters
     ----------
-    device : plain numbers
-    hands : the box
-    spacing : of the stiffnesses that are looked at, in those of `SOFT`
+    device : device with plain numbers
+    hands : the box of hands
+    spacing : spacing of the evaluated stiffnesses, in entries of `SOFT`
     """
     low, high = hands.low, hands.high
     stiffness = np.unique(low.stiffness + (high.stiffness - low.stiffness) * np.append(0.0, SOFT[::spacing]))
@@ -166,5 +166,5 @@ def loops_at_rest(device: Device, hands: Hands, spacing: int = 1) -> LoopsInHand
 
 
 def _places(low: float, high: float, shares: tuple[float, ...]) -> Floats:
-    """Return the places of a range at its shares; one where it has no width."""
+    """Return the numbers of a range at given shares; a single number if the range has no width."""
     return np.unique(low + (high - low) * np.array(shares))

@@ -1,8 +1,9 @@
-"""The lossless hand in which a refused impedance display grows (model/README.md, section 15).
+"""Find the lossless hand in which a refused impedance display grows (model/README.md, section 15).
 
-The disc of any hand is a sum of discs, one for each alias of the frequency, and its worst point has each of them at the
-edge: a reactance of the hand at each alias. By Foster's theorem a mass or a spring with resonators has this reactance
-at any number of aliases. The environment with which it grows in exact time is found as in one hand of a box.
+The disc of any hand is a sum of discs, one for each alias of the frequency. At its worst point each of them is at its
+edge, which requires a certain reactance of the hand at each alias. By Foster's theorem a mass or a spring with
+resonators has this reactance at any number of aliases. In this hand, the search for the environment with which the
+exact sampled loop grows is the same as in a hand of a box.
 """
 
 from __future__ import annotations
@@ -27,29 +28,30 @@ from vctune.model.sampled.any_hand import drive_at, motor_disc
 from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
 
 TURNED = (1, 3, 5, 9, 17, 33)
-"""Numbers of aliases, the nearest first, at which the hand has the worst reactance; the least number that suffices is
-used. One design in 160 that are refused by 1 % or more needs 33; every second of these, or twice as many, serve the
-same others."""
+"""Numbers of aliases, the nearest first, at which the hand has the worst reactance; the search uses the least number
+that suffices. Among designs that are refused by 1 % or more, one in 160 needs 33 aliases. Every second of these
+numbers, or twice as many, serve the same other designs."""
 DETUNED = (0.1, 1e-2, 1e-3, 1e-4)
-"""How far a resonator is from its alias, relative: the nearer, the less it does at the others, and the slower a motion
-grows. Half as many find growth up to eight times slower, twice as many a hand for one design of 60 more."""
+"""Relative distances of a resonator from its alias. The smaller the distance, the less the resonator acts at other
+aliases, and the slower a motion grows. Half as many distances find growth up to eight times slower; twice as many find
+a hand for one more design in 60."""
 SUMMED = 250
-"""Aliases on either side that are summed for the hand's response; the rest is below 1e-5. Half and twice: the same
-growth to four digits."""
+"""Number of aliases on either side that are summed for the hand's response; the rest is below 1e-5. Half and twice as
+many give the same growth to four digits."""
 FROM_ENDS = (0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3)
 """Distances from 0 Hz and Nyquist, where nothing grows, at which the hand is sought, rad; the first success ends the
 search. Half and twice as many find hands for the same designs, some with a sixth of the growth and some with six times
-as much."""
+the growth."""
 
 
 @dataclass(frozen=True, slots=True)
 class LosslessHand:
-    """A mass or a spring at the handle, and masses on springs of their own.
+    """A mass or a spring at the handle, with resonators: masses on their own springs.
 
     Attributes
     ----------
-    mass, stiffness : kg and N/m; one of them is 0
-    resonators : mass and stiffness of each
+    mass, stiffness : mass and stiffness at the handle, kg and N/m; one of them is 0
+    resonators : mass and stiffness of each resonator
     """
 
     mass: float
@@ -57,7 +59,7 @@ class LosslessHand:
     resonators: tuple[tuple[float, float], ...] = ()
 
     def impedance(self, omega: Number) -> Number:
-        """Return its impedance at complex frequencies, rad/s, N s/m."""
+        """Return the hand's impedance at complex frequencies in rad/s, N s/m."""
         found = 1j * (omega * self.mass - self.stiffness / omega)
         for mass, stiffness in self.resonators:
             found = found + 1j * omega * stiffness / (stiffness / mass - omega * omega)
@@ -67,17 +69,17 @@ class LosslessHand:
 def growing_in_any_hand(
     device: Device, gains: Gains, coupling: SpringDamper
 ) -> tuple[LosslessHand, GrowingEnvironment] | None:
-    """Return the simplest lossless hand, and environment, with which an impedance display is found to grow.
+    """Return the simplest lossless hand, and the environment, with which an impedance display grows.
 
     Parameters
     ----------
-    device : b > 0, plain numbers
-    gains, coupling : a design, plain numbers
+    device : device with b > 0, plain numbers
+    gains, coupling : a design with plain numbers
 
     Returns
     -------
     tuple or None
-        The hand without the least operator; None if nothing grows, for example where the constraint holds.
+        The hand excludes the least operator. None if nothing grows, for example where the constraint holds.
     """
     with np.errstate(all="ignore"):
         places = list(_places(device, gains, coupling))
@@ -93,7 +95,7 @@ def growing_in_any_hand(
 def _growing_in(
     device: Device, gains: Gains, coupling: SpringDamper, hand: LosslessHand, theta: float
 ) -> GrowingEnvironment | None:
-    """Return the environment with which a loop grows in a hand; nothing rendered if the loop of K_v alone grows."""
+    """Return the environment with which a loop grows in a hand; none is rendered if the loop of K_v alone grows."""
 
     def loop(theta: complex) -> complex:
         """Return K_v F G_y."""
@@ -110,7 +112,7 @@ def _growing_in(
 
 
 def _places(device: Device, gains: Gains, coupling: SpringDamper) -> Iterator[float]:
-    """Yield angles at which less is offered than any hand requires: local minima, off the ends."""
+    """Yield angles at which the coupling offers less than any hand requires: local minima away from the ends."""
 
     def missed(theta: float) -> bool:
         return bool(ratio_in_any_hand(device, gains, coupling, np.array([theta]))[0] < 1)
@@ -128,7 +130,7 @@ def _places(device: Device, gains: Gains, coupling: SpringDamper) -> Iterator[fl
 
 
 def _hands(device: Device, gains: Gains, theta: float, count: int) -> Iterator[LosslessHand]:
-    """Yield hands that have the worst reactance at a number of aliases, which is odd."""
+    """Yield hands that have the worst reactance at an odd number of aliases."""
     at = theta + 2 * pi * np.array([0, *(sign * n for n in range(1, count // 2 + 1) for sign in (-1, 1))])
     reactance = np.sign(at) * _reactance(device, gains, theta, at)
     for detuned in DETUNED if count > 1 else DETUNED[:1]:
@@ -138,11 +140,11 @@ def _hands(device: Device, gains: Gains, theta: float, count: int) -> Iterator[L
 
 
 def _reactance(device: Device, gains: Gains, theta: float, at: Floats) -> Floats:
-    """Return the hand's worst reactance, with which the motor's response is at the edge of its disc.
+    """Return the hand's worst reactance, which puts the motor's response at the edge of its disc.
 
     Parameters
     ----------
-    device, gains : plain numbers
+    device, gains : device and gains with plain numbers
     theta : omega T, rad
     at : angles of the aliases, rad; other angles have no response
     """
@@ -161,8 +163,10 @@ def _reactance(device: Device, gains: Gains, theta: float, at: Floats) -> Floats
 
 
 def _worst_direction(c: complex, r: float, k: complex) -> complex:
-    """Return (G - c)/r on a disc's edge where Re G/(1 + k G) is least; if k G can be less than -1, where that is
-    least."""
+    """Return (G - c)/r at the point of a disc's edge where Re G/(1 + k G) is least.
+
+    If k G can be less than -1, the function returns the point where k G is least.
+    """
     size = abs(1 + k * c) ** 2 - abs(k * r) ** 2
     if size <= 0:
         along = -np.conj(k) / abs(k)
@@ -173,12 +177,13 @@ def _worst_direction(c: complex, r: float, k: complex) -> complex:
 
 
 def _with_reactance(omega: Floats, reactance: Floats, detuned: float) -> LosslessHand | None:
-    """Return a hand with that reactance at these frequencies, a resonator beside each but the first; None if there is
-    none.
+    """Return a hand with given reactances at given frequencies; None if there is no such hand.
+
+    The hand has a resonator near each frequency except the first.
 
     Parameters
     ----------
-    omega : rad/s, > 0
+    omega : frequency, rad/s, > 0
     reactance : N s/m
     detuned : relative distance of the resonators from their frequencies
     """
@@ -197,7 +202,7 @@ def _with_reactance(omega: Floats, reactance: Floats, detuned: float) -> Lossles
 
 
 def _answer(device: Device, hand: LosslessHand, theta: complex) -> complex:
-    """Return G_y in a hand, of a complex angle."""
+    """Return G_y in a hand at a complex angle."""
     at = theta + 2 * pi * np.arange(-SUMMED, SUMMED + 1)
     omega = at / device.sample_time
     mass, damping = _motor(device)
@@ -216,13 +221,13 @@ def _low_pass(device: Device, theta: complex) -> complex:
 
 
 def _motor(device: Device) -> tuple[float, float]:
-    """Return mass and damping that the motor moves directly, including a rigid least operator."""
+    """Return the mass and damping that the motor moves directly, including those of a rigid least operator."""
     held = device.operator if device.operator is not None else LeastOperator(0.0, 0.0)
     return device.motor_mass + held.mass, device.least_damping
 
 
 def _handle(device: Device, omega: Floats) -> tuple[Floats, float, float]:
-    """Return the impedance of a structure's spring, and mass and damping of its handle."""
+    """Return the impedance of a structure's spring, and the mass and damping of its handle."""
     assert device.structure is not None
     parts = mechanism(device, device.structure, FLOATS)
     return parts.viscosity + parts.stiffness / (1j * omega), parts.handle, parts.damping or 0.0

@@ -17,37 +17,39 @@ from vctune.model.gains import Gains
 from vctune.model.numbers.pair import Pair
 
 BISECTIONS = 40
-"""Bisections of an interval of the grid, down to 1e-12 of it, which is more than the output shows. Half reaches 1e-6,
-which the output shows. Twice: rounding."""
+"""Number of bisections of an interval of the grid, down to 1e-12 of it, which is finer than the output shows. Half as
+many reach 1e-6, which the output shows; twice as many reach rounding errors."""
 MARGIN_POINTS_PER_DECADE = 100
-"""Points per decade of the grid for crossings. Half may miss two crossings within 5 %; twice takes twice the time."""
+"""Points per decade of the grid for crossings. Half as many may miss two crossings within 5 %; twice as many take twice
+the time."""
 DECADES_BELOW_NYQUIST = 7
-"""No loop crosses over as far below Nyquist but one whose bandwidth is a millionth of its sampling rate. Half misses
-crossings of slow loops; twice is wasted."""
+"""Number of decades below Nyquist that are searched. Only a loop with a bandwidth of a millionth of its sampling rate
+crosses over that far below. Half as many miss crossings of slow loops; twice as many are wasted."""
 STEPS, FARTHEST = 16, 32
-"""Steps in which the delay grows to its estimated margin, and the multiple of the margin up to which it is followed.
-Half the steps: an interval of delays in which the loop is unstable may be jumped over that is twice as long. Twice
-takes twice the time."""
+"""Number of steps in which the delay grows to its estimated margin, and the multiple of the margin up to which it is
+followed. With half as many steps, an unstable interval of delays that is stepped over may be twice as long. Twice as
+many take twice the time."""
 NEWTON_STEPS = 8
-"""From ten bisections' accuracy quadratic convergence takes three; the others are for a double crossing, where it is
-linear. Half would do for a simple one, twice are rounding."""
+"""Number of Newton's steps. From the accuracy of ten bisections, quadratic convergence takes three; the others serve a
+double crossing, where convergence is linear. Half as many suffice for a simple crossing; twice as many reach rounding
+errors."""
 DIFFERENCE = 1e-6
-"""Step of the central differences in Newton's method, of log omega and of delay over sample time. Its error of 1e-12
-and its rounding of 1e-10 slow the method down but do not change its limit; nor do half and twice."""
+"""Step of the central differences in Newton's method, in log omega and in delay over sample time. Its error of 1e-12
+and its rounding error of 1e-10 slow the method down but do not change its limit, nor do half and twice this step."""
 FARTHEST_CORRECTION = 0.05
-"""Share of the delay by which Newton's method may correct a bisection, which is correct to 1e-4 of the estimate. If it
-moves farther, it has found another crossing; half and twice it decide alike."""
+"""Greatest share of the delay by which Newton's method may correct a bisection, which is correct to 1e-4 of the
+estimate. If it moves farther, it has found another crossing. Half and twice this share decide alike."""
 
 
 @dataclass(frozen=True, slots=True)
 class Margins:
-    """The margins nearest to instability; inf if nothing crosses.
+    """The margins nearest to instability; inf if there is no crossing.
 
     Attributes
     ----------
-    gain : factor on L that makes it unstable, the one nearest to 1
-    phase : rad, the one nearest to 0
-    delay : s, the least additional delay of the device that makes the sampled loop unstable
+    gain : factor on L, nearest to 1, that makes the loop unstable
+    phase : phase, rad, nearest to 0, that makes the loop unstable
+    delay : least additional delay of the device, s, that makes the sampled loop unstable
     """
 
     gain: float
@@ -56,17 +58,17 @@ class Margins:
 
 
 def loop_margins(device: Device, gains: Gains) -> Margins:
-    """Return the margins of a stable loop, read off L on the upper half of the unit circle.
+    """Return the margins of a stable loop, from L on the upper half of the unit circle.
 
     Parameters
     ----------
-    device : let go, plain numbers
+    device : device without a hand, with plain numbers
     gains : gains with which its sampled loop is stable
 
     Returns
     -------
     Margins
-        All inf without a loop.
+        All margins are inf without a loop.
     """
     if not gains.closed:
         return Margins(inf, inf, inf)
@@ -88,11 +90,11 @@ def loop_margins(device: Device, gains: Gains) -> Margins:
 
 
 def unit_gain_frequencies(device: Device, gains: Gains) -> Floats:
-    """Return the frequencies at which the sampled loop crosses |L| = 1, rad/s, increasing.
+    """Return the frequencies at which the sampled loop has |L| = 1, rad/s, in ascending order.
 
     Parameters
     ----------
-    device : let go, plain numbers
+    device : device without a hand, with plain numbers
     gains : gains, one of them not 0
     """
     return _roots(lambda omega: np.log(np.abs(loop_gain(device, gains, omega))), _grid(device))
@@ -103,12 +105,12 @@ def unstable_poles(device: Device, gains: Gains) -> int:
 
     Parameters
     ----------
-    device, gains : plain numbers
+    device, gains : device and gains with plain numbers
 
     Returns
     -------
     int
-        An estimate on a grid, right where F does not come close to 0.
+        An estimate on a grid; it is correct if F does not come close to 0.
     """
     F = _circle(device, gains)
     turns = np.unwrap(np.arctan2(F.im, F.re))
@@ -127,10 +129,10 @@ def _circle(device: Device, gains: Gains) -> Pair:
 
 
 def _delay_margin(device: Device, gains: Gains, estimate: float) -> float:
-    """Return the least delay with which F passes through 0, inf if there is no such delay.
+    """Return the least delay with which F passes through 0; inf if there is no such delay.
 
-    The estimate, phase over frequency, is good far below Nyquist only: part of a sample of delay even eases a loop
-    that rings at Nyquist, where the held force acts on two samples.
+    The estimate, phase divided by frequency, is good only far below Nyquist. A fraction of a sample of delay even eases
+    a loop that rings at Nyquist, because the held force then acts on two samples.
     """
 
     def stable(delay: float) -> bool:
@@ -173,7 +175,7 @@ def _at_zero(device: Device, gains: Gains, delay: float) -> float:
 
 
 def _roots(f: Callable[[Floats], Floats], grid: Floats) -> Floats:
-    """Return the frequencies at which f changes its sign, by bisection, all at once."""
+    """Return the frequencies at which f changes its sign, by bisecting all intervals at once."""
     values = f(grid)
     at = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)
     low, high = grid[at], grid[at + 1]

@@ -25,7 +25,7 @@ SENSOR, SENSOR_DELAY, ESTIMATE, LAW = "force sensor", "force sensor's delay", "v
 HOLD, DELAY, ACTUATOR, MECHANISM = "hold", "delay", "actuator", "mechanism"
 FEEDBACK, ALIASES = "feedback", "aliases of sampling"
 PARTS = (SENSOR, SENSOR_DELAY, ESTIMATE, LAW, HOLD, DELAY, ACTUATOR, MECHANISM, FEEDBACK, ALIASES)
-"""The parts that have a phase, under their names on a page, from the hand on."""
+"""Names of the parts with a phase, as a page shows them, beginning at the hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +34,8 @@ class Phases:
 
     Attributes
     ----------
-    omega : rad/s
-    shares : phases by part, rad; only for existing parts
+    omega : frequency, rad/s
+    shares : phase of each existing part, rad
     """
 
     omega: float
@@ -43,16 +43,16 @@ class Phases:
 
     @property
     def total(self) -> float:
-        """All of them together, rad."""
+        """The sum of all shares, rad."""
         return sum(self.shares.values())
 
 
 def crossover(device: Device, gains: Gains) -> float | None:
-    """Return the highest frequency at which the sampled loop has |L| = 1, rad/s; None if it has none.
+    """Return the highest frequency at which the sampled loop has |L| = 1, rad/s; None if there is no such frequency.
 
     Parameters
     ----------
-    device : plain numbers, SI units; without a hand
+    device : device with plain numbers, SI units; without a hand
     gains : K_v, K_p, N s/m and N/m
     """
     if not gains.closed:
@@ -64,13 +64,13 @@ def crossover(device: Device, gains: Gains) -> float | None:
 def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
     """Return the contribution of each part to the phase of L = A H (K_v F + K_p/s) P_mu of the sampled loop.
 
-    The effect of sampling on the frequency model has a share of its own. The hold is the exact one.
+    Sampling itself, which the frequency model lacks, has a share of its own. The hold is the exact one.
 
     Parameters
     ----------
-    device : plain numbers, SI units; without a hand
+    device : device with plain numbers, SI units; without a hand
     gains : K_v, K_p, N s/m and N/m
-    omega : rad/s, 0 < omega <= pi/T
+    omega : frequency, rad/s, 0 < omega <= pi/T
     """
     known = _constants(device, omega)
     shares = _law_phase(gains, omega)
@@ -87,13 +87,13 @@ def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
 def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
     """Return the contribution of each part to the phase of q = F_s G_he, with G_he = P_hu C_0/(1 + P_mu C_f).
 
-    The feedback, 1/(1 + P_mu C_f), makes up for most of the lag within the loop; nothing makes up for the force sensor.
+    The feedback, 1/(1 + P_mu C_f), makes up for most of the lag within the loop. Nothing makes up for the force sensor.
 
     Parameters
     ----------
-    device : plain numbers, SI units
+    device : device with plain numbers, SI units
     gains : K_v, K_p, N s/m and N/m
-    omega : rad/s, > 0
+    omega : frequency, rad/s, > 0
     """
     known, sensor = _constants(device, omega), device.sensing
     low_pass = sensor_response(replace(sensor, delay=0.0), np.array(omega), FLOATS)
@@ -102,7 +102,7 @@ def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
     shares |= _law_phase(gains, omega)
     shares |= _drive_phases(device, omega)
     idle, e = _without_loop(known), _number(known.factor)
-    shares[MECHANISM] = _angle(e / idle) - _angle(e)  # apart: beyond a resonance it goes on past -180 deg
+    shares[MECHANISM] = _angle(e / idle) - _angle(e)  # separate: beyond a resonance it continues past -180 deg
     shares[FEEDBACK] = -_angle(_number(known.D.closed(gains)) / idle)
     return Phases(omega, shares)
 
@@ -112,8 +112,8 @@ def sensor_miss(device: Device, omega: Floats) -> Floats | None:
 
     Parameters
     ----------
-    device : only its force sensor matters
-    omega : rad/s, > 0, shape (n,)
+    device : device; only its force sensor matters
+    omega : frequency, rad/s, > 0, shape (n,)
     """
     sensor = device_response(device, omega, FLOATS).sensor
     return None if sensor is None else np.abs(omega * omega * sensor.curvature + 1j * omega * sensor.lag)
@@ -134,7 +134,7 @@ def _constants(device: Device, omega: float) -> LoopConstants:
 
 
 def _without_loop(known: LoopConstants) -> complex:
-    """Return D without a loop."""
+    """Return D of the device without a loop."""
     assert known.D.constant is not None
     return _number(known.D.constant)
 

@@ -1,4 +1,4 @@
-"""Frequencies near the resonance of a handle on a spring, which a grid of constant spacing may step over."""
+"""Frequencies near the resonance of a handle on a spring, which a grid of constant spacing may miss."""
 
 from __future__ import annotations
 
@@ -11,34 +11,34 @@ from vctune.analysis.extrema import Floats
 from vctune.model.device import Device
 
 RESONANCE_REACH, NARROWEST = 1.1, 2e-3
-"""Range around a structure's resonances in which the grid is as fine as half their damping ratio, and its finest
-spacing. Half and twice the range decide alike, because the loop moves a resonance between these two. Half as fine may
-miss the effect of a resonance between two frequencies, which the proof would then find; twice as fine takes twice the
-time there."""
+"""Range around a structure's resonances in which the grid's spacing is half their damping ratio, and its finest
+spacing. Half and twice the range decide alike, because the loop moves a resonance between the two. A grid half as fine
+may miss the effect of a resonance between two frequencies, which the proof would then find. A grid twice as fine takes
+twice the time there."""
 NARROWER = 6.0
-"""Factor by which a resonance is sampled more finely than its width, for a curve. Half shows corners, twice is twice as
-long a file."""
+"""Factor by which a drawn curve samples a resonance more finely than its width. Half this factor shows corners; twice
+this factor makes the file twice as long."""
 
 
 def with_resonance(device: Device, grid: Floats) -> Floats:
     """Return a grid, rad/s, with more frequencies between the resonance of the handle alone and that of both masses.
 
-    A rigid device has no resonance, and its grid stays as it is.
+    A rigid device has no resonance, so its grid stays as it is.
 
     Parameters
     ----------
-    device : plain numbers
-    grid : increasing, rad/s
+    device : device with plain numbers
+    grid : frequencies in ascending order, rad/s
 
     Returns
     -------
     array of float
-        Increasing, rad/s, with the same ends.
+        In ascending order, rad/s, with the same ends.
     """
     structure, mass = device.structure, device.mass
     if structure is None:
         return grid
-    # the handle swings alone while the loop holds the motor fast: the reduced mass m_1 m_2/m becomes m_2
+    # the handle resonates alone if the loop holds the motor still: the reduced mass m_1 m_2/m becomes m_2
     resonance = 2 * pi * float(structure.frequency_hz)
     load = structure.load.mass if structure.load is not None else 0.0
     held = resonance * ((mass - structure.handle_mass) / mass) ** 0.5
@@ -48,18 +48,17 @@ def with_resonance(device: Device, grid: Floats) -> Floats:
         return grid
     # half the damping ratio, a quarter of the relative width 2 zeta of a resonance
     step = min(max(float(structure.damping_ratio) / 2, NARROWEST), 0.02)
-    # 1 + int(...) steps, so that none is longer than `step`, and one frequency more than steps
+    # 1 + int(...) steps, so that no step exceeds `step`, and one more frequency than steps
     return np.union1d(grid, np.geomspace(low, high, 2 + int(np.log(high / low) / step)))
 
 
 def round_at_resonance(device: Device, hz: Floats) -> Floats:
-    """Return frequencies with more of them around a structure's resonance, so that it is drawn as a smooth
-    curve.
+    """Return frequencies with more of them around a structure's resonance, so that a curve over them looks smooth.
 
     Parameters
     ----------
-    device : plain numbers
-    hz : increasing, Hz
+    device : device with plain numbers
+    hz : frequencies in ascending order, Hz
     """
     if device.structure is None:
         return hz

@@ -1,4 +1,4 @@
-"""The exact sampled loop at frequencies up to Nyquist, in double precision; margins are read from it."""
+"""The exact sampled loop at frequencies up to Nyquist, in double precision. The margins come from it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Complex = NDArray[np.complex128]
 
 
 def plant_of(device: Device) -> SampledPlant:
-    """Return the sampled plant of a device, or of several whose numbers are arrays."""
+    """Return the sampled plant of a device, or of several devices whose numbers are arrays."""
     several = any(np.ndim(number) for number in device.numbers().values())
     return _sampled(device) if several else _sampled_once(device)
 
@@ -36,8 +36,8 @@ def _sampled(device: Device) -> SampledPlant:
 
 
 _sampled_once = lru_cache(maxsize=1024)(_sampled)
-"""Cache for a device known exactly, because all frequencies and all rounds of an exchange need the same exponential.
-Its size is the number of devices tried in a box; half and twice as many take the same time."""
+"""Cache for devices with exactly known numbers, because all frequencies and all rounds of an exchange need the same
+exponential. Its size is the number of devices tried in a box; half and twice as many take the same time."""
 
 
 def return_difference_at(device: Device, omega: Floats, *, position: bool) -> ReturnDifference:
@@ -45,19 +45,19 @@ def return_difference_at(device: Device, omega: Floats, *, position: bool) -> Re
 
     Parameters
     ----------
-    device : its numbers may be arrays that broadcast against omega
-    omega : rad/s, 0 < omega <= pi/T
-    position : whether the position is in the loop
+    device : device; its numbers may be arrays that broadcast against omega
+    omega : frequency, rad/s, 0 < omega <= pi/T
+    position : whether the loop contains the position
     """
     return return_difference(plant_of(device), omega * device.sample_time, FLOATS, position=position)
 
 
 def sensitivity_of(device: Device, gains: Gains) -> Callable[[Floats], Floats]:
-    """Return |S| as a function of frequencies omega > 0, rad/s, the plant sampled once for all of them.
+    """Return |S| as a function of frequencies omega > 0, rad/s. The plant is sampled once for all of them.
 
     Parameters
     ----------
-    device, gains : their numbers may be arrays that broadcast against omega
+    device, gains : device and gains; their numbers may be arrays that broadcast against omega
     """
     plant, position = plant_of(device), bool(np.any(gains.position))
 
@@ -69,13 +69,13 @@ def sensitivity_of(device: Device, gains: Gains) -> Callable[[Floats], Floats]:
 
 
 def pulse_transfer(device: Device, omega: Floats, *, position: bool) -> tuple[Complex, Complex]:
-    """Return G_v and G_x, from the held force to velocity and position, at omega > 0; G_x is 0 if not in the loop.
+    """Return G_v and G_x, from the held force to velocity and position, at omega > 0; G_x is 0 if the loop lacks it.
 
     Parameters
     ----------
-    device : its numbers may be arrays that broadcast against omega
-    omega : rad/s, 0 < omega <= pi/T
-    position : whether the position is in the loop
+    device : device; its numbers may be arrays that broadcast against omega
+    omega : frequency, rad/s, 0 < omega <= pi/T
+    position : whether the loop contains the position
 
     Returns
     -------
@@ -92,8 +92,8 @@ def loop_gain(device: Device, gains: Gains, omega: Floats) -> Complex:
 
     Parameters
     ----------
-    device, gains : their numbers may be arrays that broadcast against omega
-    omega : rad/s, 0 < omega <= pi/T
+    device, gains : device and gains; their numbers may be arrays that broadcast against omega
+    omega : frequency, rad/s, 0 < omega <= pi/T
     """
     G_v, G_x = pulse_transfer(device, omega, position=bool(np.any(gains.position)))
     return gains.velocity * G_v + gains.position * G_x

@@ -1,4 +1,4 @@
-"""Stability of both loops on grids, and its boundary: estimates for the search, not proofs.
+"""Stability of both loops on grids, and the stability boundary: estimates for the search, not proofs.
 
 See model/README.md, section 7.
 """
@@ -24,33 +24,34 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.velocity_loop import ReturnDifference, return_difference
 
 FIRST_ANGLE, ANGLES_PER_DECADE = 1e-4, 46
-"""Grid for counting turns: chords between neighbours 5 % apart pass 0 on the side of the curve unless it is
-`TOO_CLOSE`. A loop slower than the first angle has no lag to turn by. With half as many angles the proof has to decide
-more loops; twice as many take twice the time of a scan."""
+"""Grid for counting turns. Neighbours are 5 % apart. The chord between them passes 0 on the same side as the curve,
+unless the curve is too close to 0 (`TOO_CLOSE`). A loop slower than the first angle has no lag with which to turn. With
+half as many angles the proof has to decide more loops; twice as many take twice the time of a scan."""
 TOO_CLOSE = 0.03
-"""Least |F| at which the grid counts as reliable, a little less than the distance of neighbouring angles. With half,
-chords may pass 0 on the wrong side; with twice, the proof has to decide more loops. Neither endangers a verdict."""
+"""Least |F| at which the grid counts as reliable, slightly less than the distance of neighbouring angles. With half of
+it, chords may pass 0 on the wrong side; with twice, the proof has to decide more loops. Neither endangers a verdict."""
 LARGEST_TURN = 1.0
-"""Greatest turn between neighbouring angles at which they are believed, rad: well below half a turn, where its sense is
-lost. Half and twice it leave more and fewer loops to the proof."""
+"""Greatest turn between neighbouring angles that counts as reliable, rad. It is well below half a turn, at which the
+direction is lost. Half and twice it leave more and fewer loops to the proof."""
 CROSSING_POINTS, CROSSING_ROUNDS = 33, 3
-"""Points and rounds of the search along a segment of gains for a pole's crossing, down to 1/32768 of it. A cut need not
-be closer, because several rounds follow. Half and twice the points: to 1/4096 and 1/262144."""
+"""Number of points, and of rounds, in the search along a segment of gains for a pole's crossing, down to 1/32768 of the
+segment. A cut need not be closer, because several rounds follow. Half and twice as many points reach 1/4096 and
+1/262144."""
 DIFFERENCE = 1e-4
-"""Relative step of the central difference in theta that gives the direction of a cut: correct to 1e-8, rounded to
-1e-12. Half and twice it give the same direction."""
+"""Relative step of the central difference in theta that gives the direction of a cut, correct to 1e-8 with a rounding
+error of 1e-12. Half and twice this step give the same direction."""
 
 Curve = Callable[[Floats, Floats, Floats], Complex]
-"""F(theta, K_v, K_p) = 1 + loop gain, affine in the gains: theta is omega T, rad."""
+"""The function F(theta, K_v, K_p) = 1 + loop gain, affine in the gains; theta is omega T, rad."""
 
 
 def sampled_curve(device: Device, *, position: bool) -> Curve:
-    """Return the return difference of the sampled loop over that of the open loop.
+    """Return the return difference of the sampled loop, divided by that of the open loop.
 
     Parameters
     ----------
-    device : its numbers may be arrays that broadcast against theta
-    position : whether the position is in the loop, K_p > 0
+    device : device; its numbers may be arrays that broadcast against theta
+    position : whether the loop contains the position, K_p > 0
     """
     plant = plant_of(device)
 
@@ -63,7 +64,7 @@ def sampled_curve(device: Device, *, position: bool) -> Curve:
 
 
 def model_curve(device: Device) -> Curve:
-    """Return D of the frequency model over that of the open loop; D/Z_d of a rigid device."""
+    """Return D of the frequency model, divided by that of the open loop: D/Z_d for a rigid device."""
 
     def curve(theta: Floats, K_v: Floats, K_p: Floats) -> Complex:
         omega = theta / device.sample_time
@@ -80,13 +81,13 @@ def angles(device: Device, first: float = FIRST_ANGLE) -> Floats:
 
     Parameters
     ----------
-    device : plain numbers
+    device : device with plain numbers
     first : the least angle, rad
 
     Returns
     -------
     array of float
-        omega T, rad, increasing to pi; read-only.
+        omega T, rad, in ascending order up to pi; read-only.
     """
     grid, T = _angles(first), device.sample_time
     return grid if device.structure is None else np.minimum(with_resonance(device, grid / T) * T, np.pi)
@@ -107,14 +108,14 @@ def unit_circle(device: Device, first: float = FIRST_ANGLE, *, position: bool) -
 
     Parameters
     ----------
-    device : plain numbers
+    device : device with plain numbers
     first : the least angle, rad
-    position : whether the position is in the loop, K_p > 0
+    position : whether the loop contains the position, K_p > 0
 
     Returns
     -------
     ReturnDifference
-        At `angles`, each part of their shape.
+        The parts at `angles`, each with their shape.
     """
     return return_difference(plant_of(device), angles(device, first), FLOATS, position=position)
 
@@ -122,8 +123,9 @@ def unit_circle(device: Device, first: float = FIRST_ANGLE, *, position: bool) -
 def makes_no_turn(F: Pair) -> NDArray[np.bool_]:
     """Return whether a closed loop's return difference on `unit_circle`, the last axis, makes no turn around 0.
 
-    The turn from the first angle to the last, where F is real, is that of the first to the positive real axis plus a
-    whole turn for each crossing of the negative real axis, which chords between neighbouring angles show.
+    F is real at the last angle. The turn from the first angle to the last is the angle from F at the first to the
+    positive real axis, plus a full turn for each crossing of the negative real axis, which chords between neighbouring
+    angles show.
     """
     up = F.im >= 0
     cross = F.re[..., :-1] * F.im[..., 1:] - F.re[..., 1:] * F.im[..., :-1]
@@ -134,17 +136,17 @@ def makes_no_turn(F: Pair) -> NDArray[np.bool_]:
 
 
 def clearly_stable(device: Device, gains: Gains) -> bool | None:
-    """Return whether neither loop makes a turn around 0, or None if one comes too close to it.
+    """Return whether neither loop turns around 0; None if a loop comes too close to 0.
 
     Parameters
     ----------
     device : one of `Device.loops`, plain numbers
-    gains : plain numbers; without a loop the result is None
+    gains : gains with plain numbers; without a loop the result is None
 
     Returns
     -------
     bool or None
-        An estimate, no proof.
+        An estimate, not a proof.
     """
     if gains.velocity == 0 and gains.position == 0:
         return None
@@ -161,7 +163,7 @@ def clearly_stable(device: Device, gains: Gains) -> bool | None:
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """open + K_v velocity + K_p position >= 0: a half plane that keeps the gains inside a boundary."""
+    """The half plane open + K_v velocity + K_p position >= 0, which keeps the gains inside the boundary."""
 
     open: float
     velocity: float
@@ -171,12 +173,12 @@ class Cut:
 def stability_cut(device: Device, inside: Gains, outside: Gains, level: float) -> Cut | None:
     """Return the tangent to the stability boundary between a stable and an unstable pair of gains.
 
-    On the boundary F(theta) = 0 for some theta; moving along it changes theta, so that its tangent is where dF is
+    On the boundary F(theta) = 0 for some theta. Since theta changes along the boundary, its tangent is where dF is
     parallel to dF/dtheta. The function examines both the sampled loop and the frequency model.
 
     Parameters
     ----------
-    device : dimensionless
+    device : device, dimensionless
     inside, outside : stable and unstable gains
     level : distance kept from the tangent, as a share of F with the loop open
     """
@@ -192,7 +194,7 @@ def stability_cut(device: Device, inside: Gains, outside: Gains, level: float) -
 
 
 def _crossing(curve: Curve, theta: Floats, inside: Gains, outside: Gains) -> Gains | None:
-    """Return the gains at which the number of turns first differs from that inside, or None."""
+    """Return the gains at which the number of turns first differs from that at `inside`; None if it does not differ."""
     low, high = 0.0, 1.0
     for _ in range(CROSSING_ROUNDS):
         t = np.linspace(low, high, CROSSING_POINTS)[:, None]
@@ -226,7 +228,7 @@ def _at(curve: Curve, theta: float, gains: Gains) -> complex:
 
 
 def _cut(curve: Curve, theta: float, inside: Gains, normal: complex, level: float) -> Cut | None:
-    """Return Re(F(theta) conj(normal)) >= level, the normal pointing to the stable side."""
+    """Return the half plane Re(F(theta) conj(normal)) >= level, with the normal towards the stable side."""
     if (_at(curve, theta, inside) * normal.conjugate()).real < 0:
         normal = -normal
     open_loop = _at(curve, theta, Gains(0.0, 0.0)) * normal.conjugate()

@@ -13,7 +13,7 @@ from vctune.model.problem import Problem
 from vctune.model.transparency import log_quadrature, loop_terms
 
 NODES = 64
-"""Frequencies of `tracking_terms`: half as many draw the same line."""
+"""Number of frequencies of `tracking_terms`; half as many draw the same line."""
 
 
 def tracking_terms(problem: Problem, gains: Gains) -> Floats:
@@ -21,13 +21,13 @@ def tracking_terms(problem: Problem, gains: Gains) -> Floats:
 
     Parameters
     ----------
-    problem : of the nominal device
-    gains : K_v and K_p, arrays that fit each other
+    problem : problem of the nominal device
+    gains : K_v and K_p, arrays that broadcast against each other
 
     Returns
     -------
     array of float
-        Of the shape of the gains.
+        The result has the shape of the gains.
     """
     band, device = problem.transparency.band, problem.device
     omega, weights = log_quadrature(band.min, band.max, NODES)

@@ -1,8 +1,8 @@
 """The commands as functions: `from vctune import ...`.
 
-A command reads its options, calls one of these and prints. Every function that takes a problem accepts the path of its
-file, its tables as a dict, a `Problem`, or the `ProblemFile` that `problem` makes of any of these; a fault raises an
-`InputError`, which is a `ValueError`.
+A command reads its options, calls one of these functions and prints the result. Every function that takes a problem
+accepts the path of its file, its tables as a dict, a `Problem`, or the `ProblemFile` that `problem` makes of any of
+these. A fault in the input raises an `InputError`, which is a `ValueError`.
 
 >>> from vctune import check, problem, solve
 >>> wheel = problem({"name": "wheel", "device": {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3},

@@ -1,4 +1,4 @@
-"""The ranges of arguments of functions and commands; imports nothing heavy."""
+"""The permitted ranges of arguments of functions and commands. The module imports nothing heavy."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from vctune.document.text.toml import STDIN as STDIN
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS, WORLD
 
 Format = Literal["c", "fmu", "json", "ros2"]
-"""Formats of an export."""
+"""Formats of an exported design."""
 GAPS = (1e-4, 10.0)
-"""Least and greatest gap: below, rounding shows; above, a bound is useless."""
+"""Least and greatest gap. Below the least, rounding errors show; above the greatest, a bound is useless."""
 RESOLUTIONS = (1 / 2048, 1 / 8)
-"""Least and greatest side of a region's smallest cell, as a share of the plane's."""
+"""Least and greatest side of a region's smallest cell, as a share of the plane's side."""
 VARIABLES = (*KEYS, *SPRING_KEYS[3:])
-"""The design variables, by their keys."""
+"""Keys of the design variables."""
 AXES_OF_REGIONS = (*VARIABLES, *WORLD)
-"""What a region can be over: design variables, or numbers of the environments that given gains bear."""
+"""Possible axes of a region: design variables, or numbers of the environments that given gains render."""

@@ -1,4 +1,7 @@
-"""Problems with several axes that do not couple: each axis is a problem, and equal problems are solved once."""
+"""Solve, check and export problems with several uncoupled axes.
+
+Each axis is a problem; equal problems are solved once.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ from vctune.api.exporting import (
 from vctune.api.folders import GAINS_FILE, claim_folder
 from vctune.api.solving import solve
 from vctune.design.result import Solved
-from vctune.design.ros.admittance_check import check_admittance
+from vctune.design.ros.admittance_check import axes_asked_for, check_admittance
 from vctune.design.search.optimum import Progress
 from vctune.design.verdict.checked import Checked, CheckVerdict, DesignFinding
 from vctune.design.verdict.design_record import record_of
@@ -45,12 +48,12 @@ Found = TypeVar("Found")
 
 @dataclass(frozen=True, slots=True)
 class AxisDesign:
-    """The result for an axis.
+    """The design of one axis.
 
     Attributes
     ----------
-    axis : its problem
-    record : record of its design, or of the reason why there is none
+    axis : the axis, with its problem
+    record : record of its design, or of the reason why it has no design
     """
 
     axis: AxisProblem
@@ -62,18 +65,19 @@ def of_each(
     work: Callable[[AxisProblem], Found],
     given: Callable[[AxisProblem], Hashable] = lambda axis: None,
 ) -> list[tuple[AxisProblem, Found]]:
-    """Return the result of a function for each axis; it is called once for axes that state the same problem.
+    """Apply a function to each axis. Axes that state the same problem share one call.
 
     Parameters
     ----------
-    axes : the problem file
-    work : is called with an axis
-    given : other inputs of the work on an axis
+    axes : problem file with several axes
+    work : function of an axis; called once for each distinct problem
+    given : function that returns the other inputs of the work on an axis; axes share a call only if these are equal,
+        too
 
     Returns
     -------
     list
-        Each axis with the result for its problem, in the file's order.
+        Pairs of an axis and its result, in the order of the file.
     """
     done: dict[Hashable, Found] = {}
     found = []
@@ -88,18 +92,18 @@ def of_each(
 def solve_axes(
     axes: AxesFile, *, gap: float | None = None, prices: bool = False, progress: Progress = lambda stage: None
 ) -> list[AxisDesign]:
-    """Solve each axis; axes that state the same problem are solved once.
+    """Solve the problem of each axis. Axes that state the same problem are solved once.
 
     Parameters
     ----------
-    axes : the problem file
+    axes : problem file with several axes
     gap, prices : see `vctune.solve`
-    progress : function that receives the axis and the stage of the work
+    progress : function that receives the name of the axis and the stage of the work
 
     Returns
     -------
     list of AxisDesign
-        In the order of the file.
+        One design for each axis, in the order of the file.
     """
     from vctune.design.nlp.ipopt_version import ipopt_version
 
@@ -113,47 +117,47 @@ def solve_axes(
 
 
 def axis_folder(axes: AxesFile, axis: AxisProblem, out: Path) -> Path:
-    """Return the folder of an axis: in that of the problem, under its own name.
+    """Return the folder of an axis: OUT, the problem's name, the axis's name.
 
     Parameters
     ----------
     axes, axis : the problem file, and one of its axes
-    out : in which the folder of the problem is
+    out : parent folder of the problem's folder
     """
     return out / folder_name(axes.name) / folder_name(axis.name)
 
 
 def claim_axes(axes: AxesFile, out: Path) -> None:
-    """Make sure that the folder of each axis is there and may be written.
+    """Create the folder of each axis, and check that the design of its problem may be written there.
 
     Parameters
     ----------
-    axes : the problem file
-    out : in which the folder of the problem is
+    axes : problem file with several axes
+    out : parent folder of the problem's folder
 
     Raises
     ------
     InputError
-        If one cannot be written, or holds the design of another problem.
+        If a folder cannot be written, or holds the design of another problem.
     """
     for axis in axes.axes:
         claim_folder(axis.file, axis_folder(axes, axis, out))
 
 
 def write_axes(axes: AxesFile, designs: list[AxisDesign], out: Path, *, reported: bool) -> dict[Path, Path]:
-    """Write the design of each axis into its folder, and a page with a line for each beside them.
+    """Write the design of each axis into its folder, and into the problem's folder a page with one line for each axis.
 
     Parameters
     ----------
-    axes : the problem file
+    axes : problem file with several axes
     designs : designs of its axes
-    out : in which the folder of the problem is
-    reported : whether each folder has a report or will have one
+    out : parent folder of the problem's folder
+    reported : whether each folder has a report or will get one
 
     Returns
     -------
     dict
-        What of earlier designs was renamed, and to what.
+        The files of earlier designs that were renamed, with their new names.
     """
     renamed: dict[Path, Path] = {}
     for design in designs:
@@ -164,17 +168,17 @@ def write_axes(axes: AxesFile, designs: list[AxisDesign], out: Path, *, reported
 
 
 def gains_of_axes(axes: AxesFile, folder: Path) -> dict[str, GainsFile]:
-    """Return the gains of each axis, by its name, from the folder that `vctune solve` makes of a file with axes.
+    """Return the gains of each axis, read from the folder that `vctune solve` writes for a file with axes.
 
     Parameters
     ----------
-    axes : the problem file
-    folder : folder of the problem, in which each axis has its own
+    axes : problem file with several axes
+    folder : the problem's folder, which contains one folder for each axis
 
     Raises
     ------
     InputError
-        If an axis has none there.
+        If the folder of an axis has no gains.
     """
     return {axis.name: read_gains(folder / folder_name(axis.name) / GAINS_FILE) for axis in axes.axes}
 
@@ -184,18 +188,18 @@ def check_axes(
     gains: Mapping[str, GainsFile] | None = None,
     progress: Progress = lambda stage: None,
 ) -> list[Checked]:
-    """Check each axis against the numbers that it fixes, or against gains.
+    """Check the gains that the file fixes for each axis, or given gains.
 
     Parameters
     ----------
-    axes : the problem file
-    gains : gains by the name of the axis; None for the numbers that the file fixes
-    progress : function that receives the axis
+    axes : problem file with several axes
+    gains : gains by the name of the axis; None for the gains that the file fixes
+    progress : function that receives the name of the axis
 
     Returns
     -------
     list of Checked
-        One for each axis, in the file's order; equal ones are proved once.
+        One check for each axis, in the order of the file. Equal axes are proved once.
     """
 
     def work(axis: AxisProblem) -> Checked:
@@ -215,29 +219,29 @@ def check_parameters(
     only: Sequence[str] = (),
     progress: Progress = lambda stage: None,
 ) -> list[Checked]:
-    """Check the selected axes of a ROS 2 parameter file, each before the axis of that name.
+    """Check the selected axes of a ROS 2 parameter file. Each belongs to the problem's axis of the same name.
 
     Parameters
     ----------
-    axes : the problem file
+    axes : problem file with several axes
     path : path of the parameter file
-    only : names of the axes to check; empty for all that the file selects
+    only : names of the axes to check; empty for all axes that the parameter file selects
     progress : function that receives the current stage
 
     Returns
     -------
     list of Checked
-        One for each axis that was examined.
+        One check for each examined axis.
 
     Raises
     ------
     InputError
-        If the file selects an axis that the problem does not have, or an axis moves otherwise.
+        If the parameter file selects an axis that the problem lacks, or an axis of the other kind of motion (a rotation
+        for a translation, or the reverse); or if `only` names an axis that the file does not select.
     """
     given, known = read_admittance(path), {axis.name for axis in axes.axes}
-    selected = [axis.axis for axis in given.axes]
-    asked = list(only or selected)
-    if missing := [name for name in asked if name not in known and name in selected]:
+    asked = [axis.axis for axis in axes_asked_for(path, given, only)]
+    if missing := [name for name in asked if name not in known]:
         message = (
             f"selects {', '.join(missing)}, and {axes.axes[0].file.source} has no [[axis]] of that name; write one"
         )
@@ -250,8 +254,8 @@ def check_parameters(
     for group in groups.values():
         names = [axis.name for axis in group]
         checks = check_admittance(_named(group[0].file, axes.name), path, given, names, progress)
-        found |= dict(zip([name for name in selected if name in names], checks, strict=True))
-    return [found[name] for name in selected if name in found]
+        found |= dict(zip([name for name in asked if name in names], checks, strict=True))  # in the file's order
+    return [found[name] for name in asked]
 
 
 def _gains_of(gains: Mapping[str, GainsFile] | None, axis: AxisProblem) -> GainsFile | None:
@@ -267,7 +271,7 @@ def _checked(axis: AxisProblem, given: GainsFile | None) -> Checked:
 
 
 def _of_axis(checked: Checked, axis: AxisProblem, given: GainsFile | None) -> Checked:
-    """Return a check as that of an axis with the same problem."""
+    """Return a check of one axis as the check of another axis that has the same problem."""
     source = Path(axis.file.source if given is None else given.source)
     line = axis.line if given is None else checked.line
     message, finding = f"{axis.name}: {checked.message}", checked.finding
@@ -292,24 +296,26 @@ def export_axes(
     unproved: bool = False,
     progress: Progress = lambda stage: None,
 ) -> list[tuple[Exported, Path]]:
-    """Export each axis into its folder, or all axes as the parameters of one ROS 2 controller into that of the problem.
+    """Export each axis into its own folder, or all axes as the parameters of one ROS 2 controller.
+
+    The parameters of a controller go into the problem's folder.
 
     Parameters
     ----------
-    axes : the problem file
-    gains : gains by the name of the axis; None for the numbers that the file fixes
-    out : in which the folder of the problem is
+    axes : problem file with several axes
+    gains : gains by the name of the axis; None for the gains that the file fixes
+    out : parent folder of the problem's folder
     to, precision, unproved, progress : see `vctune.export`
 
     Returns
     -------
     list
-        What was exported, and the folder of its files.
+        Pairs of an export and the folder of its files.
 
     Raises
     ------
     NotCertifiedError
-        If a design is not certified, and `unproved` is not set; an `InputError` as well.
+        If a design is not certified and `unproved` is not set. This is also an `InputError`.
     InputError
         If an axis has no design, or cannot be exported.
     """

@@ -15,15 +15,15 @@ from vctune.document.text.output_files import make_folder
 def benchmark(
     name: str, folder: Path, *, quick: bool, seed: int, command: str, progress: Callable[[str], None]
 ) -> BenchRecord:
-    """Run a benchmark, write its table, picture and page, and return the result.
+    """Run a benchmark, write its table, picture and page, and return its record.
 
     Parameters
     ----------
     name : name of a module of `vctune.bench` that measures
-    folder : folder for the files, made if it is not there
+    folder : folder for the files; the function creates it if it does not exist
     quick : whether to stay under a minute
     seed : seed of the random devices
-    command : command that makes it again, for the page
+    command : shell command that repeats the benchmark, for its page
     progress : function that receives the current stage
 
     Raises

@@ -41,13 +41,13 @@ SAVED = "bound.npz"
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """The known design before a search.
+    """The design that is known before a search for a bound.
 
     Attributes
     ----------
-    record : record of its design
-    best : today's judgement of its design; None if it has none
-    resume : state of an earlier search; None if there was none
+    record : record of the design
+    best : judgement of the design by this version; None without a design
+    resume : state of an earlier search; None without one
     """
 
     record: DesignRecord
@@ -57,13 +57,13 @@ class Known:
 
 @dataclass(frozen=True, slots=True)
 class Bounded:
-    """A problem with the proved bound on the error of every feasible design.
+    """A problem, with a proved bound on the error of every feasible design.
 
     Attributes
     ----------
     file : the problem
-    record : record of its design, with the bound in it; `to_json()` is the object of design.json
-    judgement : judgement of the best design known; None if none is
+    record : record of the design, including the bound; `to_json()` is the object of design.json
+    judgement : judgement of the best known design; None if no design is known
     optimality : `bound`, `gap` and `proved`; None if the problem was known to be infeasible, or time was too short
     """
 
@@ -74,7 +74,7 @@ class Bounded:
 
     @property
     def status(self) -> Status:
-        """Certified, infeasible or undecided."""
+        """The status: certified, infeasible or undecided."""
         return Status(self.record.status)
 
     @property
@@ -108,24 +108,24 @@ def bound(
 
     Parameters
     ----------
-    problem : path of a problem file, its tables as a dict, or the problem; one that leaves something free
+    problem : path of a problem file, its tables as a dict, or the problem; it must leave a number free
     design : the result of `solve`, or the path of a design.json; None to solve the problem first
-    gap : stop when the design's error is at most 1 + gap times the bound
-    jobs : threads
-    time_limit : s, after which the function returns the bound reached so far; includes solving the problem first
-    stopped : whether to give up now
+    gap : the search ends when the design's error is at most 1 + gap times the bound
+    jobs : number of threads
+    time_limit : seconds after which the function returns the bound reached so far; solving the problem first counts
+    stopped : function that returns whether to end the search now
     progress : function that receives the state of the search
 
     Returns
     -------
     Bounded
-        The bound is valid whenever the search ends. `optimality` is None if the time limit cut the proof of the design,
-        or ended before the search could begin.
+        The bound is valid whenever the search ends. `optimality` is None if the time limit ended before the design was
+            proved or before the search began.
 
     Raises
     ------
     InputError
-        If the problem is invalid or fixes every number, or the design is not of it or not proved.
+        If the problem is invalid or fixes every number, or the design belongs to another problem or is not proved.
     """
     require_gap(gap)
     file = require_bounded(require_free(problem_of(problem)))
@@ -154,17 +154,17 @@ def bound(
 
 
 def require_free(file: ProblemFile, purpose: str = "choose") -> ProblemFile:
-    """Return a problem that leaves something free.
+    """Return a problem, which must leave a number free.
 
     Parameters
     ----------
     file : the problem
-    purpose : purpose for which it must be free
+    purpose : verb for the message, as in "nothing to choose"
 
     Raises
     ------
     InputError
-        If it fixes every number.
+        If the problem fixes every number.
     """
     if file.problem.bounds.fixed:
         raise InputError.of(file.source, "nothing-free", f"fixes every number: there is nothing to {purpose}; free one")
@@ -172,18 +172,18 @@ def require_free(file: ProblemFile, purpose: str = "choose") -> ProblemFile:
 
 
 def known_design(file: ProblemFile, path: Path, *, given: bool) -> Known | None:
-    """Return the given design, or the one that an unfinished search has left; None if there is none.
+    """Return the given design, or the design of an unfinished search; None if there is neither.
 
     Parameters
     ----------
     file : the problem
-    path : path of design.json, beside which a search leaves its state
-    given : whether it must exist
+    path : path of design.json; a search stores its state in the same folder
+    given : whether the design must exist
 
     Raises
     ------
     InputError
-        If it must exist and does not, is of another problem, or is not proved.
+        If a design that must exist does not, belongs to another problem, or is not proved.
     """
     resume = read_resume(path.parent / SAVED, file.sha256)
     if resume is None and not given:
@@ -199,17 +199,17 @@ def known_design(file: ProblemFile, path: Path, *, given: bool) -> Known | None:
 
 
 def write_bounded(bounded: Bounded, path: Path) -> None:
-    """Write the bound into a design.json, and the state of the search beside it.
+    """Write the bound into a design.json, and the state of the search into the same folder.
 
     Parameters
     ----------
     bounded : result of a search
-    path : path of the design.json; one of another name is written alone, without gains.toml
+    path : path of the design.json; under another file name it is written alone, without gains.toml
 
     Raises
     ------
     InputError
-        If they cannot be written.
+        If the files cannot be written.
     """
     file, found, saved = bounded.file, bounded.optimality, path.parent / SAVED
     if found is not None and found.proved:
@@ -234,7 +234,7 @@ def _known(file: ProblemFile, design: Solved | Known | str | Path | None, progre
 
 
 def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None]:
-    """Return a design.json of the problem and today's verdict on it."""
+    """Return the record in a design.json of the problem, and this version's verdict on the design."""
     record = read_design(path)
     if record.problem.sha256 != file.sha256:
         require_record_of(file, record.problem, str(path), "design")
@@ -253,7 +253,10 @@ def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None
 
 
 def _added(file: ProblemFile, record: DesignRecord, found: Optimality) -> DesignRecord:
-    """Return the design's record with the bound on all designs; that of a better design if the search found one."""
+    """Return the design's record with the bound added.
+
+    If the search found a better design, it is the record of that.
+    """
     if found.improved is not None:
         solved = Solved(problem=file.problem, judgement=found.improved, optimality=found)
         return record_of(file, solved, ipopt_version(), today())

@@ -1,4 +1,4 @@
-"""`vctune check`, as a function; it imports the optimiser only if it needs it."""
+"""`vctune check`, as a function. It imports the optimiser only if it needs it."""
 
 from __future__ import annotations
 
@@ -44,20 +44,22 @@ def check(
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
-    gains : N s/m and N/m, with their coupling; or a gains file or its path; None if the problem fixes every number
-    coupling : N s/m and kg
-    time_limit : s, after which claims that are not proved yet are undecided
+    gains : N s/m and N/m, given together with `coupling`; or a gains file or its path; None if the problem fixes every
+        number
+    coupling : coupling of the design, N s/m and kg
+    time_limit : seconds after which claims that are not proved yet are undecided
 
     Returns
     -------
     Checked
-        `result`, `message` in one line, `warnings`; `finding.judgement` has the proved claims, `finding.repairs` the
-        repairs of a violated design.
+        `result` is the verdict, `message` one line of text, `warnings` the probable mistakes. `finding.judgement` has
+        the
+            proved claims, and `finding.repairs` the repairs of a violated design.
 
     Raises
     ------
     InputError
-        If problem or design are invalid or for different kinds of device, or there is no design.
+        If the problem or the design is invalid, they are for different kinds of device, or there is no design.
     """
     with limited(time_limit):
         file = problem_of(problem)
@@ -66,7 +68,7 @@ def check(
 
 
 def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
-    """Prove the cells and gain sets of a region file again, for today's problem.
+    """Prove the cells and gain sets of a region file again, for the problem as it is today.
 
     Parameters
     ----------
@@ -76,12 +78,12 @@ def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
     Returns
     -------
     Checked
-        `result`, `message`, `warnings`; `finding.again` has the verdicts.
+        `result`, `message` and `warnings`; `finding.again` has the verdicts on cells and gain sets.
 
     Raises
     ------
     InputError
-        If problem or baseline is invalid, or the problem no longer has such a region.
+        If the problem or the baseline is invalid, or the problem no longer has such a region.
     """
     return recheck(problem_of(problem), Path(baseline))[0]
 
@@ -111,21 +113,21 @@ def check_parameter_files(
 
     Parameters
     ----------
-    problems : path of the problem file of the device; one
+    problems : path of the problem file of the device; a list of one
     files : paths of the parameter files
-    axes : names of the axes to check; empty for all that are selected
+    axes : names of the axes to check; empty for all axes that the files select
     progress : function that receives the current stage
     begun : function that receives the problem before the work begins
 
     Returns
     -------
     list of Checked
-        One for each axis.
+        One check for each axis.
 
     Raises
     ------
     InputError
-        If there are several problems, a file is damaged, or the problem is no device for them.
+        If there are several problems, a file is damaged, or the problem's device does not fit the files.
     """
     from vctune.design.ros.admittance_check import check_admittance
 
@@ -140,7 +142,7 @@ def check_parameter_files(
 
 
 def check_object(checked: Checked) -> dict[str, Any]:
-    """Return a check as an object: that of design.json, the verdict on a region, or the reason why there is neither."""
+    """Return a check as an object: the object of design.json, the verdict on a region, or why there is neither."""
     if checked.finding is not None:
         return checked.finding.record()
     return RefusalRecord(
@@ -154,13 +156,13 @@ def check_object(checked: Checked) -> dict[str, Any]:
 
 
 def write_lost(checked: Checked, again: Recheck, folder: Path) -> None:
-    """Write the losses of a region, as a list and as a picture.
+    """Write what a region has lost, as a list and as a picture.
 
     Parameters
     ----------
-    checked : check whose finding becomes lost.json
-    again : the cells and gain sets, drawn in lost.svg
-    folder : made if it is not there
+    checked : check whose finding is written to lost.json
+    again : cells and gain sets that are drawn in lost.svg
+    folder : folder for the files; the function creates it if it does not exist
 
     Raises
     ------
@@ -176,7 +178,7 @@ def write_lost(checked: Checked, again: Recheck, folder: Path) -> None:
 
 
 def remove_lost(folder: Path) -> list[str]:
-    """Remove the files of an earlier check's losses if this check has none; return their names."""
+    """Remove the lost.json and lost.svg of an earlier check if this check has no losses; return their names."""
     gone = [path for name in LOST if (path := folder / name).exists()]
     for path in gone:
         path.unlink()

@@ -23,16 +23,16 @@ from vctune.document.records.design_json import DesignRecord
 from vctune.model.problem import Problem, Transparency
 
 SAME = 1e-9
-"""Relative difference of two numbers that are one, written out in a file or computed."""
+"""Greatest relative difference of two numbers that count as equal. One may be computed, the other read from a file."""
 
 
 def compare(
     a: ProblemSource | DesignRecord, b: ProblemSource | DesignRecord, *, progress: Progress = lambda stage: None
 ) -> ComparisonRecord:
-    """Set two designs side by side. vctune solves a problem for its design; it writes nothing.
+    """Compare two designs. vctune solves a problem that comes without a design; it writes nothing.
 
-    The error of both is measured over the band and with the Z_0 of `a`, which `b` is solved for too, unless `b` states
-    its own or is a design that was made on another; then both errors are given on either.
+    Both errors are measured over the band and with the Z_0 of `a`, and a problem `b` is solved for that band and Z_0.
+    If `b` states its own band or Z_0, or is a design that was made for another, both errors are given for both.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def compare(
     Returns
     -------
     ComparisonRecord
-        `problem`, the keys that differ, every default written out; `design`, the numbers and verdicts of both.
+        `problem` has the keys that differ, every default written out; `design` has the numbers and verdicts of both.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def compare(
 
 
 def _designed(source: Any, base: Problem | None, progress: Progress) -> tuple[DesignRecord, Problem]:
-    """Return a design with its problem; one that is to be solved is on the yardstick of the base if it states none."""
+    """Return a design with its problem. A problem without a yardstick of its own is solved on the base's yardstick."""
     known = known_record(source)
     if known is not None:
         return known, parse_problem(known.problem.text, known.problem.name, known.problem.name)
@@ -70,13 +70,15 @@ def _designed(source: Any, base: Problem | None, progress: Progress) -> tuple[De
 
 
 def _alike(a: Problem, b: Problem) -> bool:
-    """Return whether the errors of two problems are of the same terms, in the same units."""
+    """Return whether the errors of two problems have the same terms in the same units."""
     return (a.device.display, a.device.units) == (b.device.display, b.device.units)
 
 
 def _same(a: Transparency, b: Transparency) -> bool:
-    """Return whether two yardsticks are one, except for the last digits of numbers that are stated here, default
-    there."""
+    """Return whether two yardsticks are equal.
+
+    The last digits of a number may differ, where one problem states it and the other takes the default.
+    """
     numbers = [(each.band.min, each.band.max, each.reference_impedance) for each in (a, b)]
     close = all(isclose(*pair, rel_tol=SAME) for pair in zip(*numbers, strict=True))
     return close and (a.norm, a.weights) == (b.norm, b.weights)
@@ -93,7 +95,7 @@ def _side(source: Any, record: DesignRecord, problem: Problem, yardsticks: Seque
 
 
 def _measured(record: DesignRecord, problem: Problem, yardstick: Transparency) -> MeasuredRecord | None:
-    """Return a design's error on a yardstick; None without a design, or if the yardstick is beyond its device."""
+    """Return a design's error on a yardstick; None without a design, or if its device cannot have that yardstick."""
     if record.design is None or yardstick.band.max > problem.nyquist:
         return None
     posed = pose(replace(problem, transparency=yardstick)).problem

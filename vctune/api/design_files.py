@@ -1,4 +1,4 @@
-"""The files of a design: gains.toml, design.json and the report."""
+"""Write the files of a design: gains.toml, design.json and the report."""
 
 from __future__ import annotations
 
@@ -32,19 +32,20 @@ def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> 
 
     Parameters
     ----------
-    problem : problem that was solved
-    solved : its result
-    folder : made if it does not exist; files of an earlier design in it are renamed
+    problem : the problem that was solved
+    solved : result of `solve`
+    folder : folder for the files; the function creates it if it does not exist and renames files of an earlier design
+        in it
 
     Returns
     -------
     Path
-        Of design.json.
+        The path of design.json.
 
     Raises
     ------
     InputError
-        If the folder cannot be written, or holds the design of another problem or file; its files stay.
+        If the folder cannot be written, or holds the design of another problem or file; its files then stay.
     """
     file, folder = problem_of(problem), Path(folder)
     claim_folder(file, folder)
@@ -53,17 +54,17 @@ def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> 
 
 
 def write_solved(folder: Path, file: ProblemFile, solved: Solved) -> tuple[DesignRecord, dict[Path, Path]]:
-    """Write gains.toml and design.json in a folder that is there, and remove the report of an earlier design.
+    """Write gains.toml and design.json into an existing folder, and remove the report of an earlier design.
 
     Parameters
     ----------
     folder : an existing folder
     file : the problem
-    solved : its result
+    solved : result of `solve`
 
     Returns
     -------
-    record : record of the design, as it is written
+    record : record of the design, as written to design.json
     renamed : files of an earlier design that were renamed, and their new names
     """
     from vctune.design.nlp.ipopt_version import ipopt_version
@@ -73,23 +74,23 @@ def write_solved(folder: Path, file: ProblemFile, solved: Solved) -> tuple[Desig
 
 
 def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: str | Path | None = None) -> Path:
-    """Write the report of a design, report.html and its figures, without solving.
+    """Write the report of a design, report.html and its figures, without solving again.
 
     Parameters
     ----------
     design : path of a design.json, its object, or its record
-    folder : made if it is not there; None for the design's own. A simulation.json of the design that is beside it, or
-        in the folder, is drawn too
+    folder : folder for the report; the function creates it if it does not exist. None for the design's own folder. If
+        either folder has a simulation.json of the design, the report shows the simulation, too
 
     Returns
     -------
     Path
-        Of report.html.
+        The path of report.html.
 
     Raises
     ------
     InputError
-        If there is no such design, or its object is invalid, or the folder cannot be written.
+        If there is no such design, its object is invalid, or the folder cannot be written.
     """
     from vctune.report.design_report import write_report as write
 
@@ -106,7 +107,7 @@ def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: 
 
 
 def known_record(source: Any) -> DesignRecord | None:
-    """Return the record of a design, from its file or its object; None for a source that states a problem.
+    """Read the record of a design from its file or its object; return None for a source that states a problem.
 
     Parameters
     ----------
@@ -127,10 +128,10 @@ def known_record(source: Any) -> DesignRecord | None:
 
 
 def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> dict[Path, Path]:
-    """Write design.json, and gains.toml with it, and remove the report of an earlier design.
+    """Write design.json and gains.toml, and remove the report of an earlier design.
 
-    If the design has changed, other files of the earlier design, such as its firmware, are renamed; gains.toml is
-    renamed if there is no design now.
+    If the design has changed, the function renames the other files of the earlier design, such as its firmware. If
+    there is no design now, it renames gains.toml.
 
     Parameters
     ----------
@@ -141,7 +142,7 @@ def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> dict[
     Returns
     -------
     dict
-        What was renamed, and to what.
+        The files that were renamed, with their new names.
     """
     files = {folder / DESIGN_FILE: json_text(record)}
     gains, kind = folder / GAINS_FILE, file.problem.device.kind

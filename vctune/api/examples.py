@@ -1,4 +1,4 @@
-"""The problems that come with the package: `vctune example`, as functions."""
+"""`vctune example`, as functions: the problems that come with the package."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def example_names() -> tuple[str, ...]:
 
 
 def example_text(name: str) -> str:
-    """Return the text of a problem file, which names the schema of this installation for editors.
+    """Return the text of a problem file. For editors, it names the JSON Schema of this installation.
 
     Parameters
     ----------
@@ -39,22 +39,22 @@ def example_text(name: str) -> str:
 
 
 def write_example(name: str, folder: Path) -> Path:
-    """Write a problem file; it never replaces another file.
+    """Write an example's problem file. It never replaces another file.
 
     Parameters
     ----------
     name : one of `example_names`
-    folder : made if it is not there
+    folder : folder for the file; the function creates it if it does not exist
 
     Returns
     -------
     Path
-        Of the file.
+        The path of the file.
 
     Raises
     ------
     InputError
-        If there is no example of this name, or a file exists already.
+        If there is no example of this name, or the file exists already.
     """
     text, path = example_text(name), folder / f"{name}.toml"
     if path.exists():
@@ -65,7 +65,7 @@ def write_example(name: str, folder: Path) -> Path:
 
 
 def _folder() -> Path:
-    """Return the folder of the problems: in an installed package, or beside the package in a checkout."""
+    """Return the folder of the example problems: inside an installed package, or next to the package in a checkout."""
     package = Path(str(files("vctune")))
     inside = package / "problems"
     return inside if inside.is_dir() else package.parent / "problems"

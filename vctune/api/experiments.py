@@ -35,15 +35,16 @@ from vctune.simulation.two_runs import simulate as run
 
 @dataclass(frozen=True, slots=True)
 class Simulation:
-    """A design in a problem's experiments.
+    """The result of simulating a design in a problem's experiments.
 
     Attributes
     ----------
     file : the problem
     gains, coupling : the design
-    experiments : each with the runs of the design and of the regular PID: `traces`, `metrics`, `mode`
-    controller, made_for : name of the compiled controller that ran instead of the design's own, and digest of the
-        problem that it was made for; None for none
+    experiments : results of the experiments; each has the runs of the design and of the regular PID (`traces`,
+        `metrics`, `mode`)
+    controller : name of the compiled controller that ran instead of the design's own; None without one
+    made_for : digest of the problem that this controller was made for; None without one
     """
 
     file: ProblemFile
@@ -55,12 +56,13 @@ class Simulation:
 
     @property
     def agrees(self) -> bool:
-        """Whether a compiled controller commanded the same as the design, except for rounding; true without one."""
+        """Whether a compiled controller commanded the same as the design, except for rounding; True without a
+        controller."""
         return all(one.difference is None or one.difference.passes for one in self.experiments)
 
     @property
     def stable(self) -> bool:
-        """Whether the design neither diverges nor is unstable with any experiment's hand and environment."""
+        """Whether the design never diverges and is stable with the hand and environment of every experiment."""
         runs = [one.design for one in self.experiments]
         return all(made.traces.diverged is None and made.mode.radius < 1 for made in runs)
 
@@ -90,13 +92,13 @@ def simulate(
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
-    gains : N s/m and N/m, with their coupling; or a gains file or its path; None for the design of `solve`
-    coupling : N s/m and kg
-    experiment : the only one to simulate, by name or as an object; None for all of the problem
-    controller : a compiled controller, or its path, or that of its folder, to run instead of the design's own; each
-        experiment then has its `difference`
-    tolerance : greatest difference of its commands from the design's that passes, in their unit; None for the effect of
-        rounding
+    gains : N s/m and N/m, given together with `coupling`; or a gains file or its path; None for the design of `solve`
+    coupling : coupling of the design, N s/m and kg
+    experiment : the only experiment to simulate, by name or as an object; None for all experiments of the problem
+    controller : a compiled controller, its path, or its folder, to run instead of the design's own; each experiment
+        then has its `difference`
+    tolerance : greatest permitted difference between its commands and the design's, in their unit; None for the effect
+        of rounding
     progress : function that receives the current stage
 
     Returns
@@ -106,8 +108,8 @@ def simulate(
     Raises
     ------
     InputError
-        If problem or design are invalid or for different kinds of device, there is no such experiment or controller,
-        or solving finds no design.
+        If the problem or the design is invalid, they are for different kinds of device, there is no such experiment or
+            controller, or solving finds no design.
     """
     compiled = CompiledController(Path(controller)) if isinstance(controller, str | Path) else controller
     file = problem_of(problem)
@@ -123,17 +125,17 @@ def simulate(
 
 
 def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment, ...]:
-    """Return the experiments of a problem, or the one that has a name.
+    """Return the experiments of a problem, or only the experiment with a given name.
 
     Parameters
     ----------
     file : the problem
-    name : name of the only experiment; None for all
+    name : name of the experiment; None for all
 
     Raises
     ------
     InputError
-        If there is no experiment.
+        If the problem has no experiment, or none of this name.
     """
     experiments = file.problem.experiments
     if not experiments:
@@ -149,7 +151,7 @@ def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment,
 
 
 def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
-    """Return the solution of a problem, with prices but without repairs.
+    """Solve a problem with prices but without repairs, and return the result.
 
     Parameters
     ----------
@@ -163,7 +165,7 @@ def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
 
 
 def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
-    """Write simulation.json, traces.npz and their figure, and the report again if the design beside them is this one.
+    """Write simulation.json, traces.npz and their figure. If the folder's design is this one, write its report again.
 
     Parameters
     ----------

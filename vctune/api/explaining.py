@@ -1,4 +1,4 @@
-"""`vctune explain`, as a function: the text of the guides on a code, a key, a term or a claim."""
+"""`vctune explain`, as a function: the guides' text on a code, a key, a term or a claim."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from vctune.proof.claims.registry import CLAIMS, Claim
 
 GUIDE = "README.md"
 CODE = re.compile(r"^### `([a-z-]+)`\n(.*?)(?=^#|\Z)", re.MULTILINE | re.DOTALL)
-"""The code of a refusal, a warning or a left-out line, and its page."""
+"""Matches the page of a code in a guide: the code of a refusal, warning or omitted line, and the text below it."""
 KEYS = re.compile(r"<!-- (?:reference|log|columns) -->\n(.*?)<!-- /", re.DOTALL)
 KEY = re.compile(r"^\| \*{0,2}`\[{0,2}([\w.]+)\]{0,2}`\*{0,2} \| (.*) \|$", re.MULTILINE)
 GLOSSARY = re.compile(r"^## Glossary\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
@@ -32,23 +32,23 @@ LABEL_ENDS = (
     r" [A-Za-z](_\w+)?$",
     r"_(hz|db|deg|s|per_s)$",
 )
-"""Ends that a label of a table, or a key of JSON, adds to a word: a frequency, a number of a part, a symbol, a unit."""
+"""Endings that a table's label or a JSON key adds to a word: a frequency, the number of a part, a symbol, a unit."""
 TURNING = (("inertia", "mass"), ("torque", "force"))
-"""Words for a rotary device, and those for a linear one."""
+"""Words for a rotary device, each with the word for a linear device."""
 CLAIMS_GUIDE = "vctune/proof/README.md"
 CELLS = re.compile(r"(?<!\\)\|")
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """The text of a guide on a name.
+    """The guides' text on one name.
 
     Attributes
     ----------
     kind : "code", "key", "term" or "claim"
-    names : under which it is found
+    names : names under which the entry is found
     text : text in Markdown
-    guide : guide that contains it
+    guide : path of the guide that contains it
     """
 
     kind: Literal["code", "key", "term", "claim"]
@@ -58,23 +58,23 @@ class Entry:
 
 
 def explain(name: str) -> ExplanationRecord:
-    """Return the text of the guides on a code, a key of a file, a word of the glossary or a claim.
+    """Return the guides' text on a code, a key of a file, a word of the glossary or a claim.
 
     Parameters
     ----------
-    name : a code as it stands in brackets after a message; a key with its tables or the last part of it; a word or
-        a symbol; a claim's identifier or label
+    name : a code as it stands in brackets after a message; a key, in full or its last part; a word or symbol of the
+        glossary; or a claim's identifier or label
 
     Returns
     -------
     ExplanationRecord
-        `entries`, each with its `kind`, "code", "key", "term" or "claim", its `name`, its `text` in Markdown, and its
-        `guide`.
+        `entries`; each has its `kind` ("code", "key", "term" or "claim"), its `name`, its `text` in Markdown, and its
+            `guide`.
 
     Raises
     ------
     InputError
-        If there is no such name, with the nearest existing ones.
+        If no entry has this name; the message suggests the nearest names.
     """
     asked = _plain(name)
     found = next(filter(None, map(_called, _alike(asked))), [])
@@ -90,20 +90,21 @@ def explain(name: str) -> ExplanationRecord:
 
 
 def contents() -> ExplanationRecord:
-    """Return all names that can be explained, without their text."""
+    """Return all names that can be explained, without their texts."""
     listed = [EntryRecord(kind=each.kind, name=each.names[0], text="", guide=each.guide) for each in entries()]
     return ExplanationRecord(name=None, entries=listed)
 
 
 def _alike(asked: str) -> Iterator[str]:
-    """Yield the names under which a label may be explained: itself, or without its variable parts."""
+    """Yield the names under which the guides may explain a label: the label itself, and the label without variable
+    parts."""
     linear = reduce(lambda words, pair: words.replace(*pair), TURNING, asked)
     stems = [re.sub(end, "", linear) for end in ("", *LABEL_ENDS)]
     yield from dict.fromkeys([asked, *stems, *(stem.replace("_", " ") for stem in stems)])
 
 
 def _called(asked: str, compared: Callable[[str], str] = str) -> list[Entry]:
-    """Return the entries that have a name, or the keys with this last part."""
+    """Return the entries of a name, or the keys whose last part is the name."""
     return [
         entry
         for entry in entries()
@@ -114,7 +115,7 @@ def _called(asked: str, compared: Callable[[str], str] = str) -> list[Entry]:
 
 @cache
 def entries() -> tuple[Entry, ...]:
-    """Return all that can be explained, in the order of the guides."""
+    """Return everything that can be explained, in the order of the guides."""
     told = (entry for guide, text in _guides(files("vctune"), "vctune") for entry in _entries(guide, text))
     return (*told, *map(_claim, CLAIMS.values()))
 
@@ -127,7 +128,7 @@ def _claim(claim: Claim) -> Entry:
 
 
 def _guides(folder: Traversable, place: str) -> Iterator[tuple[str, str]]:
-    """Yield the guides of the package, each with its path."""
+    """Yield the path and the text of each guide of the package."""
     for child in sorted(folder.iterdir(), key=lambda each: (each.is_dir(), each.name)):
         if child.is_dir():
             yield from _guides(child, f"{place}/{child.name}")
@@ -155,7 +156,7 @@ def _cells(row: str) -> list[str]:
 
 
 def _term(guide: str, heads: list[str], cells: list[str]) -> Entry:
-    """Return a row of the glossary; each of several words or symbols in it is a name of it."""
+    """Return a glossary row as an entry. If the row has several words or symbols, each is a name of the entry."""
     row = {head: cell.replace("\\|", "|") for head, cell in zip(heads, cells, strict=True)}
     symbols = [part for part in re.findall(r"\$([^$]*)\$|([^$,]+)", row.get("symbol", "")) for part in part if part]
     terms = row["term"].split(", ")
@@ -168,5 +169,5 @@ def _term(guide: str, heads: list[str], cells: list[str]) -> Entry:
 
 
 def _plain(name: str) -> str:
-    """Return a name in the form for comparisons: without quotes, brackets and the marks of formulas."""
+    """Return a name in the form used for comparisons: without quotes, brackets and formula marks."""
     return re.sub(r"[\[\]`$\\{}\"']", "", name).strip()

@@ -30,20 +30,20 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.simulation.firmware.stepped import Precision as Precision
 
 Files = Mapping[str, Content]
-"""Contents by name."""
+"""Contents of files by their names."""
 FOLDER = "firmware"
-"""Folder of the exported files, inside that of the design."""
+"""Name of the folder for exported files, inside the design's folder."""
 
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """A design as files.
+    """A design, exported as files.
 
     Attributes
     ----------
     file : the problem
-    firmware : the exported design, `certified` or not
-    files : contents by name
+    firmware : the exported design; its `certified` says whether it is proved
+    files : contents of the files by name
     """
 
     file: ProblemFile
@@ -61,17 +61,18 @@ def export(
     unproved: bool = False,
     progress: Progress = lambda stage: None,
 ) -> Exported:
-    """Prove a design again, with the constants of its firmware, and make the files.
+    """Prove a design again with the constants of its firmware, and make the files.
 
     Parameters
     ----------
     source : path of a design.json or of a problem file, the tables of a problem, a problem, or the record of a design
-    gains : N s/m and N/m, with their coupling; or a gains file or its path; None for those of the design.json, or
-        that the problem fixes
-    coupling : N s/m and kg
-    to : "c" with vectors to replay, "fmu", "json", or "ros2" for the parameters of an admittance_controller
+    gains : N s/m and N/m, given together with `coupling`; or a gains file or its path; None for the gains of the
+        design.json, or those that the problem fixes
+    coupling : coupling of the design, N s/m and kg
+    to : "c" for C source with vectors to replay, "fmu", "json", or "ros2" for the parameters of an
+        admittance_controller
     precision : precision of the firmware's numbers
-    unproved : also export a design that is not proved; every file then says so at its top
+    unproved : whether to export a design that is not proved, too; every file then says so at its top
     progress : function that receives the current stage
 
     Returns
@@ -81,10 +82,10 @@ def export(
     Raises
     ------
     NotCertifiedError
-        If the design is not certified, and `unproved` is not set; an `InputError` as well.
+        If the design is not certified and `unproved` is not set. This is also an `InputError`.
     InputError
-        If there is no design, or it is for another kind of device than the problem's, or an FMU is required where there
-        is no C compiler.
+        If there is no design, it is for another kind of device than the problem's, or `to` is "fmu" and there is no C
+            compiler.
     """
     for name, value, known in (("to", to, Format), ("precision", precision, Precision)):
         if value not in get_args(known):
@@ -102,12 +103,12 @@ def export(
 
 
 def require_double(precision: Precision) -> None:
-    """Make sure that a ROS 2 controller is exported in its own precision.
+    """Make sure that a ROS 2 controller is exported in double precision, which it computes in.
 
     Raises
     ------
     InputError
-        If it is.
+        If another precision is requested.
     """
     if precision != "double":
         message = f"is {precision!r}, and an admittance_controller computes in double precision; leave it out"
@@ -117,26 +118,26 @@ def require_double(precision: Precision) -> None:
 def export_parameters(
     named: ProblemFile, axes: Sequence[RosAxis], *, unproved: bool = False, progress: Progress = lambda stage: None
 ) -> Exported:
-    """Prove designs as a ROS 2 admittance_controller steps them, and make its parameter file.
+    """Prove designs as a ROS 2 admittance_controller computes them, and make its parameter file.
 
     Parameters
     ----------
-    named : the problem by whose name the export goes
+    named : the problem that gives the export its name
     axes : the designs, at least one
-    unproved : also export a design that is not proved
+    unproved : whether to export a design that is not proved, too
     progress : function that receives the current stage
 
     Returns
     -------
     Exported
-        Its firmware is the first that is not certified, or else the first.
+        Its firmware is that of the first design that is not certified, or else of the first design.
 
     Raises
     ------
     NotCertifiedError
-        If a design is not certified, and `unproved` is not set; an `InputError` as well.
+        If a design is not certified and `unproved` is not set. This is also an `InputError`.
     InputError
-        If the controller cannot render them.
+        If the controller cannot render the designs.
     """
     progress("proving")
     made = ros2_firmware(axes)
@@ -150,11 +151,11 @@ def export_parameters(
 RIGID = (
     "; the controller renders mass and drag alone, without a damper in a row: write coupling.damping = inf, solve again"
 )
-"""Hint for a design that is refuted as an admittance_controller steps it."""
+"""Hint for a design that is refuted in the way an admittance_controller computes it."""
 
 
 class NotCertifiedError(InputError):
-    """A design is not exported because it is not certified; `status` is its status."""
+    """A design is not exported because it is not certified. `status` is the design's status."""
 
     def __init__(self, made: Firmware, also: str = "") -> None:
         single = " with the constants rounded to single precision" if made.precision == "single" else ""
@@ -169,12 +170,12 @@ def write_export(exported: Exported, folder: str | Path) -> Path:
     Parameters
     ----------
     exported : the files
-    folder : folder of the design, in which a folder is made for them
+    folder : folder of the design; the function creates the folder of the files in it
 
     Returns
     -------
     Path
-        Of the folder of the files.
+        The path of the files' folder.
 
     Raises
     ------
@@ -189,12 +190,12 @@ def write_export(exported: Exported, folder: str | Path) -> Path:
 
 
 def export_record(exported: Exported, place: Path) -> ExportRecord:
-    """Return an export as an object.
+    """Return an export as a record for JSON.
 
     Parameters
     ----------
     exported : the files
-    place : folder that they are in
+    place : folder that contains the files
     """
     made = exported.firmware
     return ExportRecord(
@@ -251,7 +252,7 @@ def stated_design(
 def _stated_corner(
     source: ProblemSource | DesignRecord, gains: DesignSource | None, coupling: AnyCoupling | None, file: ProblemFile
 ) -> float | None:
-    """Return the corner with which the walls of a design were proved, rad/s; None where nothing states it."""
+    """Return the corner frequency, rad/s, with which the walls of a design were proved; None if nothing states it."""
     record = known_record(source)
     if record is None:
         return None if gains is None else design_for(file, gains, coupling).corner
@@ -288,4 +289,4 @@ FILES: dict[Format, Callable[[ProblemFile, Firmware, Progress], Files]] = {
     "fmu": _fmu_files,
     "json": _json_files,
 }
-"""Makes the files of each format."""
+"""The function that makes the files, for each format."""

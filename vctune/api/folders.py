@@ -1,4 +1,4 @@
-"""The folder of a design: its owner, and the files of an earlier design in it."""
+"""The folder of a design: which problem file owns it, and which files of an earlier design it contains."""
 
 from __future__ import annotations
 
@@ -17,25 +17,29 @@ from vctune.document.text.output_files import write_together
 
 DESIGN_FILE, GAINS_FILE = "design.json", "gains.toml"
 OWNER_FILE = "problem-file.txt"
-"""Holds the path of the problem file that the folder is of, relative to the folder, so that both may move together."""
+"""File with the path of the problem file that owns the folder, relative to the folder, so that both may move
+together."""
 OF_DESIGN = ("firmware", "in-the-loop", "simulation.json", "traces.npz")
-"""Results of other commands for a design in its folder."""
+"""Files that other commands write for a design, in its folder."""
 OF_PROBLEM = ("region.json", "region.svg", "z-width.json", "z-width.svg", "front")
-"""Results of other commands for a problem, independent of its design."""
+"""Files that other commands write for a problem, independent of its design."""
 
 
 def design_folder(file: ProblemFile, out: Path) -> Path:
-    """Return the folder of a problem's design in OUT, made and writable, without another problem's work.
+    """Create the folder of a problem's design in OUT and return its path.
+
+    The function makes sure that the folder is writable and contains no other problem's work.
 
     Parameters
     ----------
     file : the problem
-    out : in which the folder is to be, under the problem's name
+    out : parent folder; the new folder has the problem's name
 
     Raises
     ------
     InputError
-        If it cannot be written, holds the design of another problem or of another file, or the problem itself.
+        If the folder cannot be written, or holds the design of another problem, another file, or the problem file
+        itself.
     """
     folder = out / folder_name(file.problem.name)
     claim_folder(file, folder)
@@ -43,20 +47,20 @@ def design_folder(file: ProblemFile, out: Path) -> Path:
 
 
 def claim_folder(file: ProblemFile, folder: Path) -> None:
-    """Make sure that a folder exists and is writable, and that a design of this problem overwrites nothing else.
+    """Create a folder if needed, and make sure that a design of this problem overwrites no other work in it.
 
-    A problem that was read from a file becomes the owner of the folder. It is refused where another file is the owner,
-    unless the design that is there is of the same problem.
+    A problem that was read from a file becomes the owner of the folder. If another file owns the folder, the problem is
+    refused, unless the design in the folder belongs to the same problem.
 
     Parameters
     ----------
     file : the problem
-    folder : made if it is not there
+    folder : folder of the design; the function creates it if it does not exist
 
     Raises
     ------
     InputError
-        If not.
+        If the folder cannot be created or written, or holds other work.
     """
     make_folder(folder)
     source, owner = Path(file.source), _owner(folder)
@@ -84,7 +88,7 @@ def outdated(folder: Path, record: DesignRecord) -> list[Path]:
     Parameters
     ----------
     folder : folder of the design
-    record : record of the design that takes its place
+    record : record of the new design
     """
     try:
         earlier = read_design(folder / DESIGN_FILE)
@@ -99,7 +103,7 @@ def outdated(folder: Path, record: DesignRecord) -> list[Path]:
 
 
 def _held(folder: Path) -> dict[str, Any] | None:
-    """Return name and digest of the problem whose design a folder holds; None if it holds none."""
+    """Return the name and the digest of the problem whose design a folder holds; None if it holds no design."""
     try:
         problem = json.loads((folder / DESIGN_FILE).read_text())["problem"]
         return {"name": problem["name"], "sha256": problem["sha256"]}
@@ -108,7 +112,7 @@ def _held(folder: Path) -> dict[str, Any] | None:
 
 
 def _owner(folder: Path) -> Path | None:
-    """Return the problem file of a folder; None if it is not known."""
+    """Return the problem file that owns a folder; None if it is not known."""
     try:
         stated = (folder / OWNER_FILE).read_text(encoding="utf-8").strip()
     except (OSError, ValueError):
@@ -121,7 +125,7 @@ def _same(one: Path, other: Path) -> bool:
 
 
 def _from(folder: Path, source: Path) -> str:
-    """Return the path from a folder to a file, with slashes; the whole path if there is none, as between drives."""
+    """Return the relative path from a folder to a file, with slashes. Between drives it is the absolute path."""
     try:
         return Path(os.path.relpath(source, folder.resolve())).as_posix()
     except ValueError:

@@ -29,19 +29,19 @@ if TYPE_CHECKING:
     from vctune.identification.identify import Identified
 
 LONGEST_NAME = 200
-"""Longest name that a problem file accepts; the name of a log file may be longer."""
+"""Greatest length of a name in a problem file. The name of a log file may be longer."""
 
 
 @dataclass(frozen=True, slots=True)
 class Identification:
-    """A device from its recordings.
+    """A device, identified from recordings.
 
     Attributes
     ----------
     found : fits, box and distances
     record : the object of identification.json
     text : text of device.toml
-    excitation : a multisine for the numbers that are still uncertain; None if not requested
+    excitation : a multisine that would reduce the uncertainty of the numbers; None if not requested
     """
 
     found: Identified
@@ -67,10 +67,10 @@ def identify(
 
     Parameters
     ----------
-    logs : CSV files, plain or .gz, all of the same device
-    config : the log.toml that assigns their columns; None if the headers do
-    servo : whether they are of a servo, its command and its position
-    excitation : whether to suggest a multisine for the numbers that are still uncertain
+    logs : CSV files, plain or .gz, all from the same device
+    config : the log.toml that assigns the columns; None if the headers name them
+    servo : whether the recordings are of a servo's command and position
+    excitation : whether to suggest a multisine that would reduce the uncertainty of the numbers
     progress : function that receives the current stage
 
     Returns
@@ -80,7 +80,7 @@ def identify(
     Raises
     ------
     InputError
-        If a file cannot be read or has no information, with line, column and remedy, or SciPy is not installed.
+        If a file cannot be read or has no information, with line, column and remedy; or if SciPy is not installed.
     """
     paths = [Path(logs)] if isinstance(logs, str | Path) else [Path(path) for path in logs]
     if not paths:
@@ -106,18 +106,20 @@ def identify(
 
 
 def write_identification(identified: Identification, folder: str | Path, *, report: bool = True) -> Path:
-    """Write device.toml, identification.json and the report with its figures, none of an earlier one left.
+    """Write device.toml, identification.json and the report with its figures.
+
+    Remove those of an earlier identification.
 
     Parameters
     ----------
     identified : identification to write
-    folder : made if it is not there
-    report : whether to draw
+    folder : folder for the files; the function creates it if it does not exist
+    report : whether to write the report
 
     Returns
     -------
     Path
-        Of device.toml.
+        The path of device.toml.
 
     Raises
     ------
@@ -152,7 +154,7 @@ def require_scipy() -> None:
     Raises
     ------
     InputError
-        If it is not, with how to install it.
+        If SciPy is not installed; the message says how to install it.
     """
     if find_spec("scipy") is None:
         raise InputError.of("vctune identify", "missing-package", "needs SciPy: pip install scipy")

@@ -1,4 +1,4 @@
-"""Messages of commands and their version; imports heavy packages only on use."""
+"""Versions, doubts and schemas for the commands. The module imports heavy packages only when it needs them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def versions() -> dict[str, str | None]:
-    """Return the versions of vctune and of the libraries that determine a result."""
+    """Return the versions of vctune and of the libraries that affect a result."""
     from vctune.design.nlp.ipopt_version import ipopt_version
     from vctune.version import versions as of
 
@@ -27,7 +27,7 @@ def versions() -> dict[str, str | None]:
 
 
 def doubts(stated: Problem | ProblemFile) -> Iterator[Note]:
-    """Return probable mistakes in a problem, with their places if there is a file."""
+    """Yield probable mistakes in a problem, with their places if the problem comes from a file."""
     from vctune.document.file_doubts import file_doubts
     from vctune.document.schema.plausibility import doubts as of
     from vctune.model.problem import Problem

@@ -36,27 +36,27 @@ from vctune.study.region_record import Design, region_record
 from vctune.study.world_region import world_plane, world_plane_errors, world_region
 
 REGION_FILES, WORLD_FILES = ("region.json", "region.svg"), ("z-width.json", "z-width.svg")
-"""The record and the picture of a plane of design variables, and of one of environments."""
+"""Files of a region over design variables, and of a region over environments: the record and the picture."""
 SOLVING = 0.5
-"""The share of a time limit that solving takes at most, whose design a region shows and does not need."""
+"""Greatest share of a time limit for solving. A region shows the design but does not need it."""
 DRAWING = 1.5
-"""Seconds reserved for the picture of the cells, at most half of the remaining time. Half leaves regions without a
-picture on a slow machine, twice as much leaves cells undecided."""
+"""Seconds reserved for the picture of the cells, at most half of the remaining time. With half as many seconds, a slow
+machine leaves regions without a picture; with twice as many, the search leaves more cells undecided."""
 LOADING = 0.5
-"""Seconds to load the drawing packages, which nothing interrupts: with less time left no picture is begun. Half ends
-late."""
+"""Seconds to load the drawing packages, which nothing can interrupt. If less time is left, vctune draws no picture.
+With half as many seconds, the command ends late."""
 
 
 @dataclass(frozen=True, slots=True)
 class AdmissibleGains:
-    """The plane of two design variables, or of environments, with the verdict on each cell.
+    """The plane of two design variables, or of two numbers of environments, with the verdict on each cell.
 
     Attributes
     ----------
     file : the problem
-    region : the cells; `interrupted` if the search was stopped
+    region : the cells; its `interrupted` says whether the search was stopped
     solved : the problem's best design, if it has one; None if the search did not need it
-    design : the gains and the coupling whose environments the cells are; None for a plane of design variables
+    design : the gains and the coupling that render the environments of the cells; None for a plane of design variables
     """
 
     file: ProblemFile
@@ -66,12 +66,12 @@ class AdmissibleGains:
 
     @property
     def areas(self) -> dict[str, float]:
-        """The share of the plane by verdict: feasible, infeasible, undecided."""
+        """The share of the plane for each verdict: feasible, infeasible, undecided."""
         return {kind.name.lower(): self.region.area(kind) for kind in (Kind.FEASIBLE, Kind.INFEASIBLE, Kind.UNDECIDED)}
 
     @property
     def designs(self) -> list[Design]:
-        """Designs that are certified on their own, or the one whose environments these are."""
+        """The designs that are certified on their own, or the design that renders the environments of the cells."""
         if self.design is not None or self.solved is None:
             return [self.design] if self.design else []
         best = self.solved.judgement
@@ -80,7 +80,7 @@ class AdmissibleGains:
 
     @property
     def status(self) -> Status:
-        """Certified if a cell or a design is feasible, infeasible if none is, undecided if neither is proved."""
+        """Certified if a cell or design is feasible, infeasible if all cells are infeasible, undecided otherwise."""
         kinds = self.region.kinds
         if (kinds == Kind.FEASIBLE).any() or (self.designs and self.design is None):
             return Status.CERTIFIED
@@ -110,19 +110,19 @@ def region(
     stopped: Callable[[], bool] = lambda: False,
     progress: Progress = lambda stage: None,
 ) -> AdmissibleGains:
-    """Find the set of gains that meet a problem's constraints, or of environments that given gains render, by cells.
+    """Find the gains that meet a problem's constraints, or the environments that given gains render, cell by cell.
 
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
-    x, y : dotted keys of two variables that are free; None for K_v and K_p, or of an impedance display b_c and k_c. If
-        others are free, feasible means that some of their values within their bounds suffice. Numbers of an environment
-        give the environments that may be rendered in every hand of the problem
-    gains, coupling : the design that renders the environments, or its file; None for the problem's own
-    resolution : side of the smallest cell as a share of the plane's, 1/2048 to 1/8
+    x, y : dotted keys of two free variables; None for K_v and K_p, or for b_c and k_c of an impedance display. If other
+        variables are free, a cell is feasible if some of their values within their bounds suffice. If x and y are
+        numbers of an environment, the region has the environments that may be rendered in every hand of the problem
+    gains, coupling : the design that renders the environments, or its file; None for the problem's own design
+    resolution : side of the smallest cell as a share of the plane's side, 1/2048 to 1/8
     solved : the result of `solve` for the problem; None to solve it first
-    time_limit : s, after which the function returns the result so far
-    stopped : whether to give up now; the remaining cells are undecided
+    time_limit : seconds after which the function returns the result so far
+    stopped : function that returns whether to end the search now; the remaining cells are undecided
     progress : function that receives the current stage
 
     Returns
@@ -132,7 +132,7 @@ def region(
     Raises
     ------
     InputError
-        If the problem is invalid, x and y span no plane, or there is no design that could render environments.
+        If the problem is invalid, x and y do not span a plane, or there is no design that could render environments.
     """
     file = problem_of(problem)
     x, y = axes_of(file.problem, x, y)
@@ -168,7 +168,9 @@ def _best(file: ProblemFile, solved: Solved | None) -> Design:
 
 
 def best_design(problem: Problem, progress: Progress = lambda stage: None) -> Solved:
-    """Return the best design of a problem, to show it in its region; it takes the share `SOLVING` of a time limit.
+    """Solve a problem and return its best design, which a picture of its region shows.
+
+    The function takes at most the share `SOLVING` of a time limit.
 
     Parameters
     ----------
@@ -180,12 +182,12 @@ def best_design(problem: Problem, progress: Progress = lambda stage: None) -> So
 
 
 def axes_of(problem: Problem, x: str | None, y: str | None) -> tuple[str, str]:
-    """Return the axes of a problem's plane: those that are named, or the usual ones of its display.
+    """Return the axes of a problem's plane: the given keys, or the usual keys of its display.
 
     Parameters
     ----------
-    problem : its display decides the usual axes
-    x, y : dotted keys; None for the usual one
+    problem : problem whose display decides the usual axes
+    x, y : dotted keys; None for the usual key
     """
     if x in WORLD or y in WORLD:
         stiffness, mass = WORLD[2], WORLD[0]
@@ -196,17 +198,17 @@ def axes_of(problem: Problem, x: str | None, y: str | None) -> tuple[str, str]:
 
 
 def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
-    """Return a problem that has a region in the plane of x and y.
+    """Return a problem, which must have a region in the plane of x and y.
 
     Parameters
     ----------
     file : the problem
-    x, y : dotted keys of its variables
+    x, y : dotted keys of two of its variables
 
     Raises
     ------
     InputError
-        If it has none.
+        If the problem has no such region.
     """
     if x in WORLD or y in WORLD:
         if mistakes := world_plane_errors(file.problem, x, y):
@@ -221,17 +223,17 @@ def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
 
 
 def write_region(found: AdmissibleGains, folder: Path) -> tuple[Path | None, bool]:
-    """Write region.json and its picture, if there is time to draw it.
+    """Write region.json, and its picture if there is time to draw it.
 
     Parameters
     ----------
-    found : the region; if its search was interrupted, an earlier complete region is kept
+    found : the region; an interrupted search does not replace an earlier complete region
     folder : an existing folder
 
     Returns
     -------
-    kept : new name of an earlier search's region.json, None if it was not renamed
-    drawn : whether the picture was
+    kept : new name of the region.json of an earlier search; None if it was not renamed
+    drawn : whether the picture was drawn
 
     Raises
     ------

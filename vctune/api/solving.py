@@ -26,27 +26,27 @@ def solve(
     time_limit: float = inf,
     progress: Progress = lambda stage: None,
 ) -> Solved:
-    """Find the most transparent feasible design and prove it; judge it when every number is fixed.
+    """Find the most transparent feasible design and prove it. If the problem fixes every number, judge that design.
 
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
-    gap : prove that no design has an error lower by more than this share
-    prices : compute the value of each number of the device if it were better by a hundredth
-    time_limit : s, after which the function returns the result so far; `cut` then names the missing parts
+    gap : prove that no design's error is lower by more than this share; None for no such proof
+    prices : whether to compute how much the error would fall if each number of the device were better by a hundredth
+    time_limit : seconds after which the function returns the result so far; `cut` then names the missing parts
     progress : function that receives the current stage
 
     Returns
     -------
     Solved
-        `status`; `judgement`, the best design and its proved claims, None if there is none; else `reason` and
-        `repairs`, the changes of one number that give a design, the least error first. `prices`, the greatest gain
-        first, if requested.
+        `status`, and `judgement`, the best design and its proved claims. Without a design `judgement` is None; `reason`
+            says why, and `repairs` has the changes of one number that give a design, the least error first. `prices`,
+            if requested, has the greatest gain first.
 
     Raises
     ------
     InputError
-        If the problem is invalid, or the gap out of range.
+        If the problem is invalid, or the gap is out of range.
     """
     file = problem_of(problem)
     if gap is not None:
@@ -62,12 +62,12 @@ def solve(
 
 
 def require_gap(gap: float) -> None:
-    """Make sure that a gap can be proved.
+    """Make sure that a gap is in the range that can be proved.
 
     Raises
     ------
     InputError
-        If it is out of range.
+        If the gap is out of range.
     """
     low, high = GAPS
     if not low <= gap <= high:
@@ -75,7 +75,7 @@ def require_gap(gap: float) -> None:
 
 
 def require_bounded(file: ProblemFile) -> ProblemFile:
-    """Return a problem of whose designs a lower bound is known.
+    """Return a problem, which must be of a kind with a known lower bound on the error.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def require_bounded(file: ProblemFile) -> ProblemFile:
     Raises
     ------
     InputError
-        If its environments are those of a box.
+        If the problem's environments form a box.
     """
     if file.problem.worlds is not None:
         message = (

@@ -32,18 +32,18 @@ if TYPE_CHECKING:
     import polars
 
 Bar = Callable[[str, int], AbstractContextManager[OnDone]]
-"""Shows how a study of a name and a number of points gets on."""
+"""Function that takes a study's name and number of points, and shows the study's progress."""
 
 
 @dataclass(frozen=True, slots=True)
 class Swept:
-    """A study that was swept.
+    """The result of a sweep.
 
     Attributes
     ----------
     study : the solved study
-    table : a row for each point: its axes, status, error, design and least ratio
-    dropped : torn lines of an interrupted earlier run, whose points were solved again
+    table : one row for each point: its axes, status, error, design and least ratio
+    dropped : number of torn lines from an interrupted earlier run; their points were solved again
     """
 
     study: Study
@@ -52,20 +52,20 @@ class Swept:
 
     @property
     def cut(self) -> int:
-        """Number of points that the time limit has cut short."""
+        """Number of points that the time limit cut short."""
         return sum(has_code(reason, "time-limit") for reason in self.table.reason)
 
     @property
     def summary(self) -> SweepRecord:
-        """Counts by status, yardstick, best and worst design, and the corner without designs."""
+        """Counts by status, the yardstick, the best and the worst design, and the corner without designs."""
         return summary(self.study, self.table)
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return the rows as a data frame of pandas, units in the headings (the extra `pandas`)."""
+        """Return the rows as a data frame of pandas, with units in the headings (needs the extra `pandas`)."""
         return self.table.to_pandas()
 
     def to_polars(self) -> polars.DataFrame:
-        """Return the rows as a data frame of polars, units in the headings (the extra `polars`)."""
+        """Return the rows as a data frame of polars, with units in the headings (needs the extra `polars`)."""
         return self.table.to_polars()
 
     def __repr__(self) -> str:
@@ -77,19 +77,19 @@ class Swept:
 
 @dataclass(frozen=True, slots=True)
 class Fronts:
-    """The designs that no other beats.
+    """The Pareto-optimal designs of a problem.
 
     Attributes
     ----------
-    terms : terms in |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0
-    band : front in error and upper edge of the stability band; None if hands are required at every frequency, no others
+    terms : front between the terms |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0 of the error
+    band : front between error and upper edge of the stability band; None if hands are required at every frequency
     """
 
     terms: Table
     band: Table | None
 
     def record(self, problem: str) -> FrontRecord:
-        """Return both as an object; their units are the same."""
+        """Return both fronts as one record; they have the same units."""
         band = None if self.band is None else self.band.rows()
         return FrontRecord(problem=problem, units=self.terms.units, terms=self.terms.rows(), band=band)
 
@@ -113,18 +113,18 @@ def sweep(
 
     Parameters
     ----------
-    problem : path of a problem file, its tables as a dict, or the problem; without axes the path of a study file
+    problem : path of a problem file, its tables as a dict, or the problem; without `axes` the path of a study file
     axes : numbers of the problem by dotted key, each with its values: a list or an array, `{"linear": [a, b], "n": n}`
         or `{"log": [a, b], "n": n}`, in the units of the problem file
     sample : `{"kind": "grid"}`, every combination, the default; `{"kind": "lhs", "n": n, "seed": seed}`, a Latin
         hypercube; or `{"kind": "list"}`, the axes' lists side by side
-    folder : folder for rows, table and picture, where an interrupted sweep continues; None to keep nothing
+    folder : folder for rows, table and picture, in which an interrupted sweep continues; None to write nothing
     jobs : number of workers; None for the number of cores
-    executor : "serial" for this process alone; "processes", which a script starts from under `if __name__ ==
-        "__main__":`; "dask" or "dask:ADDRESS"
-    restart : begin again instead of going on
-    time_limit : s for each point, whose row is undecided if this is not enough
-    on_done : called once a point
+    executor : "serial" for this process alone; "processes" for worker processes, which a script may start only under
+        `if __name__ == "__main__":`; or "dask" or "dask:ADDRESS"
+    restart : whether to begin again instead of resuming
+    time_limit : seconds for each point; the row of a point that needs more is undecided
+    on_done : function that is called after each point
 
     Returns
     -------
@@ -134,7 +134,7 @@ def sweep(
     Raises
     ------
     InputError
-        If problem or study is invalid, or the folder cannot be written.
+        If the problem or the study is invalid, or the folder cannot be written.
     """
     study = _study(problem, axes, sample)
     with worker_pool(executor, jobs or available_cores()) as pool, _kept(folder) as place:
@@ -153,13 +153,13 @@ def front(
     time_limit: float = inf,
     bar: Bar = lambda name, points: nullcontext(lambda: None),
 ) -> Fronts:
-    """Find the Pareto fronts of a problem: between the three terms of the error, and of error against band.
+    """Find the Pareto fronts of a problem: those between the three terms of the error, and that between error and band.
 
     Parameters
     ----------
-    problem : path of a problem file, its tables as a dict, or the problem; one that leaves something free
-    folder, jobs, executor, time_limit : as those of `sweep`
-    bar : shows how each of the two sweeps gets on
+    problem : path of a problem file, its tables as a dict, or the problem; it must leave a number free
+    folder, jobs, executor, time_limit : see `sweep`
+    bar : function that shows the progress of each of the two sweeps
 
     Returns
     -------
@@ -201,7 +201,7 @@ def _study(problem: ProblemSource | Study, axes: Mapping[str, Any] | None, sampl
 
 @contextmanager
 def _kept(folder: str | Path | None) -> Iterator[Path]:
-    """Yield the folder, made if need be; without one a folder that goes at the end."""
+    """Yield the given folder, created if needed; or a temporary folder if none is given."""
     if folder is None:
         with tempfile.TemporaryDirectory() as name:
             yield Path(name)
@@ -227,7 +227,7 @@ def _write(swept: Swept, folder: Path) -> None:
 
 
 def _write_fronts(fronts: Fronts, edge: float, folder: Path) -> None:
-    """Write the fronts as tables and pictures; the band's is marked at the transparency band's upper edge, Hz."""
+    """Write the fronts as tables and pictures. The band's front marks the transparency band's upper edge, Hz."""
     from vctune.report.figures.sweep_figures import band_figure, terms_figure
     from vctune.report.page.page import figure_file
 

@@ -1,1 +1,1 @@
-"""Benchmarks: the cost and the quality of vctune's answers, against its peers and at the extremes."""
+"""Benchmarks measure the cost and the quality of vctune's answers, against other solvers and on extreme devices."""

@@ -1,4 +1,4 @@
-"""The parts of every benchmark: a table of frozen rows, its interpretation, a picture, and their files."""
+"""What every benchmark has: a table of frozen rows, findings, a picture, and the files that hold them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vctune.report.figures.benchmark_figures import Panel, benchmark_figure
 from vctune.report.page.page import svg
 
 Tick = Callable[[str], None]
-"""A function that receives the current stage of the measurement."""
+"""A function that receives the name of the current stage of the measurement."""
 DIGITS = 6
 
 
@@ -26,9 +26,10 @@ class Measured:
 
     Attributes
     ----------
-    title, reading : title of the benchmark, and how to read its picture
-    rows : rows of one frozen dataclass
-    facts : the findings, a sentence each
+    title : title of the benchmark
+    reading : instructions for reading the picture
+    rows : the rows of the table, all of one frozen dataclass
+    facts : the findings, one sentence each
     panels : panels of the picture
     """
 
@@ -40,7 +41,10 @@ class Measured:
 
 
 def csv_of(rows: list[Any]) -> str:
-    """Return rows of a frozen dataclass as CSV; numbers that do not exist are empty."""
+    """Return the CSV text of rows of a frozen dataclass: a heading, and one line for each row.
+
+    A cell is empty if its number is nan or None.
+    """
     stream = StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(asdict(rows[0]).keys())
@@ -58,14 +62,14 @@ def _cell(value: Any) -> str:
 
 
 def page(name: str, measured: Measured, command: str, machine: str) -> str:
-    """Return a benchmark's page in Markdown.
+    """Return a benchmark's page in Markdown: the picture, how to read it, the findings, and how to repeat the run.
 
     Parameters
     ----------
-    name : stem of the benchmark's files
-    measured : its result
-    command : command that makes it again
-    machine : machine of the run
+    name : stem of the file names, as in NAME.svg
+    measured : result of the benchmark
+    command : shell command that repeats the benchmark
+    machine : description of the machine that ran it
     """
     lines = [
         f"# {measured.title}",
@@ -82,13 +86,13 @@ def page(name: str, measured: Measured, command: str, machine: str) -> str:
 
 
 def record_of(name: str, measured: Measured, machine: str) -> BenchRecord:
-    """Return a benchmark as an object; a number that does not exist is null.
+    """Return a benchmark's result as a record for JSON. A number that is nan becomes null.
 
     Parameters
     ----------
     name : name of the benchmark
-    measured : its result
-    machine : machine of the run
+    measured : result of the benchmark
+    machine : description of the machine that ran it
     """
     rows = [{key: _existing(value) for key, value in asdict(row).items()} for row in measured.rows]
     return BenchRecord(name=name, title=measured.title, machine=machine, facts=measured.facts, table=rows)
@@ -99,20 +103,20 @@ def _existing(value: Any) -> Any:
 
 
 def write_measured(folder: Path, name: str, measured: Measured, command: str, machine: str) -> None:
-    """Write a benchmark's table, picture and page together.
+    """Write a benchmark's table (CSV), picture (SVG) and page (Markdown): all three, or none.
 
     Parameters
     ----------
     folder : folder for the files
-    name : their stem
-    measured : the result
-    command : command that makes it again
-    machine : machine of the run
+    name : stem of the file names
+    measured : result of the benchmark
+    command : shell command that repeats the benchmark
+    machine : description of the machine that ran it
 
     Raises
     ------
     InputError
-        If a place cannot be written; the older files are then untouched.
+        If a file cannot be written; the files of an earlier run are then untouched.
     """
     files: dict[Path, Content] = {
         folder / f"{name}.csv": csv_of(measured.rows),

@@ -1,7 +1,7 @@
 """The design problem on a fixed grid, as a problem for any solver, with exact derivatives. Imports casadi.
 
-Every peer gets vctune's own formulation: logarithmic variables and log-ratio constraints, derivatives by CasADi's
-algorithmic differentiation, bounds, and the starts of the scan.
+Every peer gets vctune's own formulation: logarithmic variables, log-ratio constraints, the bounds, and the starts of
+the scan. CasADi's algorithmic differentiation supplies the derivatives.
 """
 
 from __future__ import annotations
@@ -26,20 +26,22 @@ from vctune.interrupt import interrupt_deferred
 from vctune.model.gains import AnyCoupling, Gains
 
 PANELS = 16
-"""Panels of the objective's quadrature: enough for nine digits on the reference problems."""
+"""Number of panels of the objective's quadrature. They give nine digits on the reference problems."""
 MISSED = 1e3
 SETTINGS: dict[str, Any] = {**OPTIONS, "ipopt.max_iter": 500}
 
 
 @dataclass(frozen=True, slots=True)
 class Dense:
-    """A problem on a fixed grid of working_set, from one start.
+    """A problem on a fixed grid of frequencies, from one start.
 
     Attributes
     ----------
-    prepared : the problem
-    structure, free, fixed : structure of the NLP, its variables, and the values of the others
-    numbers : start, parameters, bounds
+    prepared : the problem, prepared for the search
+    structure : structure of the NLP
+    free : the variables of the NLP
+    fixed : the values of the other variables
+    numbers : start, parameters and bounds of the NLP
     """
 
     prepared: Prepared
@@ -49,9 +51,10 @@ class Dense:
     numbers: NlpNumbers
 
     def values(self, z: Floats) -> tuple[Floats, Floats]:
-        """Return the objective, log error, and the constraints beyond their levels: >= 0 where a design satisfies them.
+        """Return the logarithm of the error, and the constraints minus their levels.
 
-        Where Re G_hh <= 0 there is no logarithm: the violation of such a constraint is `MISSED`.
+        A design satisfies a constraint if its number is >= 0. Where Re G_hh <= 0 the logarithm does not exist, and the
+        number of such a constraint is `MISSED`.
         """
         f, g = functions(self.structure).values(z, self.numbers.parameters)
         beyond = np.nan_to_num(np.array(g).ravel()[self.posed] - self.levels, nan=-MISSED, neginf=-MISSED)
@@ -64,7 +67,7 @@ class Dense:
 
     @property
     def posed(self) -> Any:
-        """The constraints of the structure that are in use, not empty slots."""
+        """The mask of the constraint slots that are in use."""
         return self.numbers.least > -np.inf
 
     @property
@@ -73,7 +76,7 @@ class Dense:
         return self.numbers.least[self.posed]
 
     def design(self, z: Floats) -> tuple[Gains, AnyCoupling]:
-        """Return gains and coupling of a solution as they would be written to a file."""
+        """Return the gains and the coupling of a solution, as a file would state them."""
         values = list(self.fixed)
         for coordinate, at in zip(self.free, z, strict=True):
             values[coordinate.index] = coordinate.to_x(float(np.clip(at, coordinate.low, coordinate.high)))
@@ -82,7 +85,7 @@ class Dense:
 
 @dataclass(frozen=True, slots=True)
 class Functions:
-    """Objective and constraints, and their first derivatives."""
+    """The compiled objective and constraints, with their first derivatives."""
 
     values: ca.Function
     slopes: ca.Function
@@ -90,7 +93,7 @@ class Functions:
 
 @lru_cache(maxsize=16)
 def functions(structure: NlpStructure) -> Functions:
-    """Return the functions of a structure's NLP, compiled."""
+    """Return the compiled functions of a structure's NLP."""
     with interrupt_deferred():
         nlp = assembled(structure)
         x, p, f, g = nlp["x"], nlp["p"], nlp["f"], nlp["g"]
@@ -101,7 +104,10 @@ def functions(structure: NlpStructure) -> Functions:
 
 
 def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> Dense:
-    """Impose a problem on `count` frequencies for Llewellyn's conditions and as many for |S|, both log-spaced.
+    """Impose the constraints of a problem on a fixed grid: `count` frequencies for Llewellyn's conditions, `count` for
+    |S|.
+
+    Both grids are log-spaced.
 
     Parameters
     ----------
@@ -113,7 +119,7 @@ def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> Dense
     Returns
     -------
     Dense
-        The NLP of one solve, and its start.
+        The NLP of one solve, with its start.
     """
     integrator = start.gains.position > 0
     posed, scaled = prepared.scaled, prepared.scaled.problem
@@ -137,7 +143,7 @@ def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> Dense
 
 @dataclass(frozen=True, slots=True)
 class Stopped:
-    """The final point of a solver, and whether it reports convergence."""
+    """The final point of a solver, and whether the solver reports convergence."""
 
     z: Floats
     converged: bool
@@ -145,12 +151,12 @@ class Stopped:
 
 @lru_cache(maxsize=32)
 def compiled(structure: NlpStructure) -> ca.Function:
-    """Return IPOPT for a structure."""
+    """Return IPOPT, compiled for the NLP of a structure."""
     return ca.nlpsol("peer", "ipopt", assembled(structure), SETTINGS)
 
 
 def ipopt(dense: Dense) -> Stopped:
-    """Solve by IPOPT."""
+    """Solve a problem on its grid by IPOPT."""
     given = dense.numbers
     with interrupt_deferred():
         solver = compiled(dense.structure)

@@ -1,4 +1,4 @@
-"""Random devices over ten decades of mass, damping, sample time, delay, bounds and bands; a seed reproduces each."""
+"""Random devices over ten decades of mass, damping, sample time, delay, bounds and bands. A seed reproduces each."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from vctune.document.reading import pose
 from vctune.model.problem import Problem
 
 MOST_DELAY = 150.0
-"""Samples."""
+"""Greatest delay of a device, in samples."""
 
 
 def device(seed: int, number: int) -> tuple[dict[str, Any], Problem]:
-    """Return the number-th device of a seed, as document and as problem; invalid problems are drawn again.
+    """Return the number-th device of a seed, as a document and as a problem. An invalid problem is drawn again.
 
     Parameters
     ----------
     seed : seed of the whole series
-    number : within it
+    number : index of the device in the series
     """
     rng = np.random.default_rng((seed, number))
     for _ in range(100):

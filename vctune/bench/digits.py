@@ -1,4 +1,4 @@
-"""The theory by its definitions with fifty digits in mpmath, for one case at one omega > 0, rad/s, in SI units."""
+"""The theory evaluated from its definitions in mpmath with fifty digits, for one case at one frequency, in SI units."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vctune.bench.evaluator import Case
 
 DIGITS = 50
 GUARD = 70
-"""More digits than the definitions cancel."""
+"""Digits beyond `DIGITS`; the definitions cancel fewer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,10 +21,10 @@ class Exact:
 
     Attributes
     ----------
-    offered, required, ratio : Re Z_c, R, and their quotient, inf if R <= 0; R has no meaning where Re h11 <= 0
+    offered, required, ratio : Re Z_c, R, and Re Z_c/R (inf if R <= 0); R has no meaning where Re h11 <= 0
     resistance : Re h11
     rollett : Rollett's stability factor of the two-port with Z_c; inf if q = 0
-    admittance, tracking, coupling : |G_hh|, |1 - G_he|, |Z_c|, without the operator
+    admittance, tracking, coupling : |G_hh|, |1 - G_he| and |Z_c|, without the operator
     """
 
     offered: Any
@@ -38,20 +38,20 @@ class Exact:
 
 
 def exact(case: Case, omega: Any) -> Exact:
-    """Evaluate the definitions of one case at a frequency, with `DIGITS` digits.
+    """Evaluate the definitions for one case at one frequency, with `DIGITS` digits.
 
-    The two-port with the operator's Z_h absorbed: h11 = 1/(W + C), h12 = -C/(W + C), h21 = (Z_d + C)/(W + C),
-    h22 = Z_h C/(W + C), W = Z_d + Z_h. With q = -h12 h21, R = (|q| - Re q)/(2 Re h11) - Re h22.
+    The two-port with the operator's Z_h absorbed: h11 = 1/(W + C), h12 = -C/(W + C), h21 = (Z_d + C)/(W + C), h22 = Z_h
+    C/(W + C), W = Z_d + Z_h. With q = -h12 h21, R = (|q| - Re q)/(2 Re h11) - Re h22.
 
     Parameters
     ----------
-    case : one case of plain numbers, which stand for the decimals that they print as
-    omega : rad/s, > 0
+    case : one case of plain numbers; each float stands for the decimal that it prints as
+    omega : frequency, rad/s, > 0
 
     Returns
     -------
     Exact
-        In mpmath's numbers, SI units.
+        mpmath numbers in SI units.
     """
     with mp.workdps(DIGITS + GUARD):
         m, b, T, delay, K_v, K_p, b_c, m_c, b_0, m_h, b_h = _decimals(case)
@@ -68,14 +68,14 @@ def exact(case: Case, omega: Any) -> Exact:
 
 
 def sensitivity(case: Case, omega: Any) -> Any:
-    """Return |S| of the sampled loop, the device let go.
+    """Return |S| of the sampled loop without a hand on the device.
 
-    |S| is the characteristic polynomial with the loop open over that with the loop closed, at z = e^(j omega T).
+    |S| is the open-loop characteristic polynomial divided by the closed-loop one, at z = e^(j omega T).
 
     Parameters
     ----------
     case : one case of plain numbers
-    omega : rad/s, > 0
+    omega : frequency, rad/s, > 0
 
     Returns
     -------
@@ -90,13 +90,13 @@ def sensitivity(case: Case, omega: Any) -> Any:
 
 
 def stable(case: Case) -> bool:
-    """Return whether the sampled loop of the device let go is stable, by Jury's recursion on its polynomial."""
+    """Return whether the sampled loop without a hand is stable, by Jury's recursion on its polynomial."""
     with mp.workdps(DIGITS + GUARD + int(case.delay / case.sample_time)):
         return _all_inside(characteristic(case, _decimals(case)[4:6]))
 
 
 def characteristic(case: Case, law: Sequence[Any]) -> list[Any]:
-    """Return the characteristic polynomial of the sampled loop, the device let go.
+    """Return the characteristic polynomial of the sampled loop without a hand.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def _value(poly: list[Any], z: Any) -> Any:
 
 
 def _all_inside(poly: list[Any]) -> bool:
-    """Return whether every root lies inside the unit circle: Jury's table, each row shorter by one."""
+    """Return whether every root lies inside the unit circle, by Jury's table, in which each row is shorter by one."""
     while poly and poly[-1] == 0:
         poly = poly[:-1]
     while len(poly) > 1:

@@ -1,8 +1,8 @@
 """An independent implementation of the theory in plain complex numbers, which shares no code with the model.
 
-Dense grids instead of a proof, matrix exponentials and eigenvalues instead of a return difference. The tests judge with
-it too, many designs or many devices at a time. For one `Case`, a function of k frequencies, rad/s and not 0, returns k
-numbers in SI units; for n cases it returns n rows of them.
+It uses dense grids instead of a proof, and matrix exponentials and eigenvalues instead of a return difference. The
+tests also judge designs with it, many at a time. For one `Case`, a function of k frequencies (rad/s, not 0) returns k
+numbers in SI units; for n cases it returns n rows of k numbers.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from vctune.model.problem import Problem
 Floats = NDArray[np.float64]
 
 POINTS = 20_001
-"""Frequencies examined in each band; odd, for Simpson's rule."""
+"""Number of frequencies evaluated in each band; odd, for Simpson's rule."""
 ENDLESS = 1e-6
-"""Lower end of a band from 0, and reciprocal of the upper end of one to inf, relative to the other frequencies."""
+"""Lower end used for a band that begins at 0, relative to the other frequencies. Its reciprocal replaces inf."""
 WHOLE = 1e-12
 """Share of a sample by which a delay may deviate from a whole number of samples."""
 SERIES = 1e-2
@@ -33,14 +33,16 @@ SERIES = 1e-2
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Numbers in SI units; each but `sample_time` and `hold` is a number, or a one-dimensional array of as many cases.
+    """Numbers in SI units.
+
+    Each except `sample_time` and `hold` is one number, or an array with one number for each case.
 
     Attributes
     ----------
-    mass, damping, sample_time, delay, hold : those of the device
-    K_v, K_p : gains
+    mass, damping, sample_time, delay, hold : parameters of the device
+    K_v, K_p : gains of the velocity loop
     b_c, m_c, b_0 : damping, mass and drag of the coupling
-    m_h, b_h : mass and damping of the least operator
+    m_h, b_h : mass and damping of the operator's least hand
     """
 
     mass: Any
@@ -58,12 +60,13 @@ class Case:
 
     @property
     def bare(self) -> Case:
-        """The same without the operator."""
+        """The case without the operator."""
         return replace(self, m_h=0.0, b_h=0.0)
 
     @property
     def loops(self) -> tuple[Case, ...]:
-        """The loops that must be stable by themselves: of the device let go and, if there is one, in the hand."""
+        """The loops that must be stable on their own: without a hand and, if the problem has an operator, in the
+        hand."""
         if self.m_h == self.b_h == 0:
             return (self,)
         return self.bare, replace(self.bare, mass=self.mass + self.m_h, damping=self.damping + self.b_h)
@@ -75,17 +78,17 @@ class Case:
 
 
 def cases(device: Device, design: ArrayLike) -> Case:
-    """Return a device's cases with one design, or with many.
+    """Return the cases of a device with one design or with many.
 
     Parameters
     ----------
-    device : plain numbers, SI units
-    design : K_v, K_p, b_c, m_c and b_0, shape (5,), or (5, n) for n designs
+    device : device with plain numbers, SI units
+    design : K_v, K_p, b_c, m_c and b_0; shape (5,), or (5, n) for n designs
 
     Returns
     -------
     Case
-        One case, or n.
+        One case, or n cases.
     """
     hand = (device.operator.mass, device.operator.damping) if device.operator else (0.0, 0.0)
     numbers = (device.mass, device.damping, device.sample_time, device.delay, device.hold)
@@ -97,7 +100,7 @@ def case_of(device: Device, gains: Gains, coupling: AnyCoupling) -> Case:
 
     Parameters
     ----------
-    device : plain numbers, SI units
+    device : device with plain numbers, SI units
     gains : K_v and K_p, N s/m and N/m
     coupling : coupling of an admittance display
 
@@ -133,7 +136,7 @@ def impedances(case: Case, s: Any) -> tuple[Any, Any]:
 
 
 def coupling_impedance(case: Case, s: Any) -> Any:
-    """Return Z_c = b_0 + b_c m_c s/(b_c + m_c s): damper and mass in series, the drag beside them (paper eq. 17).
+    """Return Z_c = b_0 + b_c m_c s/(b_c + m_c s) (paper eq. 17): damper and mass in series, and the drag in parallel.
 
     Parameters
     ----------
@@ -153,13 +156,13 @@ def required(case: Case, omega: Any) -> Any:
     """Return R = (|q| - Re q)/(2 Re h11) - Re h22, the least feasible Re Z_c (paper eq. 19).
 
     The two-port has absorbed the operator's damping: h11 = 1/(W + C), h22 = b_h C/(W + C), q = -h12 h21 = C (Z_d +
-    C)/(W + C)^2 with W = Z_d + b_h. |q| - Re q is (Im q)^2/(|q| + Re q) where Re q > 0, and Im q that of 1 - q, so that
-    nothing cancels. A mass in the hand changes nothing, because any reactance is allowed anyway.
+    C)/(W + C)^2 with W = Z_d + b_h. Where Re q > 0, the code computes |q| - Re q as (Im q)^2/(|q| + Re q), and Im q
+    from 1 - q, so that no digits cancel. A mass in the hand changes nothing, because any reactance is allowed anyway.
 
     Parameters
     ----------
     case : one case or n
-    omega : rad/s, not 0, shape (k,)
+    omega : frequency, rad/s, not 0, shape (k,)
 
     Returns
     -------
@@ -182,7 +185,7 @@ def stability_ratio(case: Case, omega: Any) -> Any:
     Parameters
     ----------
     case : one case or n
-    omega : rad/s, not 0, shape (k,)
+    omega : frequency, rad/s, not 0, shape (k,)
 
     Returns
     -------
@@ -196,15 +199,15 @@ def stability_ratio(case: Case, omega: Any) -> Any:
 
 
 def sensitivity(case: Case, omega: Any) -> Any:
-    """Return |S| = 1/|1 + K_v G_v + K_p G_x| of the sampled loop of the device let go.
+    """Return |S| = 1/|1 + K_v G_v + K_p G_x| of the sampled loop without a hand.
 
-    G_v and G_x are velocity and position at the samples over the commanded force. A commanded force acts `whole`
-    samples and `late` seconds afterwards.
+    G_v and G_x are the sampled velocity and the sampled position, divided by the commanded force. A commanded force
+    acts `whole` samples and `late` seconds later.
 
     Parameters
     ----------
     case : one case or n
-    omega : rad/s, > 0, shape (k,)
+    omega : frequency, rad/s, > 0, shape (k,)
 
     Returns
     -------
@@ -223,7 +226,7 @@ def sensitivity(case: Case, omega: Any) -> Any:
 
 
 def _samples(case: Case) -> tuple[Any, Any]:
-    """Return the delay as whole samples and a remainder, s."""
+    """Return the delay as whole samples and a remainder in seconds."""
     T = case.sample_time
     whole = np.floor(np.asarray(case.delay) / T + WHOLE)
     late = np.maximum(case.delay - whole * T, 0.0)
@@ -231,7 +234,7 @@ def _samples(case: Case) -> tuple[Any, Any]:
 
 
 def _moved(rate: Any, t: Any) -> tuple[Any, Any]:
-    """Return the integral of e^(-rate s) over [0, t], and the integral of that."""
+    """Return the integral of e^(-rate s) over [0, t], and the integral of that integral."""
     x = rate * t
     small = x < SERIES
     y = np.where(small, 1.0, x)
@@ -242,17 +245,17 @@ def _moved(rate: Any, t: Any) -> tuple[Any, Any]:
 
 
 def spectral_radius(case: Case) -> Any:
-    """Return the spectral radius of each sampled loop, of the device let go."""
+    """Return the spectral radius of each sampled loop without a hand."""
     return by_kind(case, lambda loops: np.abs(np.linalg.eigvals(loop_matrices(loops))).max(axis=1))
 
 
 def by_kind(case: Case, work: Callable[[Case], Floats]) -> Any:
-    """Evaluate a function on groups of loops that have equally many states.
+    """Evaluate a function on groups of loops that have the same number of states.
 
     Parameters
     ----------
     case : one case or n
-    work : takes cases with arrays of m loops and returns an array of shape (m,)
+    work : function that takes cases with arrays of m loops and returns an array of shape (m,)
 
     Returns
     -------
@@ -271,9 +274,10 @@ def by_kind(case: Case, work: Callable[[Case], Floats]) -> Any:
 
 
 def loop_matrices(case: Case) -> Floats:
-    """Return the matrices that take v, x and the forces on their way from one sample to the next.
+    """Return the matrices that advance v, x and the forces on their way by one sample.
 
-    Cases are arrays, all with K_p > 0 or all without, where there is no x, and with as many whole samples of delay.
+    The cases are arrays with the same number of whole samples of delay. Either all have K_p > 0, or none; without K_p
+    the state has no x.
     """
     order, whole = 2 if case.K_p[0] > 0 else 1, int(_samples(case)[0][0])
     late, n = _samples(case)[1], len(case.K_v)
@@ -282,7 +286,7 @@ def loop_matrices(case: Case) -> Floats:
         _motion(case, case.sample_time - late, order),
     )
     size = order + whole + 1
-    told = np.zeros((n, whole + 2, size))  # the force that is told now, the one a sample ago, ...
+    told = np.zeros((n, whole + 2, size))  # the force commanded now, the force commanded one sample ago, ...
     told[:, 0, :order] = -np.stack((case.K_v, case.K_p)[:order], axis=1)
     told[:, 1:, order:] = np.eye(whole + 1)
     loops = np.zeros((n, size, size))
@@ -294,7 +298,7 @@ def loop_matrices(case: Case) -> Floats:
 
 
 def _motion(case: Case, t: Floats, order: int) -> tuple[Floats, Floats]:
-    """Return the motion over t: its matrix and the contribution of a constant unit force."""
+    """Return the motion over a time t: its matrix, and the effect of a constant unit force."""
     rates = np.zeros((len(t), order + 1, order + 1))
     rates[:, 0, 0], rates[:, 0, order], rates[:, 1:order, 0] = -case.damping / case.mass, 1 / case.mass, 1.0
     whole = _exponentials(rates * t[:, None, None])
@@ -302,7 +306,7 @@ def _motion(case: Case, t: Floats, order: int) -> tuple[Floats, Floats]:
 
 
 def _exponentials(A: Floats) -> Floats:
-    """Return e^A of each matrix by scaling, Taylor's series and squaring."""
+    """Return e^A for each matrix, by scaling, Taylor's series and squaring."""
     norms = np.abs(A).sum(axis=2).max(axis=1)
     halvings = np.maximum(np.ceil(np.log2(np.maximum(norms, 1e-300))) + 4, 0)
     scaled = A / 2.0 ** halvings[:, None, None]
@@ -317,13 +321,13 @@ def _exponentials(A: Floats) -> Floats:
 
 
 def error(problem: Problem, case: Case, points: int = POINTS) -> Any:
-    """Return the transparency error of each case, by a dense grid (model/README.md, section 8).
+    """Return the transparency error of each case on a dense grid (model/README.md, section 8).
 
     Parameters
     ----------
     problem : band, norm, weights and reference impedance
     case : one case or n
-    points : number of frequencies; odd, since the norm "rms" uses Simpson's rule
+    points : number of frequencies; odd, because Simpson's rule integrates the norm "rms"
 
     Returns
     -------
@@ -347,7 +351,7 @@ def squared_error(problem: Problem, case: Case, omega: Any) -> Any:
     ----------
     problem : weights and reference impedance
     case : one case or n
-    omega : rad/s, not 0, shape (k,)
+    omega : frequency, rad/s, not 0, shape (k,)
 
     Returns
     -------
@@ -361,15 +365,15 @@ def squared_error(problem: Problem, case: Case, omega: Any) -> Any:
 
 
 def violation(problem: Problem, case: Case, extra: Sequence[float] = ()) -> float:
-    """Return the log of one case's greatest violation of the constraints on Re Z_c/R and |S|; 0 if it meets both.
+    """Return the logarithm of one case's greatest violation of the constraints on Re Z_c/R and |S|.
 
-    The function evaluates dense grids, and the given extra frequencies, rad/s.
+    The function evaluates dense grids and the extra frequencies. It returns 0 if the case meets both constraints.
 
     Parameters
     ----------
-    problem : the constraints
-    case : one case, of the problem's device
-    extra : rad/s; those beyond a constraint's band are left out of it
+    problem : problem with its constraints
+    case : one case with the problem's device
+    extra : more frequencies, rad/s; the function ignores those outside the band of a constraint
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The judgement of any solver's answer, by vctune's prover and by the independent evaluator."""
+"""Judge the answer of any solver, by vctune's prover and by the independent evaluator."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 
 AGREEMENT = 1e-6
-"""Relative difference of the two errors beyond which they contradict each other."""
+"""Relative difference of the prover's and the evaluator's error above which the two contradict each other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,10 +20,10 @@ class Worth:
 
     Attributes
     ----------
-    error : transparency error, by the independent evaluator
-    violation : greatest relative violation of the constraints, also at the prover's witnesses
-    stable : whether the sampled loop is stable, by its eigenvalues
-    verdict : the prover's
+    error : transparency error by the independent evaluator
+    violation : greatest relative violation of the constraints, on the grid and at the prover's witnesses
+    stable : whether the eigenvalues of the sampled loop lie inside the unit circle
+    verdict : verdict of the prover
     consistent : whether prover and evaluator do not contradict each other
     """
 
@@ -35,17 +35,17 @@ class Worth:
 
 
 def worth(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Worth:
-    """Judge an answer twice.
+    """Judge an answer by the prover and by the evaluator.
 
     Parameters
     ----------
     problem : problem with its constraints
-    gains, coupling : the answer
+    gains, coupling : the answer to judge
 
     Returns
     -------
     Worth
-        The verdict of vctune, and of an independent evaluation.
+        The verdict of vctune's prover, and the numbers of the independent evaluator.
     """
     judged = judge(problem, gains, coupling)
     witnesses = [outcome.witness for outcome in judged.certificate.outcomes.values() if outcome.witness]

@@ -1,4 +1,4 @@
-"""The usual alternative: SciPy's SLSQP on a fixed grid."""
+"""The usual alternative to vctune's search: SciPy's SLSQP on a fixed grid."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def need(package: str) -> None:
     Raises
     ------
     InputError
-        If it is not.
+        If the package is not installed.
     """
     if find_spec(package) is None:
         lacking = f"needs {PACKAGES[package]}, which it compares with: pip install {package}"
@@ -27,12 +27,12 @@ def need(package: str) -> None:
 
 
 def slsqp(dense: Dense) -> Stopped:
-    """SciPy's SLSQP with exact derivatives."""
+    """Solve a problem on its grid by SciPy's SLSQP with exact derivatives."""
     return _slsqp(dense, exact=True)
 
 
 def slsqp_differences(dense: Dense) -> Stopped:
-    """SciPy's SLSQP in its most common use: its own finite differences."""
+    """Solve a problem on its grid by SciPy's SLSQP with its own finite differences, its most common use."""
     return _slsqp(dense, exact=False)
 
 
@@ -40,7 +40,7 @@ def _slsqp(dense: Dense, *, exact: bool) -> Stopped:
     from scipy.optimize import Bounds, minimize
 
     slopes = {"jac": lambda z: dense.slopes(z)[1]} if exact else {}
-    with warnings.catch_warnings(action="ignore"):  # about its own progress
+    with warnings.catch_warnings(action="ignore"):  # SLSQP warns about its own progress
         found = minimize(
             lambda z: float(dense.values(z)[0][0]),
             dense.numbers.guess,

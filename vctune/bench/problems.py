@@ -1,6 +1,6 @@
 """The reference problems, for any passive hand on a band.
 
-Between them free and fixed loops, both holds, delays, K_p = 0, active bounds, two basins.
+They cover free and fixed loops, both holds, delays, K_p = 0, active bounds, and a problem with two basins.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ DOCUMENTS: dict[str, dict[str, Any]] = {
     "at-bound": _wheel(LIMITS, 250.0, mass=1.0, delay=5e-4),
     "fixed-loop": _wheel({"velocity": 150.0, "position": 6000.0}, 100.0),
 }
-"""The problems by name, as files would state them; the first has two basins and constraints that bind between
-frequencies."""
+"""The problems by name, as files would state them. The first has two basins, and constraints that bind between the
+frequencies of a grid."""
 
 
 def posed(name: str, document: dict[str, Any]) -> Problem:
@@ -61,7 +61,7 @@ def posed(name: str, document: dict[str, Any]) -> Problem:
     Parameters
     ----------
     name : name of the problem
-    document : its tables
+    document : tables of the problem
     """
     problem, faults = pose(document, name)
     assert problem is not None, faults
@@ -69,5 +69,5 @@ def posed(name: str, document: dict[str, Any]) -> Problem:
 
 
 def reference_problems(count: int | None = None) -> dict[str, Problem]:
-    """Return the first n reference problems, or all, by name."""
+    """Return the first `count` reference problems, or all of them, by name."""
     return {name: posed(name, document) for name, document in list(DOCUMENTS.items())[:count]}

@@ -27,18 +27,18 @@ from vctune.model.problem import Problem
 from vctune.report.figures.benchmark_figures import Panel, Series
 
 GRID = 2000
-"""Frequencies for Llewellyn's conditions, and as many for |S|, of most peers."""
+"""Frequencies for Llewellyn's conditions in the grid of most peers, and as many for |S|."""
 GRIDS = (8, 32, 128, 512)
-"""Coarser ones for IPOPT."""
+"""Coarser grids for IPOPT."""
 RESERVE = 1e-5
-"""Tightening of the peers' constraints on `GRID`, about their violation between neighbours."""
+"""Relative tightening of the peers' constraints on `GRID`. It is about their violation between two grid points."""
 MET = 1e-6
-"""Violation on the grid up to which a peer's answer is accepted."""
+"""Greatest violation on the grid at which the benchmark accepts a peer's answer."""
 REPEATS, SLOW = 5, 1.0
-"""Pairs of a solver and vctune, and the seconds from which there is one only."""
+"""Number of timed pairs of a solver and vctune, and the run time, s, above which only one pair is timed."""
 OURS, MULTISTART, IPOPT = "vctune", "SciPy SLSQP", "IPOPT, "
 AIM = 1 / 3
-"""Share of the multi-start's time that a certified design should take at most."""
+"""Largest share of the multi-start's time that vctune may take for a certified design."""
 LEAST_GAP = 1e-7
 Work = Callable[[Dense], Stopped]
 
@@ -49,7 +49,8 @@ class Peer:
 
     Attributes
     ----------
-    name, count : name of the solver, and number of frequencies of each kind in its grid
+    name : name of the solver
+    count : number of frequencies of each kind in its grid
     work : function that solves a problem
     reserve : relative tightening of its constraints
     """
@@ -62,17 +63,18 @@ class Peer:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One solver on one problem.
+    """The result of one solver on one problem.
 
     Attributes
     ----------
-    grid : frequencies of each kind; 0 for vctune, which chooses
-    seconds : median processor time to its result, its functions compiled before; vctune's has the scan for the starts
-        and the proof in it, the others' has not
-    pace : vctune's time over the solver's, median of pairs measured one after the other
-    starts, unstable : number of its starts, and of its answers whose sampled loop is unstable
+    grid : number of frequencies of each kind; 0 for vctune, which chooses its own
+    seconds : median processor time; every solver's functions are compiled before. Only vctune's time includes the scan
+        for the starts and the proof
+    pace : vctune's time divided by the solver's time, the median over pairs measured one after the other
+    starts : number of the solver's starts
+    unstable : number of its answers whose sampled loop is unstable
     succeeded : whether the solver reports success
-    gap : share by which its error is above the best proved one of all solvers
+    gap : relative difference between its error and the least proved error of all solvers
     error, violation, stable, verdict, consistent : see `vctune.bench.judged.Worth`
     """
 
@@ -105,14 +107,14 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
 
     Parameters
     ----------
-    quick : whether on the first problem alone
-    seed : not used; nothing here is random
-    tick : function that receives the next stage
+    quick : whether to run on the first problem only
+    seed : not used, because nothing here is random
+    tick : function that receives the name of the next stage
 
     Returns
     -------
     Measured
-        A row for each solver on each problem, and sentences on them.
+        One row for each solver and problem, and the findings.
 
     Raises
     ------
@@ -125,9 +127,10 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
         rows += _problem_rows(name, problem, tick)
     return Measured(
         "vctune against other solvers",
-        "Gap to the best proved error against processor time, one point a problem, for answers that are proved and for "
-        f"those that are not; a gap below {LEAST_GAP:g} lies on the dotted line, as do those of answers that seem "
-        "better than the best because they violate a demand. Right: how much they violate.",
+        "The left panel shows the gap to the best proved error against processor time, with one point for each "
+        "problem, for answers that are proved and for answers that are not. A point on the dotted line has a gap below "
+        f"{LEAST_GAP:g}, or seems better than the best because it violates a constraint. The right panel shows the "
+        "violations.",
         rows,
         facts(rows),
         panels(rows),
@@ -190,7 +193,8 @@ class _Answer:
 
     @property
     def rank(self) -> tuple[bool, float]:
-        """First answers that satisfy their grid in a stable loop, best first; then by their violation."""
+        """Sort key: first the answers that satisfy their grid in a stable loop, by error; then the others, by
+        violation."""
         good = self.missed <= MET and self.stable
         return (not good, self.error if good else self.missed + 1e3 * (not self.stable))
 
@@ -215,14 +219,15 @@ CLOSE = 1e-3
 
 
 def facts(rows: list[Row]) -> list[str]:
-    """Return sentences on who wins where, and on the other answers."""
+    """Return the findings: which solver is best on which problem, and how the other answers compare."""
     fixed = [row for row in rows if row.solver.startswith(IPOPT) and row.succeeded]
     refuted = sum(row.verdict == Status.VIOLATED for row in fixed)
     better = [row for row in rows if row.solver == OURS and row.gap > LEAST_GAP]
     return [
-        f"Prover and independent evaluator contradict each other {sum(not row.consistent for row in rows)} times.",
+        "The prover and the independent evaluator contradict each other "
+        f"{sum(not row.consistent for row in rows)} times.",
         *(_compared(solver, rows) for solver in dict.fromkeys(row.solver for row in rows)),
-        f"IPOPT says that it succeeded on {len(fixed)} fixed grids; {refuted} of these answers are refuted.",
+        f"IPOPT reports success on {len(fixed)} fixed grids, and {refuted} of these answers are refuted.",
         f"Problems on which a peer's proved error is lower than vctune's: {_named(better)}.",
     ]
 
@@ -247,7 +252,7 @@ def _named(rows: list[Row]) -> str:
 
 
 def panels(rows: list[Row]) -> list[Panel]:
-    """Draw gap against run time, the proved answers apart from the rest, and the violation against run time."""
+    """Draw gap against run time, with the proved answers marked, and violation against run time."""
     by_solver = {name: [row for row in rows if row.solver == name] for name in dict.fromkeys(r.solver for r in rows)}
     drawn = []
     for title, proved in (("proved", True), ("not proved", False)):

@@ -1,4 +1,4 @@
-"""Thousands of devices over ten decades; independent arithmetic checks every verdict."""
+"""Solve thousands of devices over ten decades, and check every verdict with independent arithmetic."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ from vctune.study.executors import available_cores, worker_pool
 
 QUICK, FULL = 40, 3000
 PATIENCE = 20.0
-"""Processor time, s, after which a device is recorded as failed."""
+"""Processor time, s, after which the benchmark records a device as failed."""
 FREQUENCIES = 40
-"""Frequencies at which a certified design is evaluated with 50 digits, log-spaced over each of its bands."""
+"""Number of frequencies at which 50 digits check a certified design, log-spaced over each of its bands."""
 FAILED = "failed"
 SCAN_GAINS, SCAN_DAMPING, SCAN_FREQUENCIES = 28, 48, 120
 SLOWEST = 8
@@ -39,16 +39,18 @@ SLOWEST = 8
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One device.
+    """The result for one device.
 
     Attributes
     ----------
-    status : certified, infeasible, undecided, or failed: an exception, an invalid number, no answer in time
+    status : "certified", "infeasible", "undecided", or "failed" after an exception, an invalid number or no answer in
+        time
     seconds : processor time of the solve
-    wrong : contradiction of the verdict, "" if there is none
+    wrong : how the verdict contradicts the independent evaluation; "" if it does not
     float_error : largest relative error of the float formulas against 50 digits, over Re Z_c/R, |G_hh|, |1 - G_he| and
-        |Z_c|; nan if no design was found
-    reason, device : remark on a device without an answer or with a wrong one, and its numbers; else ""
+        |Z_c|; nan without a design
+    reason : remark on a device that has no answer or a wrong one; else ""
+    device : numbers of such a device; else ""
     """
 
     number: int
@@ -72,7 +74,7 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
     Returns
     -------
     Measured
-        A row for each device, and sentences on them.
+        One row for each device, and the findings.
 
     Raises
     ------
@@ -88,8 +90,8 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
             tick(f"{len(rows)} of {count} devices")
     return Measured(
         "Devices over ten decades",
-        "Left: how long each device took, by what became of it. Right: the largest relative error of the double "
-        "precision formulas at the frequencies that were checked with 50 digits.",
+        "The left panel shows the time of each device, by its status. The right panel shows the largest relative error "
+        "of the double precision formulas at the frequencies that were checked with 50 digits.",
         rows,
         facts(rows),
         panels(rows),
@@ -101,19 +103,19 @@ def examined(seed: int, number: int) -> Row:
 
     Parameters
     ----------
-    seed, number : those of the device
+    seed, number : seed of the series, and index of the device in it
 
     Returns
     -------
     Row
-        Its status, its time, and the contradictions of an independent evaluation.
+        The device's status and time, and how an independent evaluation contradicts the verdict.
     """
     document, problem = device(seed, number)
     said, began = json.dumps(document), process_time()
     try:
         with _patience():
             solved = solve(problem)
-    except Exception as error:  # a failure is a row, which is what this benchmark looks for
+    except Exception as error:  # a failure becomes a row: the benchmark looks for failures
         return Row(number, FAILED, process_time() - began, "", nan, f"{type(error).__name__}: {error}", said)
     seconds, judgement = process_time() - began, solved.judgement
     reason = solved.infeasibility.reason if solved.infeasibility else ""
@@ -132,7 +134,7 @@ def examined(seed: int, number: int) -> Row:
 
 @contextmanager
 def _patience() -> Iterator[None]:
-    """Raise TimeoutError in the block once it has taken `PATIENCE`; only in a process's main thread."""
+    """Raise TimeoutError in the block after `PATIENCE` seconds of processor time. Works only in the main thread."""
 
     def give_up(_signal: int, _frame: FrameType | None) -> None:
         raise TimeoutError(f"no answer within {PATIENCE:g} s")
@@ -147,7 +149,7 @@ def _patience() -> Iterator[None]:
 
 
 def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
-    """Return the objection of 50 digits to a certified design ("" if none), and the floats' largest relative error.
+    """Return how 50 digits contradict a certified design ("" if they do not), and the floats' largest relative error.
 
     Parameters
     ----------
@@ -179,7 +181,7 @@ def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
 
 
 def _floats(problem: Problem, judgement: Judgement, omega: float) -> tuple[float, float, float, float]:
-    """Return |G_hh|, |1 - G_he|, |Z_c| and Re Z_c/R as the float formulas give them."""
+    """Return |G_hh|, |1 - G_he|, |Z_c| and Re Z_c/R from the float formulas."""
     at, Z_0 = np.array([omega]), problem.transparency.reference_impedance
     terms = demands.error_terms(problem, judgement.gains, judgement.coupling, at)
     admittance, tracking, coupling = (float(np.sqrt(x[0])) for x in (terms.admittance, terms.tracking, terms.coupling))
@@ -188,9 +190,9 @@ def _floats(problem: Problem, judgement: Judgement, omega: float) -> tuple[float
 
 
 def feasible(problem: Problem) -> str | None:
-    """Scan gains and couplings with the independent evaluator; return a design that meets every constraint, or None.
+    """Search gains and couplings with the independent evaluator. Return a design that meets all constraints, or None.
 
-    m_c and b_0 are at their upper bounds, which ease the constraints; b_c is scanned.
+    The scan varies the gains and b_c. It keeps m_c and b_0 at their upper bounds, which ease the constraints.
     """
     bounds, stability = problem.bounds, problem.stability
     omega = np.geomspace(*demands.sampled_span(problem), SCAN_FREQUENCIES)
@@ -203,13 +205,13 @@ def feasible(problem: Problem) -> str | None:
         enough = (stability_ratio(replace(loop, b_c=b_c), omega) >= stability.safety_factor).all(axis=1)
         if enough.any() and spectral_radius(loop) < 1 - 1e-9:
             found = replace(loop, b_c=float(b_c[np.argmax(enough)]))
-            if violation(problem, found) == 0:  # the scan's frequencies are few
+            if violation(problem, found) == 0:  # the scan evaluates few frequencies; this check evaluates many
                 return f"{found}"
     return None
 
 
 def _spread(bounds: Range, count: int) -> list[float]:
-    """Return values over a range, log-spaced, including ends and 0 if they belong to it."""
+    """Return log-spaced values over a range, including its ends, and 0 if the range contains it."""
     if bounds.fixed:
         return [bounds.min]
     if bounds.min > 0:
@@ -219,7 +221,7 @@ def _spread(bounds: Range, count: int) -> list[float]:
 
 
 def facts(rows: list[Row]) -> list[str]:
-    """Return sentences on the devices' results, and on wrong verdicts."""
+    """Return the findings on the devices' results and on wrong verdicts."""
     counts = Counter(row.status for row in rows)
     shares = ", ".join(f"{status} {count} ({count / len(rows):.2%})" for status, count in counts.most_common())
     wrong = [row for row in rows if row.wrong]
@@ -228,7 +230,7 @@ def facts(rows: list[Row]) -> list[str]:
     said = [
         f"{len(rows)} devices: {shares}.",
         f"Wrong verdicts: {len(wrong)}" + "".join(f"; device {row.number}: {row.wrong}" for row in wrong[:3]) + ".",
-        f"Failed (tracebacks, numbers that are none, no answer within {PATIENCE:g} s): {counts[FAILED]}"
+        f"Failed (tracebacks, numbers that are not finite, no answer within {PATIENCE:g} s): {counts[FAILED]}"
         + "".join(f"; device {row.number}: {row.reason}" for row in rows if row.status == FAILED)
         + ".",
     ]
@@ -243,7 +245,7 @@ def facts(rows: list[Row]) -> list[str]:
 
 
 def panels(rows: list[Row]) -> list[Panel]:
-    """Draw times in order, and errors of the floats in order."""
+    """Draw the sorted times and the sorted errors of the float formulas."""
     series = []
     for status in dict.fromkeys(row.status for row in rows):
         times = sorted((row.seconds for row in rows if row.status == status), reverse=True)

@@ -1,4 +1,4 @@
-"""Timing on a shared machine: processor time, median of repeats."""
+"""Time measurements on a shared machine: the median processor time of several runs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Made = TypeVar("Made")
 
 
 def machine() -> str:
-    """Return a description of this machine in one line."""
+    """Return a one-line description of this machine."""
     model = platform.processor() or platform.machine()
     try:
         with open("/proc/cpuinfo") as file:
@@ -31,7 +31,7 @@ def timed(work: Callable[[], Made], repeats: int = 1) -> tuple[Made, float]:
 
     Parameters
     ----------
-    work : called each time
+    work : function to measure
     repeats : number of runs; the result of the last is returned
     """
     seconds = []

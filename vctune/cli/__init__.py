@@ -1,6 +1,6 @@
-"""The command line: one small file per command, which reads, calls and prints.
+"""The command line: one small file for each command, which reads, calls and prints.
 
-This module imports nothing heavy before it is ready to be interrupted.
+This module imports nothing heavy before it can handle an interrupt.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ import sys
 
 
 def run() -> None:
-    """Run the command line and leave the process with one of `vctune.exit_codes.ExitCode`."""
+    """Run the command line and exit with one of the codes in `vctune.exit_codes.ExitCode`."""
     for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:  # closed by the caller
+        if getattr(sys, name) is None:  # the caller has closed the stream
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
         getattr(sys, name).reconfigure(errors="backslashreplace")
     try:

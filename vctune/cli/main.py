@@ -21,17 +21,17 @@ COMMANDS = (
     "bench", "bound", "check", "compare", "example", "explain", "export", "front", "identify", "region", "report",
     "schema", "simulate", "solve", "sweep",
 )  # fmt: skip
-"""Each the name of a module of `vctune.cli.commands`, and of the command in it."""
+"""Names of the commands. Each is also the name of a module of `vctune.cli.commands`."""
 
 
 class _Commands(click.Group):
-    """The commands, of which no more are imported than are run or listed."""
+    """The group of commands. It imports only the commands that are run or listed."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        # what is no command needs all of them: click says which of them it is like
+        # for an unknown command, click needs all names to suggest a similar one
         for name in (cmd_name,) if cmd_name in COMMANDS else COMMANDS:
             self.commands[name] = getattr(import_module(f"vctune.cli.commands.{name}"), name)
         return self.commands.get(cmd_name)
@@ -61,7 +61,7 @@ def main() -> None:
 
 
 def execute() -> int:
-    """Run the command line and return one of `ExitCode`; only KeyboardInterrupt passes."""
+    """Run the command line and return one of the codes in `ExitCode`. Only KeyboardInterrupt passes through."""
     try:
         code = main(standalone_mode=False)
     except InputError as error:
@@ -71,11 +71,11 @@ def execute() -> int:
         code = ExitCode.BAD_INPUT
     except click.Abort:
         raise KeyboardInterrupt from None
-    except SystemExit:  # click's way out when the reader of --help or --version has gone away
+    except SystemExit:  # click exits in this way if the reader of --help or --version has gone away
         code = ExitCode.OK
     except OSError as error:
         code = _complain(coded(f"{error.filename or 'output'}: {error.strerror}", "cannot-write"), ExitCode.BAD_INPUT)
-    except Exception as error:  # the last line of defence: a fault of ours, said without a traceback
+    except Exception as error:  # the last line of defence: a fault of vctune, reported without a traceback
         if RECEIVED:
             raise KeyboardInterrupt from None
         place = _innermost(error)

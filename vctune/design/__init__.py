@@ -1,1 +1,1 @@
-"""From a problem to proved gains: scan for starts, IPOPT on a few frequencies, exchange with the judge."""
+"""From a problem to proved gains: a scan for starts, IPOPT on a few frequencies, and an exchange with the prover."""

@@ -1,4 +1,4 @@
-"""A problem prepared for the search: its devices, its constraints, and the optimiser's own units."""
+"""A problem prepared for the search: its devices, its constraints, and the optimiser's units."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Units:
     ----------
     impedance : Z_0, N s/m
     time : T, s
-    error : the greatest weight, in which errors are counted
+    error : the greatest weight, the unit of errors
     """
 
     impedance: float
@@ -34,7 +34,7 @@ class Units:
     def to_si(self, values: Point) -> Point:
         """Return a design's numbers in SI units."""
         (K_v, K_p, b_c, *others), Z, T = values, self.impedance, self.time
-        if len(others) == 1:  # an impedance display: k_c is all that follows b_c
+        if len(others) == 1:  # for an impedance display only k_c follows b_c
             return (K_v * Z, K_p * Z / T, b_c * Z, others[0] * Z / T)
         m_c, b_0, *corner = others
         return (K_v * Z, K_p * Z / T, b_c * Z, m_c * Z * T, b_0 * Z, *(w_c / T for w_c in corner))
@@ -46,7 +46,7 @@ class Units:
     def to_dimensionless(self, values: Point) -> Point:
         """Return a design's numbers in the optimiser's units."""
         (K_v, K_p, b_c, *others), Z, T = values, self.impedance, self.time
-        if len(others) == 1:  # an impedance display: k_c is all that follows b_c
+        if len(others) == 1:  # for an impedance display only k_c follows b_c
             return (K_v / Z, K_p * T / Z, b_c / Z, others[0] * T / Z)
         m_c, b_0, *corner = others
         return (K_v / Z, K_p * T / Z, b_c / Z, m_c / (Z * T), b_0 / Z, *(w_c * T for w_c in corner))
@@ -54,20 +54,19 @@ class Units:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posed:
-    """A problem and the devices at which its constraints are imposed.
+    """A problem, with the devices at which its constraints are imposed.
 
-    The prover covers the space between the vertices of a box: a refuted device of it joins them. Two are equal only if
-    they are one object, so that results for one can be cached.
+    The prover covers the space between the vertices of a box. A device inside the box that the prover refutes joins the
+    devices. Two objects compare equal only if they are the same object, so that results can be cached.
 
     Attributes
     ----------
     problem : problem in SI or in the optimiser's units
-    cases : the problem of each device, known exactly: the nominal one and, if it is uncertain, its box's vertices; the
-        same of other delays for which the constraints hold too
-    hand_cases : the problems of the devices that are evaluated in hands: those of `cases`, and other delays if they
-        matter
-    objective : the devices among them whose greatest error is the objective
-    box : all devices for which a design is to be proved; None for the problem's own alone
+    cases : problems with exactly known devices: the nominal device, for an uncertain device the vertices of its box,
+        and each of these with the other delays for which the constraints hold, too
+    hand_cases : problems of the devices that are evaluated in hands: those of `cases`, with other delays if they matter
+    objective : the devices whose greatest error is the objective
+    box : box of devices for all of which a design is to be proved; None for the problem's own device
     demands : the constraints on a design
     span : the part of the stability band that sampling can reach, rad/s
     """
@@ -81,18 +80,18 @@ class Posed:
     span: tuple[float, float]
 
     def error(self, gains: Gains, coupling: AnyCoupling) -> float:
-        """Return the objective of a design: its error, or the greatest over the devices of the objective.
+        """Return the objective of a design: its error, or the greatest error over the devices of the objective.
 
         Parameters
         ----------
-        gains, coupling : plain floats, in the units of the problem
+        gains, coupling : a design with plain floats, in the units of the problem
         """
         return max(transparency_error(case, gains, coupling).error for case in self.objective)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prepared:
-    """A problem in SI units, the same in the optimiser's, and those units."""
+    """A problem in SI units, the same problem in the optimiser's units, and these units."""
 
     given: Posed
     scaled: Posed
@@ -100,17 +99,18 @@ class Prepared:
 
     @property
     def problem(self) -> Problem:
-        """The problem as given."""
+        """The problem as given, in SI units."""
         return self.given.problem
 
     def on_device(self, device: Device) -> Device:
-        """Return a device of the given problem in the optimiser's units, with its own response in a disc."""
+        """Return a device of the given problem in the optimiser's units, with its nominal response instead of a
+        disc."""
         disc = self.problem.device.unmodelled if device.unmodelled is None else device.unmodelled
         return _dimensionless(with_device(self.problem, replace(device, unmodelled=disc)), self.units).device
 
 
 def prepare(problem: Problem) -> Prepared:
-    """Make a problem ready."""
+    """Prepare a problem for the search."""
     greatest = max(getattr(problem.transparency.weights, term) for term in acting_terms(problem))
     units = Units(problem.transparency.reference_impedance, problem.device.sample_time, greatest)
     return Prepared(pose(problem), pose(_dimensionless(problem, units)), units)
@@ -128,12 +128,12 @@ def pose(problem: Problem) -> Posed:
 
 
 def with_corner(posed: Posed, corner: float) -> Posed:
-    """Return a posed problem whose walls are proved with a multiplier of this corner.
+    """Return a posed problem whose walls are proved with a multiplier of a given corner.
 
     Parameters
     ----------
-    posed : with walls
-    corner : w_c, rad per unit of time of the problem
+    posed : prepared problem with walls
+    corner : w_c, rad per unit of the problem's time
     """
 
     return _in_worlds(posed, corner=corner)
@@ -161,9 +161,9 @@ def _in_worlds(posed: Posed, **changes: Any) -> Posed:
 
 
 def problems_beside(problem: Problem) -> list[Problem]:
-    """Return the problems of the device on both sides of a whole number of samples of delay that it is near.
+    """Return the problems with the delays on both sides of a whole number of samples, if the delay is near one.
 
-    An uncertain delay reaches that number within its box.
+    The range of an uncertain delay is extended to that number instead.
     """
     delays = () if problem.uncertainty is None else dict(problem.uncertainty.half_widths)
     if problem.hands_met is None or any(problem.device.number(key) for key in DELAYS if key in delays):
@@ -185,7 +185,7 @@ def _posed(problem: Problem) -> Posed:
 
 
 def compared(posed: Posed) -> Posed:
-    """Return a problem with zero weight on terms that no design can change; its designs are compared by the others."""
+    """Return a problem with zero weight on the terms that no design can change. The other terms compare its designs."""
     weights = _acting_weights(posed.problem)
     if weights == posed.problem.transparency.weights:
         return posed
@@ -197,11 +197,11 @@ def compared(posed: Posed) -> Posed:
 
 
 def acting_terms(problem: Problem) -> tuple[TermName, ...]:
-    """Return the terms of the error that have a weight and can differ between designs, so that they are optimised.
+    """Return the terms of the error that have a weight and can differ between designs.
 
-    No design of an impedance display changes how it follows the commanded force; nor does it change free motion if K_v
-    is fixed. A rigid one follows the command alike with any K_v. The coupling alone acts on the error of a servo. In
-    the mean square the other terms would only hide the effect of the coupling.
+    No design of an impedance display changes how it follows the commanded force. If K_v is fixed, no design changes its
+    free motion either. A rigid impedance display follows the command alike with any K_v. On a servo the coupling alone
+    changes the error. In the mean square the other terms would only hide the effect of the coupling.
     """
     objective, device, fixed = problem.transparency, problem.device, set[str]()
     if not device.kind.banded and objective.norm == "rms" and objective.weights.coupling > 0:
@@ -211,9 +211,9 @@ def acting_terms(problem: Problem) -> tuple[TermName, ...]:
 
 
 def of_one_device(problem: Problem) -> Problem | None:
-    """Return a problem of a device known exactly with the same feasible couplings; None if there is none.
+    """Return a problem of an exactly known device with the same feasible couplings; None if there is none.
 
-    An uncertain one has such a device where all that is uncertain moves as one with the hand
+    An uncertain device has such a counterpart if all that is uncertain moves as one with the hand
     (`vctune.proof.device_box`) and no loop is closed without the coupling.
     """
     box = pose(problem).box
@@ -226,7 +226,7 @@ def of_one_device(problem: Problem) -> Problem | None:
 
 
 def with_device(problem: Problem, device: Device) -> Problem:
-    """Return the problem of another device, known exactly.
+    """Return the problem of another device with exactly known numbers.
 
     Parameters
     ----------

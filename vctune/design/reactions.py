@@ -1,7 +1,7 @@
-"""Which environments hold a pole of the loop on the unit circle: a curve for each hand, in double precision.
+"""Find the environments that put a pole of the loop on the unit circle: a curve for each hand, in double precision.
 
-At the angle theta, in a hand and with a share of the coupling, the loop meets its limit with Z_e = damping + j
-reactance alone: -Y, or -1/Y of an impedance display (model/README.md, section 18).
+At each angle theta, in a hand and with a share of the coupling, exactly one Z_e = damping + j reactance brings the loop
+to its limit: -Y, or -1/Y for an impedance display (model/README.md, section 18).
 """
 
 from __future__ import annotations
@@ -30,26 +30,26 @@ Numbers = NDArray[np.intp]
 Marks = NDArray[np.bool_]
 
 SHARES = (0.0, 0.001, 0.01, 0.04, 0.1, 0.2, 0.4, 0.7, 1.0)
-"""Shares of each range at which hands are looked at."""
+"""Shares of each range at which hands are evaluated."""
 INWARDS = 1e-9
-"""How far within its range the least share of a coupling is, against rounding."""
+"""Distance by which the least share of a coupling lies within its range, against rounding errors."""
 LOWEST, NEAR = 1e-4, 1e-3
-"""Least angle, and distance from pi of the greatest."""
+"""Least angle, and distance of the greatest angle from pi."""
 COARSE, FINE = 160, 400
-"""Angles that are looked at first, and then where some environment holds a pole."""
+"""Number of angles that are evaluated first, and number of angles where some environment puts a pole."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reactions:
-    """What holds a pole on the unit circle, along curves over the angle.
+    """The environments that put a pole on the unit circle, along curves over the angle.
 
     Attributes
     ----------
     theta, u : omega T, rad, and (2/T) tan(theta/2), rad/s, shape (n,)
-    device : number of the device of each curve, shape (curves,)
-    hands : of each curve, numbers of shape (curves,)
-    share : of the coupling, of each curve
-    damping, reactance : N s/m, shape (curves, n)
+    device : index of the device for each curve, shape (curves,)
+    hands : hand of each curve, with numbers of shape (curves,)
+    share : share of the coupling for each curve
+    damping, reactance : damping and reactance of the environment, N s/m, shape (curves, n)
     """
 
     theta: Floats
@@ -76,15 +76,15 @@ def reactions(
     factor: float,
     shares: tuple[float, ...] = SHARES,
 ) -> Reactions:
-    """Return the curves that reach farthest, at the angles where environments with damping hold poles.
+    """Return the outermost curves, at the angles where environments with damping put poles.
 
     Parameters
     ----------
-    devices : plain numbers, of one sample time
-    hands : the box
-    gains, coupling : a design, plain numbers
-    factor : g; the coupling is looked at with its shares 1/g and 1, and halfway
-    shares : of each range of hands
+    devices : devices with plain numbers and one sample time
+    hands : the box of hands
+    gains, coupling : a design with plain numbers
+    factor : g; the function evaluates the shares 1/g and 1 of the coupling, and one halfway
+    shares : shares of each range of hands
     """
     theta = np.geomspace(LOWEST, pi - NEAR, COARSE)
     first = _over(devices, hands, gains, coupling, factor, shares, theta)
@@ -99,7 +99,7 @@ def reactions(
 
 
 def _farthest(found: Reactions) -> Numbers:
-    """Return the curves that are first at some angle: in damping, and in reactance on either side."""
+    """Return the curves that are outermost at some angle: in damping, or in reactance on either side."""
     bad = found.damping >= 0
     ahead = [
         np.where(bad, found.damping, -np.inf),
@@ -131,7 +131,7 @@ def _over(
 def _along(
     devices: Sequence[Device], curves: Reactions, gains: Gains, coupling: AnyCoupling, theta: Floats
 ) -> Reactions:
-    """Return the same curves at other angles."""
+    """Return these curves at other angles."""
     met = np.empty((curves.share.size, theta.size), complex)
     for k in np.unique(curves.device).astype(int):
         check_time()
@@ -153,13 +153,13 @@ def _along(
 
 @dataclass(frozen=True, slots=True)
 class LimitPoints:
-    """The points of curves at which environments with enough damping hold poles, run by run.
+    """The points of curves at which environments with enough damping put poles, run by run.
 
     Attributes
     ----------
     curve, angle : numbers of the curve and of the angle, shape (n,)
-    u, damping, reactance : there
-    starts : where a new run begins
+    u, damping, reactance : values at these points
+    starts : indices at which a new run begins
     """
 
     curve: Numbers
@@ -175,8 +175,8 @@ class LimitPoints:
 
         Parameters
         ----------
-        curves : on which they lie
-        least : damping that they exceed, N s/m
+        curves : curves on which the points lie
+        least : damping that the points exceed, N s/m
         """
         curve, angle = np.nonzero(curves.damping > least)
         new = np.ones(curve.size, bool)
@@ -186,11 +186,11 @@ class LimitPoints:
 
     @classmethod
     def with_edges(cls, curves: Reactions, least: float) -> LimitPoints:
-        """Return the same points, and those between two angles where a curve has just the least damping.
+        """Return these points, and the points between two angles where a curve has exactly the least damping.
 
         Parameters
         ----------
-        curves, least : as of `of`
+        curves, least : see `of`
         """
         points, more = cls.of(curves, least), curves.damping > least
         curve, angle = np.nonzero(more[:, 1:] != more[:, :-1])
@@ -216,7 +216,7 @@ class LimitPoints:
         )
 
     def hit(self, low: Floats, high: Floats) -> Marks:
-        """Return of which boxes of environments a member holds a pole at a point.
+        """Return the boxes of environments that contain an environment with a pole at one of the points.
 
         Parameters
         ----------
@@ -227,11 +227,11 @@ class LimitPoints:
         return np.any(enough & (self.reactance >= least) & (self.reactance <= most), axis=1)
 
     def between(self, low: Floats, high: Floats) -> list[tuple[int, int, int] | None]:
-        """Return for each box a curve and two of its angles between which every member holds a pole; None for none.
+        """Return for each box a curve and two of its angles between which every member has a pole; None without such.
 
         Parameters
         ----------
-        low, high : of the boxes, shape (3, n)
+        low, high : least and greatest numbers of the boxes, shape (3, n)
         """
         if not self.starts.size:
             return [None] * low.shape[1]
@@ -242,7 +242,7 @@ class LimitPoints:
         return [self._nearest(over[cell], under[cell], runs[both[cell]].tolist()) for cell in range(low.shape[1])]
 
     def _nearest(self, over: Marks, under: Marks, runs: Sequence[Sequence[int]]) -> tuple[int, int, int] | None:
-        """Return, of runs, the two neighbouring points on different sides between which the damping is greatest."""
+        """Return the two neighbouring points of a run, on different sides, between which the damping is greatest."""
         best, found = -inf, None
         for start, end in runs:
             flagged = start + np.flatnonzero(over[start:end] | under[start:end])
@@ -254,7 +254,7 @@ class LimitPoints:
         return found
 
     def stiffest(self, low: Floats, high: Floats) -> float:
-        """Return the greatest stiffness up to which no environment of a box holds a pole; inf without one.
+        """Return the greatest stiffness up to which no environment of a box has a pole; inf if there is no limit.
 
         Parameters
         ----------
@@ -264,7 +264,7 @@ class LimitPoints:
         return float(np.min((low[0] * self.u - self.reactance)[met] * self.u[met], initial=inf))
 
     def lightest(self, low: Floats, high: Floats) -> float:
-        """Return the least mass from which on no environment of a box holds a pole.
+        """Return the least mass above which no environment of a box has a pole.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""What a design bears beside what is asked of it: which environments may be rendered with it in every hand."""
+"""Find which environments a design can render in every hand, beyond those that the problem requires."""
 
 from __future__ import annotations
 
@@ -23,38 +23,38 @@ from vctune.proof.engine.boxes import Integers
 from vctune.running import OutOfTimeError
 
 AT_ONCE = 64
-"""Cells compared with all curves together; their arrays stay in memory."""
+"""Number of cells that are compared with all curves together; their arrays fit into memory."""
 
 RESERVES = (5e-3, 0.03, 0.1)
-"""By what share a limit in double precision is missed at first, and where that is not proved: what is nearer takes more
-boxes."""
+"""Shares by which the proof stays away from a limit in double precision: the first, and larger ones if the first is not
+proved. Closer limits take more boxes."""
 DIGITS = 3
-"""Significant digits of a stated limit."""
+"""Number of significant digits of a stated limit."""
 WORTH = 0.01
-"""By what share a limit has to surpass what is proved already to be worth a proof of its own."""
+"""Share by which a limit must exceed what is already proved to be worth a proof of its own."""
 MASS, STIFFNESS = 0, 2
 
 
 Between = tuple[int, int, int]
-"""A curve and two of its angles, by their numbers."""
+"""Index of a curve, and indices of two of its angles."""
 
 
 def in_hands(problem: Problem) -> Problem:
-    """Return a problem with every hand of its box to be met, and every passive environment."""
+    """Return a problem that requires every hand of its box and every passive environment."""
     return replace(problem, stability=replace(problem.stability, criterion="hands"), worlds=None)
 
 
 @dataclass(frozen=True, slots=True)
 class Rendered:
-    """A design whose environments are looked at, in every hand of its problem.
+    """A design, prepared to prove environments in every hand of its problem.
 
     Attributes
     ----------
     gains, coupling : the design
-    demands : the device's own
-    loops : of each problem that is posed: the device's own, and those of delays next to a whole sample
-    devices : whose witnesses are looked for
-    curves : on which environments hold poles, in double precision
+    demands : constraints for the device itself
+    loops : open boxes of each problem: that of the device, and those of delays next to a whole sample
+    devices : devices on which the search looks for witnesses
+    curves : curves along which environments have poles, in double precision
     """
 
     gains: Gains
@@ -87,12 +87,12 @@ class Rendered:
         return proved
 
     def refuted(self, missed: WorldCells, found: Sequence[Between]) -> Flags:
-        """Return which boxes are refuted by the curve and the two angles that were found for each.
+        """Return which boxes are refuted by the curves and angles that were found for them.
 
         Parameters
         ----------
-        missed : as of `refuted_in_worlds`
-        found : by `estimated`
+        missed : see `refuted_in_worlds`
+        found : a curve and two angles for each box, from `estimated`
         """
         refuted = np.zeros(len(missed), bool)
         which = np.array(found, np.intp).reshape(-1, 3).T
@@ -108,17 +108,17 @@ class Rendered:
         return refuted
 
     def estimated(self, cells: WorldCells, missed: WorldCells) -> tuple[Flags, Integers, list[Between]]:
-        """Look for what refutes boxes of environments, in double precision.
+        """Look for curves and angles that refute boxes of environments, in double precision.
 
         Parameters
         ----------
-        cells, missed : n boxes; as of `OpenInHands.proved` and `refuted_in_worlds`
+        cells, missed : n boxes; see `OpenInHands.proved` and `refuted_in_worlds`
 
         Returns
         -------
-        hopeful : where nothing is found that refutes the whole, shape (n,)
-        lost : numbers of the boxes each of whose members is refuted
-        between : by what
+        hopeful : whether nothing was found that refutes the box, shape (n,)
+        lost : indices of the boxes each of whose members is refuted
+        between : the curve and the two angles that refute them
         """
         hopeful, found = np.ones(len(cells), bool), dict[int, Between]()
         points = LimitPoints.of(self.curves, float(cells.low[1].min(initial=inf)))
@@ -136,13 +136,13 @@ class Rendered:
 
 
 def rendered(problem: Problem, gains: Gains, coupling: AnyCoupling, damping: float = 0.0) -> Rendered:
-    """Return a design whose environments are to be looked at.
+    """Return a design, prepared to prove environments in every hand of its problem.
 
     Parameters
     ----------
-    problem : its device and hands, its uncertainty and safety factor; SI units
+    problem : problem with device, hands, uncertainty and safety factor; SI units
     gains, coupling : the design
-    damping : that every environment has at least, N s/m
+    damping : least damping of the environments, N s/m
     """
     posed = _posed(problem)
     devices, curves = _curves(posed[0], gains, coupling)
@@ -176,17 +176,18 @@ def met(low: Floats, high: Floats) -> WorldCells:
 
 
 def rendered_record(problem: Problem, judgement: Judgement) -> RenderedRecord | None:
-    """Return the stiffest spring and the lightest tool that are proved with a design in every hand.
+    """Return the stiffest spring and the lightest tool that are proved for a design in every hand.
 
     Parameters
     ----------
-    problem : with every default filled in, SI units
-    judgement : of the design
+    problem : problem with all defaults filled in, SI units
+    judgement : judgement of the design
 
     Returns
     -------
     RenderedRecord or None
-        None if no environments are stated, if they run late or by Euler's rules, or if the time limit ends it.
+        None if the problem states no environments, if these run late or by Euler's rules, or if the time limit ends the
+        proof.
     """
     worlds, certified = problem.worlds, judgement.status is Status.CERTIFIED
     if problem.hands_met is None or worlds is None or not worlds.lossless:
@@ -215,14 +216,14 @@ def rendered_record(problem: Problem, judgement: Judgement) -> RenderedRecord | 
 def _ends_beyond(
     points: LimitPoints, low: Floats, high: Floats, number: int, known: float | None
 ) -> list[tuple[float, Floats, Floats]]:
-    """Return the greatest stiffnesses or the least masses to prove beside the rest of a box, each with its whole box.
+    """Return the greatest stiffnesses, or the least masses, to prove, each with the whole box that it gives.
 
     Parameters
     ----------
-    points : at which environments hold poles, in double precision
+    points : points at which environments have poles, in double precision
     low, high : the box
     number : `STIFFNESS` or `MASS`
-    known : what is proved already, and has to be surpassed; None for nothing
+    known : limit that is already proved and must be exceeded; None without one
     """
     stiff, found = number == STIFFNESS, []
     if not stiff and high[MASS] == 0:
@@ -239,7 +240,7 @@ def _ends_beyond(
 
 
 def _rounded(value: float, whole: Callable[[float], int]) -> float:
-    """Return a number in `DIGITS` digits, on one side."""
+    """Return a number rounded to `DIGITS` digits in one direction."""
     if not 0 < value < inf:
         return value
     unit = 10.0 ** (floor(log10(value)) + 1 - DIGITS)

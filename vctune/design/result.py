@@ -25,17 +25,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """Where IPOPT stopped.
+    """The point at which IPOPT stopped.
 
     Attributes
     ----------
     z : coordinates of the free variables
-    error : objective there
-    converged : whether IPOPT reports convergence; this is no evidence
-    peak_tracked : whether the tracked peak of |S| stayed within its reach
+    error : objective at this point
+    converged : whether IPOPT reports convergence, which proves nothing
+    peak_tracked : whether the tracked peak of |S| stayed within its limits
     iterations : number of IPOPT iterations
     others : the other unknowns: log frequencies of tracked peaks, and the epigraph variable if there is one
-    multipliers : multipliers of the constraints in use, in the order of the NLP; negative where a lower bound binds
+    multipliers : multipliers of the used constraints in the order of the NLP; negative where a lower bound binds
     """
 
     z: Floats
@@ -67,12 +67,12 @@ class Polished:
 
     Attributes
     ----------
-    start : its start
-    values : K_v, K_p, b_c, m_c, b_0
+    start : the start that led to it
+    values : the numbers of the design
     error : transparency error
-    structure, working_set, solution : the last NLP, its working set and where IPOPT stopped
+    structure, working_set, solution : the last NLP, its working set, and the point at which IPOPT stopped
     tightening : relative tightening of the constraints
-    rounds : history
+    rounds : the NLPs of the exchange
     """
 
     start: Start
@@ -87,18 +87,18 @@ class Polished:
 
 @dataclass(frozen=True, slots=True)
 class Repair:
-    """A change of one number of the problem file after which there is a design, while 90 % of it is not enough.
+    """A change of one number of the problem file that makes a design possible, while 90 % of the change does not.
 
-    If a number is 0, any other value may suffice; then the change is to a small one. A given number of a design does
+    If the number is 0, any other value may suffice; the repair is then a small value. A given number of a design does
     not change as little as possible, but to the value with the least error, or back to that of the solved design.
 
     Attributes
     ----------
     key : dotted key
-    old, new : its values, in the unit of the file
-    change : the meaning of the change
-    needs : the new text of the file, a line of TOML
-    size : change relative to the greater of both values; of repairs with the same error the smallest comes first
+    old, new : old and new value, in the unit of the file
+    change : meaning of the change, in words
+    needs : the new line of the file, in TOML
+    size : change relative to the greater of both values; among repairs with the same error the smallest comes first
     error : transparency error of the repaired design
     """
 
@@ -115,19 +115,19 @@ class Repair:
 
     @property
     def rank(self) -> tuple[float, float]:
-        """The order of repairs: the error in its printed digits, then the size of the change."""
+        """Sort key of repairs: the error in its printed digits, then the size of the change."""
         return float(f"{self.error:.4g}"), self.size
 
 
 @dataclass(frozen=True, slots=True)
 class Price:
-    """The value of a better number of the device, everything else of the problem unchanged.
+    """The value of improving one number of the device while everything else of the problem stays.
 
     Attributes
     ----------
     key : key of the number in the problem file
-    old, new : its value and one that is better by a hundredth, in SI units and hertz
-    change : change of the least error, relative to it, to first order; at most 0
+    old, new : the value, and a value that is better by a hundredth, in SI units and hertz
+    change : first-order change of the least error, relative to it; at most 0
     """
 
     key: str
@@ -138,7 +138,7 @@ class Price:
 
 @dataclass(frozen=True, slots=True)
 class Alternative:
-    """The error of a design under one criterion alone, from the optimiser, without proof.
+    """The error of a design under one criterion alone, from the optimiser and without proof.
 
     Attributes
     ----------
@@ -161,18 +161,17 @@ class Solved:
     Attributes
     ----------
     problem : the problem
-    judgement : judgement of the best design, None when there is none
-    polished : the local optimum it was rounded from, None when nothing was optimised
+    judgement : judgement of the best design; None without a design
+    polished : the local optimum that was rounded to the design; None if nothing was optimised
     optima : number of local optima
-    infeasibility : why there is no design, else None
-    scanned : result of the scan, None if there was none
-    seconds : by stage
-    optimality : how much better any design could be, None if not requested
-    nominal_error : error of the best design for the nominal device alone, not proved, None when no device is
-        uncertain
-    repairs : changes of the problem that would make a design possible, None if not requested
-    alternatives : error that either criterion alone would allow, None if there is one criterion or it was not requested
-    prices : values of a better device, the greatest gain first, None if not requested or without an optimum
+    infeasibility : reason why there is no design; else None
+    scanned : result of the scan; None without a scan
+    seconds : seconds by stage
+    optimality : proved bound on the error of any design; None if not requested
+    nominal_error : error of the best design for the nominal device alone, not proved; None if no device is uncertain
+    repairs : changes of the problem that would make a design possible; None if not requested
+    alternatives : errors that either criterion alone would permit; None if there is one criterion or if not requested
+    prices : values of a better device, the greatest gain first; None if not requested or without an optimum
     cut : stages that the time limit cut short, in words
     """
 
@@ -192,7 +191,7 @@ class Solved:
 
     @property
     def status(self) -> Status:
-        """Certified, violated, undecided or infeasible."""
+        """The status: certified, violated, undecided or infeasible."""
         if self.judgement is not None:
             return self.judgement.status
         proved = self.infeasibility is not None and self.infeasibility.proved
@@ -200,13 +199,13 @@ class Solved:
 
     @property
     def known(self) -> str:
-        """What came of it in two words: the status, and the error of the design."""
+        """The outcome in two words: the status, and the error of the design."""
         judgement = self.judgement
         return self.status.value if judgement is None else f"{self.status.value} with error {judgement.error:.3g}"
 
     @property
     def cut_short(self) -> list[Note]:
-        """The parts that a time limit has cut short, if any."""
+        """Notes on the stages that a time limit cut short."""
         if not self.cut:
             return []
         *others, last = dict.fromkeys(self.cut)
@@ -218,7 +217,7 @@ class Solved:
 
         Parameters
         ----------
-        hand : at the handle; None for a device let go
+        hand : hand at the handle; None for a device without a hand
 
         Raises
         ------

@@ -1,4 +1,5 @@
-"""The design problem from start to end: theorem, scan, optimum, search of every box (design/README.md, section 1)."""
+"""Solve a design problem from start to end: theorems, scan, optimum, search of every box (design/README.md, section
+1)."""
 
 from __future__ import annotations
 
@@ -26,45 +27,47 @@ if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality, SearchState
 
 BOUND = "the search of every box"
-"""Another stage that a time limit may cut short."""
+"""Name of another stage that a time limit may cut short."""
 SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
-"""Effort of the search for a design, or for the proof that there is none, if the optimiser found none, shared by the
-devices at which a box is evaluated: as long as somebody waits for an answer. Half as many prove fewer problems
-infeasible, twice as many a few more. SEARCH_GAP is the gap at which the search accepts a design, 1 %."""
+"""Number of boxes in the search for a design, or for the proof that there is none, if the optimiser found none; all
+devices at which a box is evaluated share it. It takes as long as somebody waits for an answer. Half as many boxes prove
+fewer problems infeasible, twice as many a few more. SEARCH_GAP is the gap at which the search accepts a design, 1 %."""
 STABILITY_BOXES = 1_500_000
-"""The same for boxes that prove loops stable or unstable, which take a tenth of the time each. Searches of problems/
-take about as many as lower bounds; a loop that is sampled once in half an hour takes a hundred times as many, and never
-ends. Half and twice take half and twice as long to give up."""
+"""Number of boxes in proofs that loops are stable or unstable, which take a tenth of the time each. Searches of
+problems/ take about as many as lower bounds. A loop that is sampled once in half an hour takes a hundred times as many
+and never ends. Half and twice as many take half and twice as long to give up."""
 EARLY_BOXES = 20_000
-"""Effort of a first proof that there is no design, before the optimiser tries an infeasible problem: a small share of
-`SEARCH_BOXES`. Nothing is lost, since the later search continues where this one ended."""
+"""Number of boxes in a first proof that there is no design, before the optimiser tries an infeasible problem: a small
+share of `SEARCH_BOXES`. Nothing is lost, since the later search continues where this one ended."""
 BOUND_BOXES = 20_000_000
-"""Effort of the search for a required bound: practically unlimited. Ctrl-C and a time limit end it before, and leave
-the bound reached."""
+"""Number of boxes in the search for a required bound, in practice unlimited. Ctrl-C or a time limit ends the search
+earlier and leaves the bound reached."""
 
 
 @np.errstate(all="ignore")
 def solve(
     problem: Problem, progress: Progress = lambda stage: None, *, gap: float | None = None, exhaustive: bool = True
 ) -> Solved:
-    """Find the most transparent feasible design and prove it; judge it when every number is fixed.
+    """Find the most transparent feasible design and prove it. If the problem fixes every number, judge that design.
 
-    If the optimiser finds none, a search over all designs (`vctune.design.bound`) finds one, or proves that there is
-    none, or gives up. If the device is uncertain, the nominal device alone is solved for too: its design is a start,
-    and its error shows the cost of robustness.
+    If the optimiser finds no design, a search over all designs (`vctune.design.bound`) finds one, proves that there is
+    none, or gives up. If the device is uncertain, the function also solves for the nominal device alone. That design is
+    a start, and its error shows the cost of robustness.
 
     Parameters
     ----------
     problem : problem in SI units
     progress : function that receives the current stage
-    gap : prove that no design has an error lower by more than this share
+    gap : prove that no design has an error that is lower by more than this share; None for no such proof
     exhaustive : whether to search every box if the optimiser finds no design
 
     Returns
     -------
     Solved
-        The design with its certificate, or why there is none; SI units. Repairs are not sought. At the end of the time
-        limit it is the best design so far with its proved claims, and `cut` names the stages that were cut short.
+        The design with its certificate, or the reason why there is none, in SI units. Repairs are not included. At the
+        end
+            of the time limit it is the best design so far with its proved claims, and `cut` names the stages that were
+            cut.
     """
     began = perf_counter()
     if problem.bounds.fixed:
@@ -94,7 +97,7 @@ def _found(problem: Problem, progress: Progress, gap: float | None, *, exhaustiv
     scanned = scan(prepared.scaled)
     seconds = {"scan": perf_counter() - began}
     admissible = any(start.admissible for start in scanned.starts)
-    exhaustive &= problem.worlds is None  # no lower bound of the coupling is known then
+    exhaustive &= problem.worlds is None  # for environments no lower bound of the coupling is known
     early = _early(prepared) if exhaustive and not admissible else None
     if early is not None and early.proved:
         seconds["bound"] = perf_counter() - began - seconds["scan"]
@@ -130,7 +133,7 @@ def _found(problem: Problem, progress: Progress, gap: float | None, *, exhaustiv
 
 
 def _early(prepared: Prepared) -> Optimality:
-    """Search the boxes for a short while: if the scan found no feasible point there may be nothing to polish."""
+    """Search the boxes for a short while: if the scan found no feasible point, there may be no design."""
     from vctune.design.bound.search import bound
 
     share = EARLY_BOXES / SEARCH_BOXES
@@ -147,7 +150,7 @@ def _early(prepared: Prepared) -> Optimality:
 def _searched(
     prepared: Prepared, solved: Solved, progress: Progress, gap: float | None, resume: ResumeState | None
 ) -> Solved:
-    """Search the remaining boxes, or all: for a design if there is none, or for a bound if it is required."""
+    """Search the remaining boxes, or all of them, for a design if there is none, or for a bound if one is required."""
     from vctune.design.bound.search import bound
 
     began = perf_counter()

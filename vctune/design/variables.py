@@ -1,4 +1,4 @@
-"""The design variables of the optimiser: logarithms, or log(1 + x/scale) for those that may be 0."""
+"""The optimiser's variables: logarithms, or log(1 + x/scale) for variables that may be 0."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.problem import Problem, Range
 
 Point = tuple[float, ...]
-"""K_v, K_p, b_c, m_c, b_0, and with walls the corner w_c of the multiplier that proves them; for an impedance display
-K_v, K_p, which is 0, b_c, k_c."""
+"""The numbers K_v, K_p, b_c, m_c, b_0, followed with walls by the corner w_c of the multiplier that proves them; for an
+impedance display K_v, K_p (which is 0), b_c, k_c."""
 CORNER = 5
-"""The index of the corner."""
+"""Index of the corner."""
 
 
 def keys_for(problem: Problem) -> tuple[str, ...]:
@@ -24,11 +24,11 @@ def keys_for(problem: Problem) -> tuple[str, ...]:
 
 
 def point(gains: Gains, coupling: AnyCoupling) -> Point:
-    """Return the numbers of a design in order.
+    """Return the numbers of a design in their order.
 
     Parameters
     ----------
-    gains, coupling : in any units, which stay
+    gains, coupling : a design in any units; the result has the same units
     """
     return (*astuple(gains), *astuple(coupling))
 
@@ -44,7 +44,7 @@ def coupling_from(values: Sequence[Number]) -> AnyCoupling:
 
 
 def ranges(problem: Problem) -> tuple[Range, ...]:
-    """Return the ranges of a design's numbers in order."""
+    """Return the ranges of a design's numbers in their order."""
     return tuple(getattr(problem.bounds, name) for name in problem.device.kind.names)
 
 
@@ -76,17 +76,17 @@ class Coordinate:
 
 
 def coordinates(problem: Problem, *, integrator: bool) -> tuple[Coordinate, ...]:
-    """Return the coordinates of the free variables of a dimensionless problem; K_p only with an integrator.
+    """Return the coordinates of the free variables of a dimensionless problem; K_p is included only with an integrator.
 
     Parameters
     ----------
-    problem : dimensionless
+    problem : problem, dimensionless
     integrator : whether the law has its term K_p/s
 
     Returns
     -------
     tuple of Coordinate
-        In the order of a design's numbers, without those that are fixed; last that of the corner, if it is free.
+        In the order of a design's numbers, without the fixed ones; the corner comes last if it is free.
     """
     device = problem.device
     loop_impedance = device.mass / device.loop_lag + device.damping

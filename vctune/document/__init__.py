@@ -1,1 +1,1 @@
-"""Files that vctune reads and writes: problem, gains and design files."""
+"""The files that vctune reads and writes: problem, gains, design and other files."""

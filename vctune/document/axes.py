@@ -27,9 +27,9 @@ class Axis:
     Attributes
     ----------
     key : dotted key, in the unit of the problem file
-    path : its place in the problem
-    scale : "list", or how a range is divided
-    values : values of a list; the two ends of a range
+    path : path of the key in the problem
+    scale : "list", or the rule that divides a range
+    values : values of a list, or the two ends of a range
     n : number of values; None for a range that is only sampled
     """
 
@@ -42,7 +42,7 @@ class Axis:
 
 @cache
 def number_keys() -> dict[str, KeyPath]:
-    """Return the dotted keys of every number that a problem file may have."""
+    """Return the dotted keys of all numbers that a problem file may have, with their paths."""
     schema = json_schema()
 
     def walk(entry: dict[str, Any], path: KeyPath) -> Iterator[KeyPath]:
@@ -65,7 +65,7 @@ def read_axis(key: str, value: Any, *, sampled: bool) -> tuple[Axis | None, list
 
     Parameters
     ----------
-    key, value : those of the [axes] table
+    key, value : key in the [axes] table, and its value
     sampled : whether a range is sampled, so that it needs no n
     """
     at: KeyPath = ("axes", key)

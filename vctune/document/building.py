@@ -1,4 +1,4 @@
-"""Problems and designs from a program's data: a path, tables, or the objects themselves."""
+"""Make problems and designs from a program's data: a path, tables, or the objects themselves."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from vctune.model.problem import Problem
 ProblemSource = str | Path | Mapping[str, Any] | Problem | ProblemFile
 """A problem: the path of its file, the file's tables, or the problem itself."""
 DesignSource = Gains | GainsFile | str | Path
-"""A design: the path of a gains file, the file, or gains beside a coupling."""
+"""A design: the path of a gains file, the file, or gains together with a coupling."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -43,26 +43,26 @@ class Device(devices.Device):
     mass : kg
     damping : N s/m
     sample_time : s
-    delay : s, from sampling to actuation, beyond the hold
+    delay : delay from sampling to actuation in addition to the hold, s
     hold : "zoh", the exact zero-order hold, or "lag", the first-order lag 2/(2 + sT)
-    operator : the least impedance that is always at the handle; None for none
-    velocity, actuator, ... : its parts (`vctune.model.parts`), None for those that an ideal device has not
-    units : "linear", or "rotary": kg m2, N m s/rad and the like in place of kg and N s/m
+    operator : the least impedance that is always at the handle; None if there may be none
+    velocity, actuator, ... : parts of the device (`vctune.model.parts`); None for a part that it lacks or that is ideal
+    units : "linear", or "rotary" with kg m2, N m s/rad and so on instead of kg and N s/m
 
     Raises
     ------
     InputError
-        If a number is not one, or out of range.
+        If a value is not a number, or out of range.
     """
 
     def loop(self, gains: Gains, coupling: AnyCoupling | None = None, hand: Hand | None = None) -> Loop:
-        """Return its sampled loop with given gains, for arrays, state space and python-control.
+        """Return the device's sampled loop with given gains, for arrays, state space and python-control.
 
         Parameters
         ----------
-        gains : of the velocity loop
-        coupling : of Z_c; None where nothing is asked of it
-        hand : at the handle; None for a device let go
+        gains : gains of the velocity loop
+        coupling : coupling, for Z_c; None if Z_c is not needed
+        hand : hand at the handle; None for a device without a hand
         """
         return Loop(self, gains, coupling, hand)
 
@@ -80,22 +80,22 @@ class Device(devices.Device):
 
 
 def problem(source: ProblemSource) -> ProblemFile:
-    """Return a problem, read or built.
+    """Return a problem, read from a file or built from data.
 
     Parameters
     ----------
-    source : path of a problem file; or its tables as a dict, `{"device": {"mass": 0.4, ...}, ...}`, in which numbers
-        may be NumPy's and tables `Device`, `Range` and the like; or a `Problem`, changed with `dataclasses.replace`
+    source : path of a problem file; its tables as a dict, `{"device": {"mass": 0.4, ...}, ...}`, whose numbers may be
+        NumPy's and whose tables may be `Device`, `Range` and so on; or a `Problem`, changed with `dataclasses.replace`
 
     Returns
     -------
     ProblemFile
-        The `problem`, every default filled in, and the `text` that states it.
+        The `problem` with all defaults filled in, and the `text` that states it.
 
     Raises
     ------
     InputError
-        Listing every mistake, each with dotted key, value and remedy, and the line if there is a file.
+        If it is invalid; the error lists every mistake with dotted key, value and remedy, and the line in a file.
     """
     if isinstance(source, ProblemFile):
         return source
@@ -112,18 +112,18 @@ def problem(source: ProblemSource) -> ProblemFile:
 
 
 def design(gains: DesignSource, coupling: AnyCoupling | None = None, kind: Display = ADMITTANCE) -> GainsFile:
-    """Return a design, read or built.
+    """Return a design, read from a file or built from gains and coupling.
 
     Parameters
     ----------
-    gains : a gains file or its path, or the gains of a coupling
-    coupling : None if a file is given
-    kind : kind of the device that a coupling is for, if it is the coupling of such a device
+    gains : a gains file or its path, or gains together with `coupling`
+    coupling : coupling of the design; None for a gains file
+    kind : kind of display that the coupling must fit
 
     Raises
     ------
     InputError
-        Listing every mistake, each with dotted key, value and remedy, and the line if there is a file.
+        If it is invalid; the error lists every mistake with dotted key, value and remedy, and the line in a file.
     """
     if isinstance(gains, GainsFile) and coupling is None:
         return gains
@@ -149,7 +149,7 @@ def design(gains: DesignSource, coupling: AnyCoupling | None = None, kind: Displ
 
 
 def design_for(file: ProblemFile, gains: DesignSource, coupling: AnyCoupling | None = None) -> GainsFile:
-    """Return a design for a problem, read or built.
+    """Return a design for a problem, read from a file or built from gains and coupling.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def design_for(file: ProblemFile, gains: DesignSource, coupling: AnyCoupling | N
     Raises
     ------
     InputError
-        As `design`, and if the design is for another kind of device than the problem's.
+        See `design`; also if the design is for another kind of device than the problem's.
     """
     given = design(gains, coupling, file.problem.device.kind)
     require_gains_of(file, given)
@@ -167,7 +167,7 @@ def design_for(file: ProblemFile, gains: DesignSource, coupling: AnyCoupling | N
 
 
 def plain(value: Any) -> Any:
-    """Return a value in TOML's types: objects as tables without None, NumPy's numbers as Python's."""
+    """Return a value in TOML's types: objects become tables without None, NumPy's numbers become Python's."""
     if is_dataclass(value) and not isinstance(value, type):
         value = table_of(value)
     if isinstance(value, Mapping):
@@ -178,7 +178,7 @@ def plain(value: Any) -> Any:
 
 
 def _tables(source: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the tables of a document; the operator that a `Device` holds has a table of its own."""
+    """Return the tables of a document. The operator in a `Device` becomes a table of its own."""
     document: dict[str, Any] = plain(source)
     if isinstance(source.get("device"), devices.Device) and "operator" in document["device"]:
         document["operator"] = document["device"].pop("operator")

@@ -1,4 +1,4 @@
-"""What is probably not meant in a problem file, each with its line and its key."""
+"""Values in a problem file that are probably not intended, each with its line and its key."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from vctune.document.text.codes import Note
 
 
 def file_doubts(file: ProblemFile, source: str | None = None) -> Iterator[Note]:
-    """Yield what is probably not meant in a problem; where it is about one key, with the place of that.
+    """Yield notes on values that are probably not intended, with the place of the key if a note is about one key.
 
     Parameters
     ----------
     file : the problem and its text
-    source : what the file is called; None for its path
+    source : name of the file in messages; None for its path
     """
     for note in doubts(file.problem):
         if not note.path:

@@ -1,4 +1,4 @@
-"""The gains file: [gains] and [coupling] to paste into a problem, [design] for their origin.
+"""The gains file: the tables [gains] and [coupling], to paste into a problem, and [design] for their origin.
 
 See document/README.md, section 2.
 """
@@ -16,24 +16,24 @@ from vctune.model.numbers.units import UNITS, UnitSystem
 
 
 def design_numbers(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[str, float]:
-    """Return the numbers of a design by their keys, in order, without those that its kind of display does not have.
+    """Return the numbers of a design by their keys, in order, without numbers that its kind of display lacks.
 
     Parameters
     ----------
     kind : kind of the device
-    gains, coupling : plain floats
+    gains, coupling : a design with plain floats
     """
     numbers = zip(kind.keys, astuple(gains) + astuple(coupling), strict=True)
     return {key: number for key, number in numbers if key not in kind.absent}
 
 
 def design_tables(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[str, dict[str, float]]:
-    """Return the tables [gains] and [coupling] of a design; a servo has the latter alone.
+    """Return the tables [gains] and [coupling] of a design; a servo has only [coupling].
 
     Parameters
     ----------
     kind : kind of the device
-    gains, coupling : plain floats
+    gains, coupling : a design with plain floats
     """
     tables: dict[str, dict[str, float]] = {}
     for key, number in design_numbers(kind, gains, coupling).items():
@@ -43,22 +43,22 @@ def design_tables(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[st
 
 
 def numbers_text(kind: Display, gains: Gains, coupling: AnyCoupling) -> str:
-    """Return the numbers of a design as one text, which shows the original values of an edited file.
+    """Return the numbers of a design as one line of text, so that an edited file still shows its original values.
 
     Parameters
     ----------
     kind : kind of the device
-    gains, coupling : plain floats
+    gains, coupling : a design with plain floats
     """
     return " ".join(repr(number) for number in design_numbers(kind, gains, coupling).values())
 
 
 def numbers_in(text: str, kind: Display) -> dict[str, float]:
-    """Return the numbers that `numbers_text` wrote by their keys; empty if they are not those of such a design.
+    """Return the numbers that `numbers_text` wrote, by their keys; empty if they do not fit the kind of display.
 
     Parameters
     ----------
-    text : text of the numbers
+    text : text from `numbers_text`
     kind : kind of the device
     """
     try:
@@ -79,8 +79,8 @@ def gains_text(
     Parameters
     ----------
     kind : kind of the device
-    gains, coupling : plain floats, written in their shortest exact decimals
-    origin : keys and texts or numbers of the [design] table, beside the display and the units
+    gains, coupling : a design with plain floats, which the function writes in their shortest exact decimals
+    origin : keys of the [design] table with texts or numbers, in addition to the display and the units
     units : units of the device
     """
     stated, tables = {**origin, "display": kind.name, "units": units}, design_tables(kind, gains, coupling)

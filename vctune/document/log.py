@@ -1,4 +1,4 @@
-"""Reading logs: the columns of a table of numbers by their roles, and the map that assigns them."""
+"""Read logs: the columns of a table of numbers by their roles, and the map that assigns the roles."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ KINDS = {
 KIND_OF = {
     "force": "command", "hand": "command", "handle": "position", "reference": "position", "position_command": "position"
 }  # fmt: skip
-"""Roles that have the units of another."""
+"""Roles that have the same units as another role."""
 ANGLES = ("rad", "mrad", "deg", "Nm", "mNm", "rad/s", "deg/s")
 
 
 @dataclass(frozen=True, slots=True)
 class LogMap:
-    """A log.toml.
+    """The content of a log.toml.
 
     Attributes
     ----------
-    document : document as written, checked
-    source : path of the file; "log.toml" if there is none
-    text : text of the file, "" if there is none
+    document : the checked document
+    source : path of the file; "log.toml" without a file
+    text : text of the file; "" without a file
     servo : whether the logs are of a servo and its command
     """
 
@@ -51,22 +51,22 @@ class LogMap:
 
 
 def read_log_map(path: Path | None, *, servo: bool = False) -> LogMap:
-    """Read a log.toml; None for a log whose headers suffice.
+    """Read a log.toml, or return the map of logs whose headers suffice.
 
     Parameters
     ----------
-    path : path of the file
+    path : path of the file; None for logs whose headers suffice
     servo : whether the logs are of a servo and its command
 
     Returns
     -------
     LogMap
-        As written, checked.
+        The checked map.
 
     Raises
     ------
     InputError
-        Listing every mistake, each with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
     """
     if path is None:
         return LogMap(LogDocument.model_validate({}), servo=servo)
@@ -79,7 +79,7 @@ def read_log(path: Path, known: LogMap) -> Recording:
 
     Parameters
     ----------
-    path : path of a CSV file, or of one packed by gzip; separated by commas, semicolons or tabs, with a line of headers
+    path : path of a CSV file, plain or gzipped, with commas, semicolons or tabs and a line of headers
     known : roles of the columns
 
     Returns
@@ -90,7 +90,7 @@ def read_log(path: Path, known: LogMap) -> Recording:
     Raises
     ------
     InputError
-        If the log cannot be read; each fault has its line and column.
+        If the log cannot be read; each fault names its line and column.
     """
     table = read_table(path)
     headers = table.headers
@@ -111,7 +111,7 @@ def read_log(path: Path, known: LogMap) -> Recording:
 
 
 def _columns(path: Path, headers: list[str], known: LogMap) -> dict[str, ColumnTable]:
-    """Return the column of each role that the log has."""
+    """Return the column of each role that the log contains."""
     stated = {
         role: _table(entry) for role in known.roles if (entry := getattr(known.document.columns, role)) is not None
     }
@@ -136,7 +136,7 @@ def _columns(path: Path, headers: list[str], known: LogMap) -> dict[str, ColumnT
 
 
 def _stood_for(stated: Mapping[str, ColumnTable]) -> tuple[str, ...]:
-    """Return the roles that are not needed: a servo receives one command."""
+    """Return the roles that are not needed, because a servo receives only one command."""
     return SERVO_COMMANDS if set(SERVO_COMMANDS) & set(stated) else ()
 
 
@@ -145,7 +145,7 @@ def _table(entry: str | ColumnTable) -> ColumnTable:
 
 
 def _usual(role: str, headers: list[str], taken: set[str]) -> ColumnTable | None:
-    """Return the column whose header is a role and a unit, if the map gives it no role of its own."""
+    """Return the column whose header is a role with a unit, unless the map assigns the role."""
     ends = [f"{role}_{_in_header(unit)}" for unit in KINDS[KIND_OF.get(role, role)]]
     return next((ColumnTable(column=header) for header in headers if header in ends and header not in taken), None)
 
@@ -170,7 +170,7 @@ def _check_needed(path: Path, headers: list[str], found: dict[str, ColumnTable],
 
 
 def _servo_s_command(found: Mapping[str, ColumnTable]) -> list[tuple[str, str]]:
-    """Return the faults of a servo's command."""
+    """Return the faults of a servo's command column."""
     sent = [role for role in SERVO_COMMANDS if role in found]
     if len(sent) == 1:
         return []
@@ -190,7 +190,7 @@ def _channel(values: Floats, stated: ColumnTable, known: LogMap, role: str) -> C
 
 
 def _unit(stated: ColumnTable, known: LogMap, role: str) -> str:
-    """Return the unit of a column: the stated one, or the end of its header."""
+    """Return the unit of a column: the stated unit, or the end of its header."""
     fitting = KINDS[KIND_OF.get(role, role)]
     if role != "time":
         fitting = tuple(unit for unit in fitting if (unit in ANGLES) == known.document.rotary)

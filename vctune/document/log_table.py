@@ -1,4 +1,4 @@
-"""The text of a log as a table: headers and numbers, or its faults with line and column."""
+"""Read the text of a log as a table of headers and numbers, or as faults with line and column."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from vctune.document.schema.validation import MAX_MISTAKES, shown
 from vctune.document.text.errors import InputError, Mistake
 
 MAX_BYTES = 400_000_000
-"""A log of a million samples with ten columns has a quarter of this size."""
+"""Greatest size of a log. A log of a million samples with ten columns has a quarter of this size."""
 GZIP, ZIP, OLE = b"\x1f\x8b", b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
-"""How packed files, new workbooks and old ones begin."""
+"""First bytes of gzipped files, of new workbooks, and of old workbooks."""
 SEPARATORS = (",", ";", "\t")
 LOOKED_AT = 10
-"""Rows in which decimal commas are sought."""
+"""Number of rows in which the reader looks for decimal commas."""
 WHOLE = re.compile(r'"?[+-]?\d+(e[+-]?\d+)?"?', re.IGNORECASE)
 COMMA = re.compile(r'"?[+-]?\d+,\d+(e[+-]?\d+)?"?', re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
 class LogTable:
-    """A log without meaning.
+    """The table of a log, before its columns have roles.
 
     Attributes
     ----------
     headers : headers of the columns
-    numbers : shape (rows, columns), finite
-    first_line : line of the file with the first row
+    numbers : finite numbers, shape (rows, columns)
+    first_line : line of the file that has the first row
     sha256 : digest of the file
     """
 
@@ -50,7 +50,7 @@ def read_table(path: Path) -> LogTable:
 
     Parameters
     ----------
-    path : path of a CSV file, or of one packed by gzip
+    path : path of a CSV file, plain or gzipped
 
     Returns
     -------
@@ -59,7 +59,7 @@ def read_table(path: Path) -> LogTable:
     Raises
     ------
     InputError
-        If the log cannot be read; each fault has its line and column.
+        If the log cannot be read; each fault names its line and column.
     """
     packed = _bytes(path)
     _check_text(path, packed)
@@ -151,7 +151,7 @@ def _is_number(text: str) -> bool:
 
 
 def _at_once(data: bytes, separator: str, columns: int, first_line: int) -> Floats | None:
-    """Return the samples of a table without a fault, which needs no list of its lines; None for any other."""
+    """Return the samples of a table without faults, without making a list of its lines; None for any other table."""
     stream = _stream(data)
     try:
         for _ in range(first_line - 1):
@@ -164,7 +164,7 @@ def _at_once(data: bytes, separator: str, columns: int, first_line: int) -> Floa
 
 
 def _row_by_row(path: Path, data: bytes, separator: str, headers: list[str], first_line: int) -> Floats:
-    """Return the samples, or raise the faults of the text, each with its line and column."""
+    """Return the samples, or raise the faults of the text, each with line and column."""
     lines = _decoded(path, data).splitlines()[first_line - 1 :]
     while lines and not lines[-1].strip():
         lines = lines[:-1]
@@ -181,7 +181,7 @@ def _row_by_row(path: Path, data: bytes, separator: str, headers: list[str], fir
 
 
 def _check_point(path: Path, lines: list[str], separator: str, columns: int, first_line: int) -> None:
-    """Raise one error for numbers with decimal commas, which tear every row where commas separate columns too."""
+    """Raise one error for decimal commas, which split every row if commas also separate columns."""
     rows = [[cell.strip() for cell in line.split(separator)] for line in lines]
     whole = separator == "," and all(WHOLE.fullmatch(cell) for cells in rows for cell in cells)
     torn = whole and 2 * sum(columns < len(cells) <= 2 * columns for cells in rows) > len(rows)

@@ -1,4 +1,4 @@
-"""Several axes that do not couple: each is a problem of the file, overridden by its [[axis]]."""
+"""Problem files with several uncoupled axes. Each [[axis]] overrides the file's tables and so states a problem."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class AxisProblem:
     Attributes
     ----------
     name : name of the axis
-    file : its problem, named after the file's and its own name; the text is that of the merged tables
-    line : line of its [[axis]]
+    file : problem of the axis, named after the file and the axis; its text is that of the merged tables
+    line : line of its [[axis]] heading
     """
 
     name: str
@@ -60,12 +60,12 @@ def read_axes(path: str | Path) -> AxesFile | None:
     Returns
     -------
     AxesFile
-        None if the file has no [[axis]], or is no TOML: `read_problem` reads it then.
+        None if the file has no [[axis]] or is not TOML; `read_problem` then reads it.
 
     Raises
     ------
     InputError
-        Listing every mistake, each with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
     """
     if not Path(path).is_file() or Path(path).suffix != ".toml":
         return None
@@ -78,7 +78,7 @@ def read_axes(path: str | Path) -> AxesFile | None:
 
 
 def read_problem_or_axes(path: str | Path) -> ProblemFile | AxesFile:
-    """Read a problem file with one axis or with several; - is standard input.
+    """Read a problem file with one or several axes; "-" is standard input.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def read_problem_or_axes(path: str | Path) -> ProblemFile | AxesFile:
     Raises
     ------
     InputError
-        Listing every mistake, each with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
     """
     text = toml.read_text(Path(path))
     return axes_file(text, Path(path)) or problem_file(text, Path(path))
@@ -103,13 +103,13 @@ def axes_file(text: str, path: Path) -> AxesFile | None:
 
     Parameters
     ----------
-    text : TOML
-    path : path of the file, whose stem is the problem's name unless the text has one
+    text : text in TOML
+    path : path of the file; its stem is the problem's name unless the text states one
 
     Raises
     ------
     InputError
-        Listing every mistake, each with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
     """
     path = toml.called(path)
     raw, source = toml.parse(text, str(path)), str(path)
@@ -137,12 +137,12 @@ def axes_file(text: str, path: Path) -> AxesFile | None:
 
 
 def merged(shared: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """Return tables with the overriding ones: tables are merged key by key, other values are replaced.
+    """Return tables with others merged over them: tables merge key by key, other values are replaced.
 
     Parameters
     ----------
-    shared : shared tables of the file
-    own : of an axis
+    shared : tables of the file that its axes share
+    own : tables of one axis
     """
     found = deepcopy(dict(shared))
     for key, value in own.items():
@@ -152,7 +152,7 @@ def merged(shared: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _misstated(tables: Any) -> Iterator[Fault]:
-    """Return the faults of the list of axes and their names."""
+    """Yield the faults of the list of axes and of their names."""
     if not isinstance(tables, list) or not tables or not all(isinstance(table, Mapping) for table in tables):
         yield Fault(("axis",), "is no list of tables; write [[axis]] and a name for each axis", "wrong-type")
         return
@@ -177,7 +177,7 @@ def _misstated(tables: Any) -> Iterator[Fault]:
 
 
 def _at(fault: Fault, shared: Mapping[str, Any], own: Mapping[str, Any], index: int) -> Fault:
-    """Return a fault of the merged tables at its place in the file."""
+    """Return a fault of the merged tables with its place in the file."""
     path: KeyPath = ("axis", index, *fault.path)
     if _has(own, fault.path) or (not _has(shared, fault.path) and fault.path[0] in own):
         return fault._replace(path=path)
@@ -194,7 +194,10 @@ def _has(tables: Any, path: KeyPath) -> bool:
 
 
 def _named(found: Sequence[Sequence[Fault]], names: Sequence[str], own: set[Fault]) -> list[Fault]:
-    """Return the faults of all axes, each once; faults that one axis causes in shared tables name it."""
+    """Return the faults of all axes without duplicates.
+
+    A fault that one axis causes in shared tables names the axis.
+    """
     told = []
     for faults, name in zip(found, names, strict=True):
         for fault in faults:

@@ -1,4 +1,4 @@
-"""Reading problem files and gains files."""
+"""Read problem files and gains files."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ class ProblemFile:
 
     Attributes
     ----------
-    problem : every default filled in
-    text : TOML
-    source : the path of its file; "problem" if there is none
+    problem : problem with all defaults filled in
+    text : text in TOML
+    source : path of the file; "problem" without a file
     """
 
     problem: Problem
@@ -44,12 +44,15 @@ class ProblemFile:
 
     @property
     def document(self) -> dict[str, Any]:
-        """The text, parsed."""
+        """The parsed text."""
         return toml.parse(self.text, self.problem.name)
 
     @property
     def sha256(self) -> str:
-        """The digest that ties a design to its problem: of its meaning, not of its text (`problem_digest`)."""
+        """The digest that ties a design to its problem.
+
+        It depends on the meaning, not on the text (`problem_digest`).
+        """
         return problem_digest(self.problem)
 
 
@@ -63,12 +66,12 @@ def read_problem(path: str | Path) -> ProblemFile:
     Returns
     -------
     ProblemFile
-        The `problem`, every default filled in, and the `text` that states it.
+        The `problem` with all defaults filled in, and the `text` that states it.
 
     Raises
     ------
     InputError
-        Listing every mistake, each with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
     """
     return problem_file(toml.read_text(Path(path)), Path(path))
 
@@ -78,13 +81,13 @@ def problem_file(text: str, path: Path) -> ProblemFile:
 
     Parameters
     ----------
-    text : TOML
-    path : path of the file, whose stem is the problem's name unless the text has one
+    text : text in TOML
+    path : path of the file; its stem is the problem's name unless the text states one
 
     Raises
     ------
     InputError
-        Listing every mistake, each with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
     """
     path = toml.called(path)
     name = path.stem.encode("utf-8", "replace").decode()
@@ -96,14 +99,14 @@ def parse_problem(text: str, source: str, default_name: str) -> Problem:
 
     Parameters
     ----------
-    text : TOML
-    source : its name in messages
-    default_name : default name of the problem, unless the text has one
+    text : text in TOML
+    source : name of the file in messages
+    default_name : name of the problem if the text states none
 
     Raises
     ------
     InputError
-        Listing every mistake, each with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
     """
     problem, faults = pose(toml.parse(text, source), default_name)
     if problem is None:
@@ -114,19 +117,19 @@ def parse_problem(text: str, source: str, default_name: str) -> Problem:
 def pose(
     raw: dict[str, Any], default_name: str, yardstick: Problem | None = None
 ) -> tuple[Problem | None, list[Fault]]:
-    """Return the problem that parsed TOML states, or None and everything that is wrong with it.
+    """Return the problem that parsed TOML states and no faults, or None and all faults.
 
     Parameters
     ----------
-    raw : tables
-    default_name : of the problem, unless they have one
-    yardstick : by whose bands and Z_0 its designs are compared with others, unless the tables state them; None for its
-        own
+    raw : tables of the document
+    default_name : name of the problem if the tables state none
+    yardstick : problem whose bands and Z_0 measure the errors, unless the tables state their own; None for the
+        problem's own
 
     Returns
     -------
-    problem : every default filled in; None if there are faults
-    faults : each with the path of its key
+    problem : problem with all defaults filled in; None if there are faults
+    faults : faults, each with the path of its key
     """
     document, faults = examined(ProblemDocument, raw, contradictions)
     if document is None or faults:
@@ -139,19 +142,19 @@ def pose(
 
 
 def on_yardstick(file: ProblemFile, yardstick: Problem) -> ProblemFile:
-    """Return a problem whose designs are compared by another's bands and Z_0, unless it states its own.
+    """Return a problem with another problem's bands and Z_0 for its error, unless it states its own.
 
     Parameters
     ----------
     file : the problem
-    yardstick : the other; one with a band that the device does not reach is of no account
+    yardstick : the other problem; ignored if the device does not reach one of its bands
     """
     problem, _ = pose(file.document, file.problem.name, yardstick)
     return file if problem is None else replace(file, problem=problem)
 
 
 def _told(fault: Fault, units: Units) -> Fault:
-    """Return a fault in the words of a kind of device; the documentation of a missing key is for a linear one."""
+    """Return a fault in the words of a kind of device. The documentation of a missing key is for a linear device."""
     return fault._replace(message=units.translated(fault.message)) if fault.code == "missing-key" else fault
 
 
@@ -163,12 +166,12 @@ class GainsFile:
     ----------
     kind : kind of display of the design
     gains, coupling : the design
-    sha256 : digest of the problem that it was made for, if the file says so
-    units : units that the numbers are in, if the file says so
+    sha256 : digest of the problem for which the design was made; None if the file does not state it
+    units : units of the numbers; None if the file does not state them
     text : the file's text
-    source : the path of the file; "design" if there is none
-    solved : the numbers of the design that it was made from, by key; empty if the file does not state them
-    corner : corner of the multiplier that proves its walls, rad/s; None if the file does not state it
+    source : path of the file; "design" without a file
+    solved : numbers of the original design by their keys; empty if the file does not state them
+    corner : corner of the multiplier that proves the design's walls, rad/s; None if the file does not state it
     """
 
     kind: Display
@@ -192,13 +195,13 @@ def gains_file(text: str, path: Path) -> GainsFile:
 
     Parameters
     ----------
-    text : TOML
+    text : text in TOML
     path : path of the file, for messages
 
     Raises
     ------
     InputError
-        Listing every mistake, each with line, dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake with line, dotted key, value and remedy.
     """
     path = toml.called(path)
     kind = _kind_of(toml.parse(text, str(path)))
@@ -219,7 +222,7 @@ GAINS_DOCUMENTS: dict[DisplayName, type[GainsDocument | SpringGainsDocument | Se
 
 
 def _kind_of(raw: dict[str, Any]) -> Display:
-    """Return the kind of display of a gains file, from its coupling and from whether it has gains."""
+    """Return the kind of display of a gains file, which follows from its coupling and from whether it has gains."""
     coupling, origin = raw.get("coupling"), raw.get("design")
     if isinstance(coupling, dict) and "stiffness" in coupling:
         return IMPEDANCE
@@ -228,7 +231,7 @@ def _kind_of(raw: dict[str, Any]) -> Display:
 
 
 def _other_display(raw: dict[str, Any]) -> list[Contradiction]:
-    """Return the display that a gains file states, where its numbers are those of another."""
+    """Return the fault of a gains file whose numbers are not those of the display that it states."""
     kind, origin = _kind_of(raw), raw.get("design")
     stated = origin.get("display") if isinstance(origin, dict) else None
     if stated not in DISPLAYS or stated == kind.name:
@@ -250,7 +253,7 @@ def _empty_default_band(problem: Problem) -> Fault:
 
 
 def _beyond_nyquist(problem: Problem) -> list[Fault]:
-    """Return which bands of a yardstick a problem does not reach."""
+    """Return the bands of a yardstick that a problem does not reach, as faults."""
     compared = {"transparency": ("the errors are compared", problem.transparency.band.max)}
     endless = problem.device.ideal and problem.device.hold == "lag" and problem.device.delay == 0
     if problem.passive and not (problem.stability.band.max == inf and endless):

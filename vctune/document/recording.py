@@ -1,4 +1,4 @@
-"""A recording of a device: equally long columns in SI units, each with its header, resolution and limit."""
+"""A recording of a device: columns of equal length in SI units, each with its header, resolution and limit."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from vctune.model.numbers.units import UNITS, Units
 
 Floats = NDArray[np.float64]
 ROLES = ("time", "position", "command", "force", "hand", "handle", "reference")
-"""The roles of a column in a device's log."""
+"""Roles of the columns in a device's log."""
 SERVO_COMMANDS = ("velocity_command", "position_command")
 SERVO_ROLES = ("time", "position", *SERVO_COMMANDS, "force", "hand")
-"""The roles of a column in a servo's log."""
+"""Roles of the columns in a servo's log."""
 
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One column.
+    """One column of a recording.
 
     Attributes
     ----------
     header : header of the column in the file
-    values : shape (n,), SI units
+    values : numbers in SI units, shape (n,)
     scale : SI units per unit of the column
-    quantum : resolution as the map states it, SI units; None if it does not
-    limit : value at which it saturates, SI units; None if not known
+    quantum : resolution that the map states, SI units; None if it states none
+    limit : value at which the column saturates, SI units; None if it is not known
     """
 
     header: str
@@ -41,14 +41,14 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """One log.
+    """One log as columns.
 
     Attributes
     ----------
     source : path of its file
     sha256 : digest of the file
-    first_line : line of the file with its first sample
-    channels : by role, one of `ROLES` or `SERVO_ROLES`
+    first_line : line of the file that has the first sample
+    channels : columns by their role, one of `ROLES` or `SERVO_ROLES`
     ignored : headers of unused columns
     rotary : whether positions are angles
     """
@@ -62,17 +62,17 @@ class Recording:
 
     @property
     def name(self) -> str:
-        """The file's name, without its folder."""
+        """The name of the file without its folder."""
         return Path(self.source).name
 
     @property
     def units(self) -> Units:
-        """The units of its numbers."""
+        """The units of the recording."""
         return UNITS["rotary" if self.rotary else "linear"]
 
     def __len__(self) -> int:
         return next((channel.values.size for channel in self.channels.values()), 0)
 
     def values(self, role: str) -> Floats | None:
-        """Return a column by its role; None if the log does not have it."""
+        """Return a column by its role; None if the log lacks it."""
         return self.channels[role].values if role in self.channels else None

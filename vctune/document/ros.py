@@ -1,4 +1,4 @@
-"""The parameter file of a ROS 2 admittance_controller, as far as it affects stability."""
+"""Read the parameter file of a ROS 2 admittance_controller, as far as it affects stability."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from vctune.document.text.errors import InputError, Mistake
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 COEFFICIENT, JOINT_DAMPING = 0.05, 5.0
-"""Default filter_coefficient and joint_damping: the controller's own defaults."""
+"""Default values of filter_coefficient and joint_damping in the controller."""
 LIGHTEST, HEAVIEST, STIFFEST = 1e-4, 1e6, 1e8
-"""The controller loads no smaller mass, and no greater mass and stiffness."""
+"""Least mass, greatest mass and greatest stiffness that the controller accepts."""
 SUFFIXES = (".yaml", ".yml")
 TUNED = (
     "admittance.mass",
@@ -23,7 +23,8 @@ TUNED = (
     "admittance.joint_damping",
     "ft_sensor.filter_coefficient",
 )
-"""The numbers that a user tunes until the axis is stable; the stiffness is part of the intended feel."""
+"""Keys of the numbers that a user tunes for stability. The stiffness is not among them: it belongs to the intended
+feel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,12 +33,12 @@ class Admittance:
 
     Attributes
     ----------
-    axis : one of `AXES`
-    mass : M, kg; of a rotation kg m^2
-    damping_ratio : zeta
-    stiffness : S, N/m; N m
-    joint_damping : share of each joint's velocity that it loses beside D, 1/s
-    line : line of the file, with the masses
+    axis : name of the axis, one of `AXES`
+    mass : M, kg; for a rotation kg m^2
+    damping_ratio : zeta, dimensionless
+    stiffness : S, N/m; for a rotation N m/rad
+    joint_damping : rate at which each joint loses velocity in addition to D, 1/s
+    line : line of the file that states the masses
     """
 
     axis: str
@@ -54,12 +55,12 @@ class Admittance:
 
     @property
     def damping(self) -> float:
-        """D = 2 zeta sqrt(M S), plus the damping of the joints, N s/m."""
+        """D = 2 zeta sqrt(M S) plus the effect of joint_damping, N s/m; for a rotation N m s/rad."""
         return 2 * self.damping_ratio * sqrt(self.mass * self.stiffness) + self.joint_loss
 
     @property
     def joint_loss(self) -> float:
-        """The damping of joint_damping, which acts as an acceleration on every joint and so on the tool, N s/m."""
+        """The damping due to joint_damping, N s/m. It acts as an acceleration on every joint, and thus on the tool."""
         return self.joint_damping * self.mass
 
 
@@ -69,10 +70,10 @@ class AdmittanceFile:
 
     Attributes
     ----------
-    axes : axes in the file's order, at least one
-    filter_coefficient : share of each new sample in the filter of the force
-    line : line of the file, with the selection
-    lines : lines of the file, by the dotted keys of `TUNED` or of the nearest table that is there
+    axes : selected axes in the file's order, at least one
+    filter_coefficient : weight of each new sample in the filter of the force, in (0, 1]
+    line : line of the file that selects the axes
+    lines : lines of the file by the dotted keys of `TUNED`; if a key is absent, the line of the nearest table above it
     """
 
     axes: tuple[Admittance, ...]
@@ -86,16 +87,16 @@ FORWARD_DYNAMICS = (
     "every cycle, has no mass, and acts on the rate of the force; vctune does not prove it; name the parameters of an "
     "admittance_controller"
 )
-"""What vctune says of a law that is none of mass and drag."""
+"""Message about a controller whose law is not a mass with a drag."""
 
 
 def is_admittance(path: Path) -> bool:
-    """Whether a file is named as a parameter file of ROS 2."""
+    """Return whether a file has the suffix of a ROS 2 parameter file."""
     return path.suffix.lower() in SUFFIXES
 
 
 def read_admittance(path: Path) -> AdmittanceFile:
-    """Read a parameter file.
+    """Read the parameter file of one admittance_controller.
 
     Parameters
     ----------
@@ -104,7 +105,7 @@ def read_admittance(path: Path) -> AdmittanceFile:
     Raises
     ------
     InputError
-        Listing every mistake, each with line, dotted key, value and remedy; or if there is no PyYAML.
+        If the file is invalid, with every mistake by line, dotted key, value and remedy; or if PyYAML is not installed.
     """
     source = str(path)
     try:
@@ -134,7 +135,7 @@ def read_admittance(path: Path) -> AdmittanceFile:
 def _controllers(
     value: Any, place: tuple[str, ...], table: str = "admittance"
 ) -> Iterator[tuple[tuple[str, ...], Mapping[str, Any]]]:
-    """Yield the parameters of every controller that states a table, wherever its name puts them."""
+    """Yield the place and the parameters of every controller that states a given table, at any depth of names."""
     if not isinstance(value, Mapping) or len(place) > len(AXES):
         return
     for key, entry in value.items():
@@ -145,7 +146,7 @@ def _controllers(
 
 
 class _Reader:
-    """Reads one controller's parameters, and collects its faults."""
+    """Reads the parameters of one controller and collects their faults."""
 
     def __init__(self, source: str, place: tuple[str, ...], given: Mapping[str, Any], root: Any) -> None:
         self._source, self._place, self._given, self._root = source, place, given, root
@@ -157,7 +158,7 @@ class _Reader:
         Raises
         ------
         InputError
-            Listing all that is wrong.
+            If the parameters are invalid; the error lists all faults.
         """
         selected = self._list("selected_axes", flags=True)
         masses = self._list("mass", least=LIGHTEST, most=HEAVIEST)
@@ -211,7 +212,7 @@ class _Reader:
         self._mistakes.append(Mistake("ros-parameter", ".".join([*self._place, key]), message, self._line(key)))
 
     def _line(self, key: str) -> int | None:
-        """Return the line of a key, or of the nearest table above it that is there."""
+        """Return the line of a key or, if it is absent, of the nearest table above it."""
         node, line = self._root, None
         for step in (*self._place, *key.split(".")):
             pairs = node.value if hasattr(node, "value") and isinstance(node.value, list) else []

@@ -1,4 +1,4 @@
-"""Writing the parameter file of a ROS 2 admittance_controller, which `vctune.document.ros` reads."""
+"""Write the parameter file of a ROS 2 admittance_controller, which `vctune.document.ros` reads."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from collections.abc import Sequence
 from vctune.document.ros import AXES, AdmittanceFile
 
 CONTROLLER = "admittance_controller"
-"""Name of the controller in the file; another is put in its place by hand."""
+"""Name of the controller in the file. The user may replace it."""
 
 
 def admittance_text(given: AdmittanceFile, comments: Sequence[str]) -> str:
-    """Return the YAML of parameters.
+    """Return the YAML text of a parameter file.
 
     Parameters
     ----------
-    given : the selected axes; the numbers of the others, which the controller does not use, are those of the first
-    comments : comments at the top, a line each
+    given : the selected axes; the other axes, which the controller does not use, get the numbers of the first
+    comments : comments at the top, one line each
     """
     first, named = given.axes[0], {axis.axis: axis for axis in given.axes}
     axes = [named.get(name, first) for name in AXES]
@@ -32,7 +32,8 @@ def admittance_text(given: AdmittanceFile, comments: Sequence[str]) -> str:
 
 
 def _number(value: float) -> str:
-    """Return a number in its shortest exact decimals, with the point without which YAML and ROS 2 read another type."""
+    """Return a number in its shortest exact decimals, with a decimal point: otherwise YAML and ROS 2 read an
+    integer."""
     text = repr(float(value))
     mantissa, exponent, power = text.partition("e")
     return text if "." in mantissa else f"{mantissa}.0{exponent}{power}"

@@ -1,4 +1,4 @@
-"""Reading the study file: a problem, the numbers that vary, and how they make points."""
+"""Read the study file: a problem, the numbers that vary, and how they form points."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from vctune.document.text.raw import placed
 from vctune.model.problem import Problem
 
 FORM_OF = dict.fromkeys((0, 1), "[lower, upper]") | dict.fromkeys(("min", "max"), "{ min = ..., max = ... }")
-"""The form of a key in the problem that gives an element of a list or an end of a range a place."""
+"""Written form that the problem must use for a key so that one of its elements or ends can vary."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """How the axes make points.
+    """How the axes form points.
 
     Attributes
     ----------
-    kind : every combination, a Latin hypercube, or the axes' lists side by side
-    n, seed : those of a Latin hypercube
+    kind : kind of sample: every combination, a Latin hypercube, or the axes' lists in parallel
+    n, seed : number of points, and seed, of a Latin hypercube
     """
 
     kind: Literal["grid", "lhs", "list"] = "grid"
@@ -49,10 +49,10 @@ class Study:
     Attributes
     ----------
     name : name of the study
-    document : the problem file, parsed
-    axes : what varies
-    yardstick : the problem as it is, whose bands and Z_0 every point has unless an axis states others
-    sample : how the axes vary
+    document : parsed problem file
+    axes : axes that vary
+    yardstick : problem whose bands and Z_0 every point uses unless an axis states others
+    sample : how the axes form points
     """
 
     name: str
@@ -63,7 +63,7 @@ class Study:
 
     @property
     def count(self) -> int:
-        """Number of points."""
+        """The number of points."""
         if self.sample.kind == "lhs":
             return self.sample.n
         sizes = [axis.n or 0 for axis in self.axes]
@@ -71,21 +71,25 @@ class Study:
 
     @property
     def sha256(self) -> str:
-        """The digest that ties rows to their study: the problem and the keys that vary, not their values."""
+        """The digest that ties rows to their study.
+
+        It covers the problem and the keys that vary, but not their values.
+        """
         said = {key: value for key, value in self.document.items() if key not in ("name", "description")}
         text = json.dumps([said, [axis.key for axis in self.axes]], sort_keys=True, default=str)
         return sha256(text.encode()).hexdigest()
 
     def posed(self, values: Iterable[float]) -> dict[str, Any]:
-        """Return the document of the problem at a point, which may be none.
+        """Return the document of the problem at a point. It may be invalid.
 
-        If the document leaves a band or a range at its default and one of its numbers varies, the other is that of the
-        default at this point, or of the yardstick.
+        If the document leaves a band or a range at its default and an axis varies one of its ends, the other end is
+        that of the default at this point, or of the yardstick.
         """
         return _posed(self.document, self.axes, values, self.yardstick)
 
     def extremes(self) -> Iterator[Problem]:
-        """Yield the problems in which each number that varies is at its greatest, the others as they come first."""
+        """Yield the problems in which each varying number is at its greatest while the others have their first
+        values."""
         first = [axis.values[0] for axis in self.axes]
         for place, axis in enumerate(self.axes):
             problem, _ = self.at([*first[:place], max(axis.values), *first[place + 1 :]])
@@ -93,7 +97,7 @@ class Study:
                 yield problem
 
     def at(self, values: Sequence[float]) -> tuple[Problem | None, list[Fault]]:
-        """Return the problem at a point, or None and the reason."""
+        """Return the problem at a point, or None, and its faults."""
         return pose(self.posed(values), self.name, self.yardstick)
 
 
@@ -103,7 +107,7 @@ def read_study(path: Path) -> Study:
     Raises
     ------
     InputError
-        Listing every mistake of the study, or of the problem, with line, dotted key, value and remedy.
+        If the study or the problem is invalid; the error lists every mistake with line, dotted key, value and remedy.
     """
     text = toml.read_text(path)
     document, faults = examined(StudyDocument, toml.parse(text, str(path)), _contradictions)
@@ -132,19 +136,19 @@ def read_study(path: Path) -> Study:
 def build_study(
     problem: ProblemFile, axes: Mapping[str, Any], sample: Mapping[str, Any] | None = None, name: str = "study"
 ) -> Study:
-    """Return the study of a problem whose axes and sample are stated as in a study file's tables.
+    """Return the study of a problem. Axes and sample have the form of a study file's tables.
 
     Parameters
     ----------
-    problem : read or built
-    axes : by dotted key: values, or `{"linear": [a, b], "n": n}`, or `{"log": [a, b], "n": n}`
+    problem : problem of the study
+    axes : axes by dotted key: a list of values, `{"linear": [a, b], "n": n}`, or `{"log": [a, b], "n": n}`
     sample : `kind`, with `n` and `seed` if it needs them; None for every combination
     name : name of the study
 
     Raises
     ------
     InputError
-        Listing every mistake with dotted key, value and remedy.
+        If axes or sample are invalid; the error lists every mistake with dotted key, value and remedy.
     """
     raw = {"problem": problem.problem.name, "axes": plain(axes), "sample": plain(sample or {})}
     document, faults = examined(StudyDocument, raw, _contradictions)
@@ -158,7 +162,7 @@ def build_study(
 
 
 def _planned(document: StudyDocument) -> tuple[tuple[Axis, ...], Sample]:
-    """Return what a valid document varies, and how."""
+    """Return the axes and the sample of a valid study document."""
     sampled = document.sample.kind == "lhs"
     axes = [read_axis(key, value, sampled=sampled)[0] for key, value in document.axes.items()]
     sample = Sample(document.sample.kind, document.sample.n or 0, document.sample.seed or 0)
@@ -168,7 +172,7 @@ def _planned(document: StudyDocument) -> tuple[tuple[Axis, ...], Sample]:
 def _posed(
     document: dict[str, Any], axes: Sequence[Axis], values: Iterable[float], yardstick: Problem | None = None
 ) -> dict[str, Any]:
-    """Return the document with the values of axes in it, and the other ends of bands and ranges at their defaults."""
+    """Return the document with the values of axes set, and the other ends of bands and ranges at their defaults."""
     varied = dict(zip((axis.path for axis in axes), values, strict=True))
     defaults = dict.fromkeys(path[:-1] for path in varied if _is_default(document, path, varied))
     if not defaults:
@@ -183,7 +187,7 @@ def _posed(
 
 
 def _contradictions(raw: dict[str, Any]) -> list[Contradiction]:
-    """Return the faults of the axes, of each alone, with each other and with the sample."""
+    """Return the faults of the axes, alone, among each other, and together with the sample."""
     table, sample = (part if isinstance(part, dict) else {} for part in (raw.get("axes"), raw.get("sample")))
     kind = sample.get("kind", "grid")
     faults: list[Contradiction] = []
@@ -216,7 +220,7 @@ def _contradictions(raw: dict[str, Any]) -> list[Contradiction]:
 
 
 def _homeless(problem: dict[str, Any], axis: Axis) -> list[Fault]:
-    """Return why an element of a list, or an end of a range, has no place in the problem."""
+    """Return why the problem has no place for an element of a list or an end of a range."""
     node: Any = problem
     for i, (step, inner) in enumerate(pairwise(axis.path), 1):
         owner, form = dotted(axis.path[:i]), FORM_OF.get(inner, "a table")
@@ -231,13 +235,13 @@ def _homeless(problem: dict[str, Any], axis: Axis) -> list[Fault]:
 
 
 def _is_default(document: dict[str, Any], path: KeyPath, varied: Mapping[KeyPath, float]) -> bool:
-    """Whether a path leads to one number of a band or a range that the document leaves at its default."""
+    """Return whether a path leads to a number of a band or range that the document leaves at its default."""
     siblings = {other[-1] for other in varied if other[:-1] == path[:-1]}
     return path[-1] in FORM_OF and len(siblings) == 1 and _at(document, path[:-1]) is None
 
 
 def _at(document: dict[str, Any], path: KeyPath) -> Any:
-    """Return the value at a path of keys, None if there is none."""
+    """Return the value at a path of keys; None if there is no value."""
     node: Any = document
     for step in path:
         node = node.get(step) if isinstance(node, dict) else None
@@ -254,7 +258,7 @@ def _first(problem: dict[str, Any], axes: Sequence[Axis]) -> dict[str, Any]:
 
 
 def _yardstick(problem: dict[str, Any], axes: Sequence[Axis]) -> tuple[Problem | None, list[Fault]]:
-    """Return the problem; if axes give numbers that it lacks, with their first values."""
+    """Return the problem without axes. If axes give numbers that it lacks, it has their first values."""
     for document in (problem, _first(problem, axes)):
         found, faults = pose(document, "study")
         if found is not None:

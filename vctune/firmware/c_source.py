@@ -1,4 +1,4 @@
-"""The controller as C99: vctune_controller.h and vctune_controller.c."""
+"""Write the controller as C99: vctune_controller.h and vctune_controller.c."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from vctune.simulation.firmware.equations import COEFFICIENTS, COMMANDS, INPUTS,
 from vctune.simulation.firmware.expression import Symbol
 
 BUILT_IN = ("inertance", "inertia_carry", "stiffness", "zero", "slope", "least_contact")
-"""Coefficients of a built-in environment."""
+"""Names of the coefficients of a built-in environment."""
 LIMITING = ("limit", "position_reach")
-"""Coefficients of a limited force; an impedance display and a servo have no reach, since nothing winds up."""
+"""Names of the coefficients of a limited force. Impedance displays and servos have no reach, since nothing winds up."""
 SYSTEM = {
     "linear": "SI units; of a rotary device kg m^2, N m and rad in place of\n * kg, N and m.",
     "rotary": "SI units of a rotary device: kg m2, N m and rad; its\n * force is a torque, its mass an inertia.",
 }
-"""The remark of a header on units, by the motion."""
+"""Remark on units at the top of a header, by the motion of the device."""
 GAINS = "velocity_gain", "position_gain"
 WIDTH = 118
-"""Width of a line of C."""
+"""Greatest width of a line of C."""
 
 
 def c_source(made: Firmware) -> dict[str, str]:
@@ -41,16 +41,16 @@ def c_source(made: Firmware) -> dict[str, str]:
 
 
 def rendered_template(name: str, given: dict[str, Any]) -> str:
-    """Return a text of the folder templates/, filled in.
+    """Return a text of the folder templates/ with its variables filled in.
 
     Parameters
     ----------
-    name : name without .j2
-    given : its variables
+    name : name of the template without .j2
+    given : variables of the template
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    templates = Environment(  # C and XML are no HTML of a page: nothing is escaped here
+    templates = Environment(  # C and XML need no HTML escaping
         loader=PackageLoader("vctune.firmware"),
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -62,7 +62,7 @@ def rendered_template(name: str, given: dict[str, Any]) -> str:
 
 
 def names_and_numbers(made: Firmware) -> dict[str, Any]:
-    """Return the data of a design for the templates, except for its equations."""
+    """Return the data of a design for the templates, except for the equations."""
     double = made.precision == "double"
     top = "\n".join(f" * {line}".rstrip() for text in statement(made) for line in comment(text) or [""])
     T, numbers = made.device.sample_time, (*astuple(made.coupling), *astuple(made.gains))
@@ -117,7 +117,7 @@ def names_and_numbers(made: Firmware) -> dict[str, Any]:
 
 
 def _start_head(made: Firmware) -> str:
-    """Return the head of vctune_start; only a difference needs the start position of the motor."""
+    """Return the head of vctune_start. Only a differenced velocity needs the start position of the motor."""
     first = "vctune_real position, " if made.parts.difference else ""
     last = ", vctune_real limit" if limiting(made) else ""
     indent = " " * len("vctune_state vctune_start(")
@@ -133,7 +133,7 @@ def _law_told(made: Firmware) -> str:
 
 
 def _listed(words: list[str]) -> str:
-    """Return words as "a, b and c"."""
+    """Return words in the form "a, b and c"."""
     *first, last = words
     return f"{', '.join(first)} and {last}" if first else last
 
@@ -169,12 +169,12 @@ def _code(made: Firmware) -> dict[str, Any]:
 
 
 def state_names(made: Firmware) -> list[str]:
-    """Return the state of a firmware, without the mass of its environment."""
+    """Return the names of a firmware's state, without the mass of its environment."""
     return [name for name in equations.remembered(made.parts) if name != "inertia"]
 
 
 def limiting(made: Firmware) -> tuple[str, ...]:
-    """Return the coefficients of a limited force that a firmware has."""
+    """Return the names of the coefficients with which a firmware limits its force."""
     if not made.parts.limit:
         return ()
     return LIMITING[:1] if made.parts.spring else LIMITING
@@ -196,7 +196,7 @@ def _blocks(parts: Parts) -> dict[str, list[Equation]]:
 
 
 def _used(blocks: dict[str, list[Equation]]) -> set[str]:
-    """Return the names that occur on the right-hand sides of equations."""
+    """Return the names on the right-hand sides of equations."""
     found, terms = set(), [equation.right for block in blocks.values() for equation in block]
     while terms:
         term = terms.pop()
@@ -216,7 +216,7 @@ def _begin(name: str, made: Firmware) -> str:
 
 
 def _fields(quantities: dict[str, Quantity], units: Units) -> list[str]:
-    """Return quantities as fields of a struct, their comments below one another."""
+    """Return quantities as fields of a struct, with aligned comments."""
     width = max(len(name) for name in quantities)
     return [
         f"vctune_real {name};{' ' * (width - len(name))} /* {_told(one, units)} */" for name, one in quantities.items()
@@ -228,7 +228,7 @@ def _told(quantity: Quantity, units: Units) -> str:
 
 
 def _names(made: Firmware, blocks: dict[str, list[Equation]]) -> dict[Symbol, str]:
-    """Return the names of symbols in vctune_step."""
+    """Return the C names of symbols in vctune_step."""
     local = {Symbol(equation.quantity.name): equation.quantity.name for block in blocks.values() for equation in block}
     return {
         **{Symbol(name): f"VCTUNE_{name.upper()}" for name in made.coefficients},
@@ -240,7 +240,7 @@ def _names(made: Firmware, blocks: dict[str, list[Equation]]) -> dict[Symbol, st
 
 
 def _environment_names(names: dict[Symbol, str]) -> dict[Symbol, str]:
-    """Return the names of symbols in vctune_render."""
+    """Return the C names of symbols in vctune_render."""
     return {
         **names,
         **{Symbol(name): f"built_in->{name}" for name in BUILT_IN},
@@ -251,7 +251,7 @@ def _environment_names(names: dict[Symbol, str]) -> dict[Symbol, str]:
 
 
 def _lines(block: Iterable[Equation], names: dict[Symbol, str], made: Firmware) -> list[str]:
-    """Return equations as declarations, each with its meaning."""
+    """Return equations as declarations, each with a comment on its meaning."""
     lines = []
     for equation in block:
         quantity = equation.quantity
@@ -262,9 +262,9 @@ def _lines(block: Iterable[Equation], names: dict[Symbol, str], made: Firmware) 
 
 
 def _wrapped(line: str) -> list[str]:
-    """Return a long line in two or more, broken before an operator."""
+    """Return a long line as two or more lines, broken before operators."""
     if len(line) + 4 <= WIDTH:
         return [line]
     places = [at for at in range(WIDTH // 4, WIDTH - 4) if line[at : at + 3] in (" + ", " - ", " ? ", " : ")]
-    at = min(places, key=lambda at: (line[:at].count("(") - line[:at].count(")"), -at))  # not within parentheses
+    at = min(places, key=lambda at: (line[:at].count("(") - line[:at].count(")"), -at))  # outside of parentheses
     return [line[:at], *_wrapped(f"    {line[at + 1 :]}")]

@@ -1,4 +1,4 @@
-"""Equations as C: the same operations in the same order."""
+"""Write equations as C, with the same operations in the same order."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from vctune.simulation.firmware.expression import Operation, Symbol, Term
 from vctune.simulation.firmware.stepped import Precision
 
 BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "negative": 3}
-"""How strongly an operator holds its operands."""
+"""Binding strength of each operator."""
 HOLDING = BINDING | {"choice": 0}
-"""The same for operators that are operands themselves; all others are calls."""
+"""Binding strength of an operator as an operand of another. Operators that are not listed are function calls."""
 COUNTED = {"+": "additions", "-": "additions", "*": "multiplications", "/": "divisions"}
 
 
 def literal(number: float, precision: Precision) -> str:
-    """Return the shortest C constant of a number that reads as this very number.
+    """Return the shortest C constant that reads as exactly this number.
 
     Parameters
     ----------
-    number : one of the precision
+    number : number of this precision
     precision : precision of the constant
     """
     if number in (inf, -inf):
@@ -42,8 +42,8 @@ def code(term: Term, names: Mapping[Symbol, str], precision: Precision) -> str:
     Parameters
     ----------
     term : a number, a symbol or an operation on terms
-    names : names of symbols in C
-    precision : precision of constants
+    names : C names of the symbols
+    precision : precision of the constants
     """
 
     def called(operator: str, operands: list[str]) -> str:
@@ -56,7 +56,7 @@ def code(term: Term, names: Mapping[Symbol, str], precision: Precision) -> str:
 
 
 def plain(term: Term) -> str:
-    """Return a term as text that most languages read: names, `before.NAME`, + - * /, minimum, maximum, choice."""
+    """Return a term as text that most languages can read: names, `before.NAME`, + - * /, minimum, maximum, choice."""
 
     def name(symbol: Symbol) -> str:
         return f"before.{symbol.name}" if symbol.before else symbol.name
@@ -70,7 +70,7 @@ def _written(
     number: Callable[[float], str],
     called: Callable[[str, list[str]], str],
 ) -> str:
-    """Return a term as text, in parentheses if an operand binds less strongly than its operator."""
+    """Return a term as text. An operand that binds less strongly than its operator is in parentheses."""
     if isinstance(term, Symbol):
         return name(term)
     if not isinstance(term, Operation):
@@ -87,7 +87,7 @@ def _written(
 
 
 def operations(equations: Iterable[Equation]) -> Counter[str]:
-    """Return the number of operations of equations: additions, multiplications, divisions, comparisons."""
+    """Return the number of additions, multiplications, divisions and comparisons in equations."""
     counted: Counter[str] = Counter()
     terms: list[Term] = [equation.right for equation in equations]
     while terms:
@@ -100,12 +100,12 @@ def operations(equations: Iterable[Equation]) -> Counter[str]:
 
 
 def comment(text: str, width: int = 110) -> list[str]:
-    """Return a text as lines that fit into a comment of C, which they cannot end.
+    """Return a text as lines for a comment in C; the text cannot end the comment.
 
     Parameters
     ----------
-    text : any text, of the user's too
-    width : greatest number of characters of a line, unless a word is longer
+    text : any text, possibly from the user
+    width : greatest number of characters in a line, unless a word is longer
     """
     lines, line = [], ""
     plain_text = printable(text).encode("ascii", "replace").decode()

@@ -1,4 +1,4 @@
-"""Every difference equation with its coefficients, for other languages: the object of controller.json."""
+"""Write all difference equations with their coefficients, for other languages: the object of controller.json."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FORMULAS = {
     "limit": "the greatest force, infinity for none",
     "position_reach": "limit / position_gain, infinity for none",
 }
-"""Formulas of the coefficients that are set at run time and are no constants of the design."""
+"""Formulas of the coefficients that are set at run time, and thus are not constants of the design."""
 
 
 def controller_record(made: Firmware) -> dict[str, Any]:
@@ -39,8 +39,9 @@ def controller_record(made: Firmware) -> dict[str, Any]:
     Returns
     -------
     dict
-        Each quantity with symbol, unit and meaning. The equations are to be evaluated from the first to the last;
-        `before.NAME` is the value that the sample before left NAME with, `choice(a, b, c, d)` is c if a > b, else d.
+        Each quantity with symbol, unit and meaning. The equations are to be evaluated from first to last. `before.NAME`
+        is the
+            value of NAME after the previous sample; `choice(a, b, c, d)` is c if a > b, else d.
     """
     units = made.units
     coefficients = {

@@ -33,14 +33,14 @@ class Firmware:
 
     Attributes
     ----------
-    record : record of the exported design; in single precision that of the rounded constants
+    record : record of the exported design; in single precision, of the design with rounded constants
     device : the certified device
     gains, coupling : the decimals of the design
-    parts : parts of the firmware, with every built-in environment, and a limit if it commands a force
-    precision : precision of its numbers
-    coefficients : coefficients of the controller by their names in `vctune.simulation.firmware.equations`, as the
-        firmware has them
-    problem_sha256, design_sha256 : digests of the problem, and of problem, gains and coupling
+    parts : parts of the firmware, with all built-in environments, and with a limit if it commands a force
+    precision : precision of the firmware's numbers
+    coefficients : coefficients of the controller as the firmware uses them, by their names in
+        `vctune.simulation.firmware.equations`
+    problem_sha256, design_sha256 : digest of the problem, and digest of problem, gains and coupling together
     """
 
     record: DesignRecord
@@ -55,17 +55,17 @@ class Firmware:
 
     @property
     def name(self) -> str:
-        """The problem's name."""
+        """The name of the problem."""
         return self.record.problem.name
 
     @property
     def units(self) -> Units:
-        """The units of its numbers."""
+        """The units of the firmware's numbers."""
         return UNITS[self.device.units]
 
     @property
     def doubt(self) -> str:
-        """The claims that are not proved; empty if it is certified."""
+        """The claims that are not proved, in words; empty if the design is certified."""
         if self.record.status == "certified" or self.record.certificate is None:
             return ""
         claims = self.record.certificate.claims
@@ -83,8 +83,9 @@ def firmware(
     ----------
     file : the problem
     gains, coupling : the design
-    precision : precision of the firmware; single rounds every coefficient, and the rounded ones are proved
-    corner : corner of the multiplier that proves walls, rad/s; None for the best one
+    precision : precision of the firmware; in single precision every coefficient is rounded, and the rounded ones are
+        proved
+    corner : corner of the multiplier that proves walls, rad/s; None for the best corner
     """
     device = file.problem.device
     law = designed_law(device, gains, coupling, NOTHING)
@@ -114,20 +115,20 @@ def judged(problem: Problem, design: tuple[Gains, AnyCoupling], corner: float | 
 
     Parameters
     ----------
-    problem : the device and the constraints, SI units
-    design : gains and coupling as the firmware has them
-    corner : as of `firmware`
+    problem : problem with the device and the constraints, SI units
+    design : gains and coupling as the firmware uses them
+    corner : see `firmware`
     """
     return judge_all(problem, [design], [corner])[0]
 
 
 def controller_coefficients(coefficients: dict[str, float], command: Commanded) -> dict[str, float]:
-    """Return the coefficients that a firmware has as constants: not those of environment and limit.
+    """Return the coefficients that a firmware has as constants. Those of environment and limit are not among them.
 
     Parameters
     ----------
-    coefficients : coefficients of a whole firmware, by their names
-    command : its command
+    coefficients : coefficients of a complete firmware, by their names
+    command : kind of its command
     """
     of_law: tuple[str, ...] = ("velocity_gain", "position_gain")
     of_coupling: tuple[str, ...] = ("coupling_step", "coupling_decay")
@@ -142,11 +143,11 @@ def controller_coefficients(coefficients: dict[str, float], command: Commanded) 
 def rounded(problem: Problem, coefficients: dict[str, float]) -> tuple[Problem, tuple[Gains, AnyCoupling]]:
     """Return the problem and the design whose exact coefficients are the rounded ones.
 
-    The sample time is then the rounded one too: it is that of the firmware's integrators.
+    The sample time is then also rounded, because the firmware's integrators use the rounded one.
 
     Parameters
     ----------
-    problem : problem in SI units; supplies the data that the coefficients lack
+    problem : problem in SI units, which supplies the data that the coefficients lack
     coefficients : see `controller_coefficients`
     """
     T, device, stability = coefficients["sample_time"], problem.device, problem.stability
@@ -161,7 +162,7 @@ def rounded(problem: Problem, coefficients: dict[str, float]) -> tuple[Problem, 
 
 
 def certified(made: Firmware) -> bool:
-    """Whether everything is proved of a firmware."""
+    """Return whether all claims about a firmware are proved."""
     return made.record.status == Status.CERTIFIED.value
 
 

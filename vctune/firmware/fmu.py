@@ -1,4 +1,4 @@
-"""The controller as an FMU: FMI 2.0 for co-simulation, with its sources and a binary for 64-bit Linux."""
+"""Write the controller as an FMU: FMI 2.0 for co-simulation, with its sources and a binary for 64-bit Linux."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from vctune.version import __version__
 COMPILERS = ("cc", "gcc", "clang")
 OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
 EPOCH = (1980, 1, 1, 0, 0, 0)
-"""When every file of the archive was made, so that the same design makes the same bytes."""
+"""Date of every file in the archive, so that the same design gives the same bytes."""
 ABSENT_OF_SERVO = ("position", "velocity", "limit", "start_position")
-"""Variables of the motor's motion and force."""
+"""Names of the variables of the motor's motion and force, which a servo lacks."""
 REALS = (
     ("position", "position", "input", "position of the motor"),
     ("velocity", "speed", "input", "velocity of the motor"),
@@ -58,7 +58,7 @@ DIMENSIONS = {
         "stiffness": 'kg="1" m="2" s="-2" rad="-1"',
     },
 }
-"""The dimensions of the units, by the motion."""
+"""Dimensions of the units, by the motion of the device."""
 BOOLEANS = (
     ("wall", "whether damping and stiffness only push, towards negative positions"),
     ("trapezoidal", "whether the environment follows the trapezoidal rule, not backward Euler; then it is no wall"),
@@ -87,11 +87,11 @@ ABSENT = {
     "fmi2GetBooleanStatus": "fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value",
     "fmi2GetStringStatus": "fmi2Component c, const fmi2StatusKind kind, fmi2String *value",
 }
-"""Functions that the standard requires and a controller does not use, and their arguments."""
+"""Functions that the standard requires but a controller does not use, with their arguments."""
 
 
 def fmu(made: Firmware) -> bytes:
-    """Return the FMU of a design: a zip archive, the same bytes for the same design and compiler.
+    """Return the FMU of a design as a zip archive. The same design and compiler give the same bytes.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def fmu(made: Firmware) -> bytes:
     Raises
     ------
     InputError
-        If there is no C compiler, or this is not 64-bit Linux.
+        If there is no C compiler, or this machine does not run 64-bit Linux.
     """
     sources = {**c_source(made), "vctune_fmu.c": rendered_template("vctune_fmu.c", _given(made))}
     packed: dict[str, str | bytes] = {
@@ -112,7 +112,7 @@ def fmu(made: Firmware) -> bytes:
     with ZipFile(archive, "w", ZIP_DEFLATED) as packing:
         for name, content in packed.items():
             entry = ZipInfo(name, EPOCH)
-            entry.external_attr = 0o755 << 16  # a library that may be loaded, files that may be read
+            entry.external_attr = 0o755 << 16  # permissions: the library may be loaded, the files may be read
             packing.writestr(entry, content, ZIP_DEFLATED)
     return archive.getvalue()
 
@@ -126,7 +126,7 @@ def _reals(made: Firmware) -> list[tuple[str, str, str, str]]:
 
 
 def _guid(made: Firmware) -> str:
-    """Return an identifier that follows from design, precision and version."""
+    """Return an identifier that depends only on design, precision and version."""
     known = f"{made.design_sha256} {made.precision} {__version__}"
     return f"{{{UUID(bytes=sha256(known.encode()).digest()[:16])}}}"
 
@@ -188,12 +188,12 @@ def _described(made: Firmware) -> dict[str, Any]:
 
 
 def _dotted(unit: str) -> str:
-    """Return a unit as FMI writes it."""
+    """Return a unit in the notation of FMI."""
     return unit.replace(" ", ".")
 
 
 def _compiled(sources: dict[str, str]) -> bytes:
-    """Return the shared library of sources."""
+    """Return the shared library compiled from sources."""
     compiler = next((found for name in COMPILERS if (found := shutil.which(name))), None)
     if compiler is None or (platform.system(), platform.machine()) != ("Linux", "x86_64"):
         message = "an FMU is built by a C compiler on 64-bit Linux: install gcc or clang there, or take --to c"

@@ -37,7 +37,7 @@ def statement(made: Firmware) -> list[str]:
 
 
 def not_proved(made: Firmware) -> str:
-    """Return the warning at the top of a design that is not certified."""
+    """Return the warning at the top of the files of a design that is not certified."""
     return f"NOT PROVED. {made.record.status}: {made.doubt}"
 
 

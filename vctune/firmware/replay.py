@@ -1,4 +1,4 @@
-"""The files beside the controller: vectors.csv and replay.c, a Makefile, the bridge to the simulation."""
+"""The files that accompany the controller: vectors.csv and replay.c, a Makefile, and the bridge to the simulation."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vctune.firmware.preamble import not_proved, statement
 from vctune.firmware.vectors import Replay, experiment_line, greatest_difference, vectors_text
 
 ALLOWED_ULP = 0
-"""Every operation is rounded as in the simulation: no digit differs."""
+"""Permitted difference in units in the last place. Every operation is rounded as in the simulation, so it is 0."""
 
 
 def replay_files(made: Firmware, simulated: list[Replay]) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""A design as parameters of a ROS 2 admittance_controller, proved as that controller steps them."""
+"""A design as parameters of a ROS 2 admittance_controller, proved in the way that controller computes it."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ PARAMETERS = "admittance_controller.yaml"
 
 @dataclass(frozen=True, slots=True)
 class RosAxis:
-    """A design for an axis of the controller.
+    """A design for one axis of the controller.
 
     Attributes
     ----------
-    axis : x, y, z, rx, ry or rz
+    axis : name of the axis: x, y, z, rx, ry or rz
     file : the problem
     gains, coupling : the design
     """
@@ -40,17 +40,19 @@ class RosAxis:
 
 
 def ros2_firmware(axes: Sequence[RosAxis]) -> list[Firmware]:
-    """Return designs as the controller steps them, each proved; those of the same law once.
+    """Return designs as the controller computes them, each with its proof. Equal laws are proved once.
 
     Parameters
     ----------
-    axes : at least one
+    axes : designs of the axes, at least one
 
     Raises
     ------
     InputError
-        If a device is no servo, because vctune designs the loop that follows the command; or if an axis moves
-        differently from its device, or the axes need different values of a parameter that the controller has only once.
+        If a device is not a servo, for which vctune designs the loop that follows the command itself; if an axis and
+        its
+            device have different kinds of motion; or if the axes need different values of a parameter that the
+            controller has only once.
     """
     for axis in axes:
         _require_servo(axis)
@@ -75,7 +77,7 @@ def ros2_files(name: str, axes: Sequence[RosAxis], made: Sequence[Firmware]) -> 
     Parameters
     ----------
     name : name of the problem
-    axes : the designs
+    axes : designs of the axes
     made : result of `ros2_firmware`
     """
     told: dict[str, list[str]] = {}

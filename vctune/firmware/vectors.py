@@ -27,14 +27,14 @@ USUAL_STIFFNESS = 1000.0
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """An experiment from the firmware's side; all arrays have the same length.
+    """The measurements and commands of an experiment; all arrays have the same length.
 
     Attributes
     ----------
-    experiment : its description
-    position, reference : start position of the motor, and of x_e, m
+    experiment : description of the experiment
+    position, reference : start position of the motor, and start value of x_e, m
     measured : position [m], velocity [m/s] and force [N] at each sample, shape (n, 3)
-    command : u, N; for a servo m/s or m
+    command : commands u, N; for a servo m/s or m
     """
 
     experiment: Experiment
@@ -45,18 +45,18 @@ class Replay:
 
 
 def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] = lambda stage: None) -> list[Replay]:
-    """Simulate a design in the experiments of its problem, or in the usual ones if it has none that the C code renders.
+    """Simulate a design in the experiments of its problem that the C code renders or, without any, in default ones.
 
     Parameters
     ----------
     file : the problem
-    made : the design as firmware, whose decimals are simulated in double precision
+    made : the design as firmware; its decimals are simulated in double precision
     progress : function that receives the current stage
 
     Returns
     -------
     list of Replay
-        One for each experiment, sample by sample.
+        One replay for each experiment.
     """
     stated = file.problem.experiments
     experiments = [each for each in stated if each.environment.built_in] or usual(file.problem)
@@ -64,9 +64,10 @@ def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] =
 
 
 def usual(problem: Problem) -> tuple[Experiment, ...]:
-    """Return the experiments for a problem without experiments of its own: a spring, and a wall that saturates.
+    """Return the default experiments for a problem without experiments: a spring, and a wall that saturates.
 
-    A servo has no mass to set the size of its environments, and no force that could saturate; its hands set it.
+    A servo has no mass that could set the size of its environments, and no force that could saturate. Its hands set the
+    size.
     """
     device, stiffest = problem.device, problem.hands.high.stiffness
     share = usual_share(device.mass, device.units) if device.kind.own_loop else stiffest / USUAL_STIFFNESS or 1.0
@@ -93,13 +94,13 @@ def _replay(made: Firmware, experiment: Experiment, progress: Callable[[str], No
 
 
 def vectors_text(made: list[Replay], units: Units, commanded: Commanded) -> str:
-    """Return the text of vectors.csv: every number in the shortest decimals that read as itself.
+    """Return the text of vectors.csv, with every number in the shortest decimals that read as exactly the number.
 
     Parameters
     ----------
-    made : the vectors
-    units : units of the device, which the columns name
-    commanded : quantity of the last column
+    made : the replays
+    units : units of the device, for the names of the columns
+    commanded : quantity in the last column
     """
     measured = {
         "position": units.position,
@@ -116,7 +117,8 @@ def vectors_text(made: list[Replay], units: Units, commanded: Commanded) -> str:
 
 
 def greatest_difference(firmware: Firmware, made: list[Replay]) -> float:
-    """Return the difference of a firmware's commands from the simulated ones: in its own precision, unfused.
+    """Return the greatest difference of a firmware's commands from the simulated ones, in its precision, without fused
+    operations.
 
     Parameters
     ----------
@@ -127,12 +129,12 @@ def greatest_difference(firmware: Firmware, made: list[Replay]) -> float:
 
 
 def commands(firmware: Firmware, one: Replay) -> Floats:
-    """Return the commands of a firmware, in its own precision, for an experiment's measurements.
+    """Return the commands of a firmware in its own precision for an experiment's measurements.
 
     Parameters
     ----------
     firmware : firmware with its coefficients
-    one : the simulated runs to replay
+    one : the replay of the experiment
     """
     start = Start(one.experiment.environment, one.experiment.limit, one.position, one.reference)
     stepped = SteppedFirmware(firmware.parts, firmware.coefficients, start, firmware.precision)
@@ -144,8 +146,8 @@ def experiment_line(one: Replay, parts: Parts) -> str:
 
     Parameters
     ----------
-    one : the simulated run
-    parts : parts of the firmware, which determine its start values: the position for a difference, and a limit
+    one : the replay of the experiment
+    parts : parts of the firmware, which determine its start values: a position for a differenced velocity, and a limit
     """
     rendered = one.experiment.environment
     numbers = [rendered.mass, rendered.damping, rendered.stiffness, rendered.zero]

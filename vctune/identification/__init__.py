@@ -1,1 +1,1 @@
-"""From recordings of a device to its numbers, each with an interval that is honest (README.md)."""
+"""From recordings of a device to its numbers, each with an honest interval (README.md)."""

@@ -1,4 +1,4 @@
-"""From estimates of several records and directions to one device and the box around it (README, section 4)."""
+"""From estimates of several recordings and directions to one device, and a box around it (README, section 4)."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from vctune.document.text.codes import Note
 from vctune.identification.motion.covariance import joint_factor
 
 MASS_FLOOR = 0.01
-"""Least half-width of a mass, a share of it, which allows for the difference between two days."""
+"""Least relative half-width of a mass, which allows for the difference between two days."""
 DELAY_FLOOR = 0.1
-"""Least half-width of a delay, sample times."""
+"""Least half-width of a delay, in sample times."""
 WIDEST = 0.99
-"""Half-width where an interval reaches down to 0, as a share of its middle."""
+"""Relative half-width of an interval that reaches 0."""
 FLOORS = {
     "mass": MASS_FLOOR,
     "structure.handle_mass": MASS_FLOOR,
@@ -23,9 +23,10 @@ FLOORS = {
     "structure.frequency_hz": MASS_FLOOR / 2,
     "servo.bandwidth_hz": MASS_FLOOR,
 }
-"""Least half-widths, shares: a frequency goes with the root of a mass."""
+"""Least relative half-widths by key. The half-width of a frequency follows from that of a mass by the square root."""
 COULOMB_SHARE = 0.1
-"""Share of Coulomb friction, over the speed of the motion, that may be viscous, or less: it is no exact law."""
+"""Share of Coulomb friction, divided by the speed of the motion, that may be viscous, since Coulomb's law is not
+exact."""
 
 
 BAND = Note("limit-band", "model error: the band that is kept changes it")
@@ -33,16 +34,16 @@ BAND = Note("limit-band", "model error: the band that is kept changes it")
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """The estimate of a number of the device from one record, or from one direction of it.
+    """The estimate of one number of the device from one recording, or from one direction of it.
 
     Attributes
     ----------
-    key : name in the device's table
-    value, sigma : SI units, frequencies in Hz
-    source : the record, and the method
-    excess : excess difference of other estimates from the same record, below and above
-    stated : whether it is the user's, and no record's
-    reason : reason of the excess
+    key : key of the number in the device's table
+    value, sigma : estimate and standard deviation, SI units, frequencies in Hz
+    source : the recording and the method
+    excess : difference of other estimates from the same recording beyond their spread, below and above
+    stated : whether the user stated the number, so that it comes from no recording
+    reason : reason for the excess
     """
 
     key: str
@@ -60,12 +61,12 @@ class Bounded:
 
     Attributes
     ----------
-    key : name in the device's table
+    key : key of the number in the device's table
     value : middle of the interval
-    low, high : its ends
-    sampled : half-width of the widest interval that a single estimate has by its sigma
-    limits : sources of the interval
-    estimates : estimates that it holds
+    low, high : ends of the interval
+    sampled : half-width of the widest interval of a single estimate according to its sigma
+    limits : reasons that determine the interval's ends
+    estimates : estimates that the interval contains
     """
 
     key: str
@@ -78,22 +79,22 @@ class Bounded:
 
     @property
     def share(self) -> float:
-        """Its half-width as the file states it."""
+        """The relative half-width, as the file states it."""
         return WIDEST if self.low <= 0 else (self.high - self.low) / (self.high + self.low)
 
     @property
     def limit(self) -> str:
-        """The source of the interval, as text."""
+        """The reasons for the interval's ends, as text."""
         return "; ".join(note.line for note in self.limits)
 
 
 def box(estimates: Sequence[Estimate], sample_time: float) -> tuple[Bounded, ...]:
-    """Return the least box that holds every interval of every estimate.
+    """Return the least box that contains every interval of every estimate.
 
     Parameters
     ----------
-    estimates : estimates of any records and directions
-    sample_time : s
+    estimates : estimates from any recordings and directions
+    sample_time : T, s
     """
     keys = list(dict.fromkeys(estimate.key for estimate in estimates))
     factor = joint_factor(len(keys))
@@ -107,7 +108,7 @@ def _bounded(key: str, estimates: list[Estimate], factor: float, sample_time: fl
     limit = _widest(key, estimates, sampled)
     low, high = max(low, 0.0), max(high, 0.0)
     if high == 0 and not key.endswith("delay"):
-        high = max(abs(each.value) for each in estimates)  # as wrong as it is negative
+        high = max(abs(each.value) for each in estimates)  # a negative value is at least as wrong as it is negative
     middle = 0.5 * (low + high)
     least = DELAY_FLOOR * sample_time if key.endswith("delay") else FLOORS.get(key, 0.0) * middle
     if high - low < 2 * least:
@@ -118,7 +119,7 @@ def _bounded(key: str, estimates: list[Estimate], factor: float, sample_time: fl
 
 
 def _widest(key: str, estimates: list[Estimate], sampled: float) -> Note:
-    """Return the reason that makes an interval widest."""
+    """Return the reason that widens an interval the most."""
     spread = max(each.value for each in estimates) - min(each.value for each in estimates)
     excess = max(max(each.excess) for each in estimates)
     if all(each.stated for each in estimates):

@@ -1,4 +1,4 @@
-"""Checks of a recording before any fit: each fault with its row, its column and its remedy."""
+"""Check a recording before any fit. Each fault names its row, its column and its remedy."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError, Mistake
 
 LEAST_SAMPLES = 500
-"""Least number of samples; fewer are less than a second at any rate of a haptic loop."""
+"""Least number of samples. Fewer last less than a second at any rate of a haptic loop."""
 SAMPLE_TIMES = (1e-6, 0.05)
-"""Sample times that a haptic loop can have, s."""
+"""Range of sample times that a haptic loop can have, s."""
 SPEEDS = {False: 30.0, True: 3000.0}
-"""Greatest speed of a device, m/s and, if it is rotary, rad/s."""
+"""Greatest speed of a device, m/s, or rad/s if it is rotary."""
 GREATEST_FORCE = 1e4
 """Greatest force of a haptic device, N or N m."""
 FEW_STEPS = 30
-"""Motion in resolutions below which a recording shows no acceleration."""
+"""Number of resolution steps; a recording whose motion spans fewer shows no acceleration."""
 SATURATED = 0.2
 """Greatest share of the samples that may be at a limit."""
 
@@ -32,8 +32,8 @@ class Evenness:
 
     Attributes
     ----------
-    jitter : greatest standard deviation of a step
-    gap : a longer step has lost a sample
+    jitter : greatest permitted standard deviation of a step
+    gap : length above which a step has lost a sample
     """
 
     jitter: float
@@ -41,22 +41,22 @@ class Evenness:
 
 
 LOOP, LINK = Evenness(0.05, 1.5), Evenness(0.25, 1.9)
-"""A loop's interrupt, and a robot's link, whose servo is sampled at the instants of the log."""
+"""Limits for a loop's interrupt, and for a robot's link, whose servo is sampled at the log's instants."""
 
 
 def check(recording: Recording, sample_time: float | None, *, servo: bool = False) -> float:
-    """Return the sample time of a recording that can be used, s.
+    """Return the sample time of a usable recording, s.
 
     Parameters
     ----------
     recording : the recording as it was read
-    sample_time : sample time from the map, s; None for that of its column
-    servo : whether it is a servo's log, whose samples depend on its link
+    sample_time : sample time that the map states, s; None for that of the time column
+    servo : whether the log is of a servo, so that its sample times depend on the link
 
     Raises
     ------
     InputError
-        If it is unusable, with all faults.
+        If the recording is not usable; the error lists all faults.
     """
     _refuse(recording, _too_short(recording))
     T, faults = _sample_time(recording, sample_time, LINK if servo else LOOP)
@@ -165,7 +165,7 @@ def _column(recording: Recording, role: str, T: float) -> Iterator[Mistake]:
     if held > 1 and role not in SERVO_COMMANDS:
         message = f"changes only in every {held}th row: it was recorded at a lower rate; log it at {T:g} s, or decimate"
         yield Mistake("log-signal", channel.header, message)
-    unit = recording.units.force.replace(" ", "")  # as headers have it
+    unit = recording.units.force.replace(" ", "")  # in the spelling of headers
     if role in ("position", "handle", "reference", "position_command"):
         yield from _place(recording, channel, role, T)
     elif role == "velocity_command":
@@ -214,7 +214,7 @@ def _speed(recording: Recording, channel: Channel) -> Iterator[Mistake]:
 
 
 def _held_for(values: Floats) -> int:
-    """Return the number of rows after which a column changes."""
+    """Return the number of rows after which a column usually changes."""
     changes = np.flatnonzero(np.diff(values))
     if changes.size < 50:
         return 1
@@ -223,7 +223,7 @@ def _held_for(values: Floats) -> int:
 
 
 def _at_limit(channel: Channel) -> float:
-    """Return the share of the samples that stay at the limit, or at an extreme for three samples in a row."""
+    """Return the share of the samples at the limit, or at an extreme for three samples in a row."""
     size = np.abs(channel.values)
     limit = channel.limit if channel.limit is not None else float(size.max())
     at = size >= limit * (1 - 1e-9)

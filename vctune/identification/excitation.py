@@ -1,4 +1,4 @@
-"""A multisine for the numbers that are still uncertain: lines, duration, amplitude (README, section 5)."""
+"""A multisine that would reduce the uncertainty of the numbers: lines, duration, amplitude (README, section 5)."""
 
 from __future__ import annotations
 
@@ -14,34 +14,34 @@ from vctune.identification.motion.signals import position_noise
 from vctune.identification.response.physics import antiresonance_hz, compliances
 
 LINES = 60
-"""Lines from the lowest to the highest, evenly spaced on a logarithmic axis; a fit of seven numbers needs no more."""
+"""Number of lines, spaced evenly on a logarithmic axis. A fit of seven numbers needs no more."""
 NEAR = 24
-"""Lines within a tenth of a resonance and of an antiresonance each."""
+"""Number of lines within a tenth of a resonance, and as many near an antiresonance."""
 HIGHEST = 0.2
-"""Highest line, of the sampling rate."""
+"""Highest line, as a share of the sampling rate."""
 LONGEST = 8.0
 """Longest period, s."""
 PEAK = 1.0
-"""Greatest force as a share of the logs' greatest; half of it may not overcome the friction. The speed is at most that
-of the logs."""
+"""Greatest force, as a share of the logs' greatest force. Half this force might not overcome the friction. The speed is
+at most that of the logs."""
 SPREAD = 0.005
-"""Relative standard deviation of a line that is aimed at."""
+"""Target for the relative standard deviation of a line."""
 PERIODS = (5, 60)
 
 
 @dataclass(frozen=True, slots=True)
 class Excitation:
-    """A period of a force to be commanded, again and again.
+    """One period of a force to command repeatedly.
 
     Attributes
     ----------
-    force : shape (n,), N
-    sample_time : s
-    lines_hz : excited
-    periods : number of periods to record; the first of them is dropped
-    peak, speed : greatest force and predicted root mean square speed, N and m/s
-    spread : relative standard deviation that is predicted of the worst line
-    reasons : its purpose
+    force : force, N, shape (n,)
+    sample_time : T, s
+    lines_hz : excited frequencies, Hz
+    periods : number of periods to record; the evaluation drops the first
+    peak, speed : greatest force, N, and predicted root mean square speed, m/s
+    spread : predicted relative standard deviation of the worst line
+    reasons : the numbers that the multisine would determine better
     """
 
     force: Floats
@@ -55,11 +55,11 @@ class Excitation:
 
 
 def excitation(found: Identified) -> Excitation:
-    """Return a multisine for a device.
+    """Return a multisine for an identified device.
 
     Parameters
     ----------
-    found : the estimates so far
+    found : the identification so far
     """
     device, T = found.device, float(found.device.sample_time)
     low = min(max(float(device.damping / device.mass) / (2 * pi), 8 / LONGEST), 0.1 * HIGHEST / T)
@@ -105,7 +105,7 @@ def _wave(lines: Floats, period: int) -> Floats:
 
 
 def _scale(found: Identified, force: Floats, motor: Floats, hertz: Floats) -> float:
-    """Return the amplitude of the wave: as strong as the logs show that the device bears."""
+    """Return the amplitude of the wave: the greatest that the logs show the device can take."""
     forces, speeds = [], []
     for study in found.records:
         recording = study.recording

@@ -1,4 +1,4 @@
-"""The object of identification.json."""
+"""Make the object of identification.json."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ def identification_record(
     Parameters
     ----------
     found : device, box and studies of the recordings
-    description : free text of the user's
-    versions : versions of everything that determines the result
-    next_one : a multisine for the numbers that are still uncertain; None if not requested
+    description : free text from the user
+    versions : versions of all software that affects the result
+    next_one : a multisine that would reduce the uncertainty; None if not requested
     """
     rotary = found.records[0].recording.rotary
     units: UnitSystem = "rotary" if rotary else "linear"
@@ -224,7 +224,7 @@ def _followed(study: RecordStudy, servo: ServoStudy) -> RecordingRecord:
 
 
 def _derived(fit: ResponseFit, units: Units) -> list[NumberRecord]:
-    """Return the usual numbers of a structure: both masses, its stiffness and its resonance."""
+    """Return the usual numbers of a structure: both masses, the stiffness and the resonance."""
     structure = fit.device.structure
     low = antiresonance_hz(fit.device)
     if structure is None or low is None:

@@ -34,23 +34,25 @@ from vctune.model.parts import PARTS, Servo
 
 Progress = Callable[[str], None]
 LEAST_LINES = 2
-"""Least number of frequencies; fewer give no radii between them."""
+"""Least number of frequencies. With fewer there are no radii between them."""
 
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """A device and how well it is known.
+    """A device, with the uncertainty of its numbers.
 
     Attributes
     ----------
     name : name of the device
-    device : device in the middle of the box
-    bounds : the box
-    unmodelled : (Hz, radius) of the response that no device of the box has; empty for slow motion alone
-    distances : relative, of each line or band to the nearest device of the box, for each record that has them
+    device : device at the centre of the box
+    bounds : the box, one interval for each number
+    unmodelled : points (Hz, radius) of a disc for the response that no device of the box has; empty for slow motion
+        alone
+    distances : relative distance of each line or band from the nearest device of the box, for each recording that has
+        them
     friction : friction for the simulation; None if none was found
-    force_noise : noise of a sample of the sensed force, N; None if no force was recorded
-    records : one for each recording
+    force_noise : standard deviation of the noise in a sample of the sensed force, N; None if no force was recorded
+    records : one study for each recording
     remarks : remarks on what the recordings do not show
     """
 
@@ -74,8 +76,8 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
 
     Parameters
     ----------
-    recordings : at least one, all of the same device
-    known : the user's statements about them
+    recordings : recordings of one device, at least one
+    known : statements of the user about the recordings
     name : name of the device
     progress : function that receives the current stage
 
@@ -87,7 +89,7 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
     Raises
     ------
     InputError
-        If a recording cannot be used, has no information, or the sample times differ.
+        If a recording cannot be used or has no information, or if the sample times differ.
     """
     times = [check(recording, known.document.sample_time, servo=known.servo) for recording in recordings]
     T = times[0]
@@ -133,7 +135,7 @@ def _device(bounds: Sequence[Bounded], known: LogMap, T: float) -> Device:
 
 
 def _servo(bounds: Sequence[Bounded], known: LogMap, T: float, studies: Sequence[RecordStudy]) -> Device:
-    """Return the servo in the middle of the box, of the order that most of all recordings' likelihood is for."""
+    """Return the servo at the centre of the box, with the order that is likeliest over all recordings."""
     value, found = {each.key: each.value for each in bounds}, [each.servo for each in studies if each.servo is not None]
     command: Literal["velocity", "position"] = "position" if found[0].seen.is_position else "velocity"
     servo = Servo(value["servo.delay"], value["servo.bandwidth_hz"], likelier_order(found), command)
@@ -167,7 +169,7 @@ def _unmodelled(
 
 
 def _friction(studies: Sequence[RecordStudy]) -> FrictionFound | None:
-    """Return the friction of the recording that has the most."""
+    """Return the greatest friction that a recording shows."""
     found = [
         study.motion.friction for study in studies if study.motion is not None and study.motion.friction is not None
     ]

@@ -1,4 +1,4 @@
-"""Numbers of the device that the user states in a log.toml; they are not identified."""
+"""Numbers of the device that the user states in a log.toml. They are not identified."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from vctune.model.parts import Actuator, ForceSensor, VelocityEstimate
 SENSOR = "force_sensor"
 """Key of the part that senses the force."""
 OF_OWN_LOOP = {"delay", "delay_uncertainty", "velocity", "actuator"}
-"""Keys of [device] that only a device with a loop of its own has."""
+"""Keys of [device] that apply only to a device with its own loop."""
 
 
 def check_known(known: LogMap, sample_time: float) -> None:
@@ -29,13 +29,13 @@ def check_known(known: LogMap, sample_time: float) -> None:
 
     Parameters
     ----------
-    known : the log.toml, which states numbers of the device
-    sample_time : s
+    known : the log.toml with the numbers that the user states
+    sample_time : T, s
 
     Raises
     ------
     InputError
-        If a number is impossible, with its line and key.
+        If a number is impossible; the error names its line and key.
     """
     raw: dict[str, Any] = toml.parse(known.text, known.source) if known.text else {}
     device = raw.get("device", {}) | {"sample_time": sample_time}
@@ -50,20 +50,19 @@ def check_known(known: LogMap, sample_time: float) -> None:
 
 
 def known_actuator(known: LogMap) -> Actuator | None:
-    """Return the actuator that is known."""
+    """Return the actuator that the user states; None without one."""
     stated = known.document.device.actuator
     return None if stated is None else Actuator(stated.bandwidth_hz, stated.order)
 
 
 def known_sensor(known: LogMap) -> ForceSensor | None:
-    """Return the force sensor that is known."""
+    """Return the force sensor that the user states; None without one."""
     sensor: ForceSensor | None = stated_parts(known.document.device).get(SENSOR)
     return sensor
 
 
 def velocity_estimate(known: LogMap) -> VelocityEstimate:
-    """Return how the firmware obtains its velocity: by the difference of the position, unless the user says
-    otherwise."""
+    """Return the source of the firmware's velocity: the difference of positions, unless the user states another."""
     stated = known.document.device.velocity
     if stated is None:
         return VelocityEstimate("difference")
@@ -71,18 +70,18 @@ def velocity_estimate(known: LogMap) -> VelocityEstimate:
 
 
 def known_parts(known: LogMap) -> dict[str, Any]:
-    """Return the parts of the device that are known, by their keys."""
+    """Return the parts of the device that the user states, by their keys."""
     return stated_parts(known.document.device) | {"velocity": velocity_estimate(known)}
 
 
 def velocity_assumed(known: LogMap) -> bool:
-    """Whether the user does not state how the firmware obtains its velocity."""
+    """Return whether the user does not state how the firmware obtains its velocity."""
     stated = known.document.device.velocity
     return stated is None or stated.source is None
 
 
 def known_delays(known: LogMap) -> dict[str, float]:
-    """Return the delays that need not be found in a motion, s."""
+    """Return the delays that the user states, s, so that a fit need not find them."""
     stated, found = known.document.device, {}
     if stated.delay is not None:
         found["delay"] = stated.delay
@@ -96,14 +95,14 @@ def known_delays(known: LogMap) -> dict[str, float]:
 def with_known(
     estimates: Sequence[Estimate], known: LogMap, T: float, recordings: Sequence[Recording]
 ) -> tuple[list[Estimate], list[Note]]:
-    """Return the estimates with the user's delay instead of the identified one, and a remark on it.
+    """Return the estimates with the user's delay in place of the identified one, and remarks on it.
 
     Parameters
     ----------
     estimates : estimates of all recordings
     known : the log.toml, which may state the delay
     T : sample time, s
-    recordings : recordings for messages
+    recordings : recordings, whose names appear in messages
 
     Raises
     ------

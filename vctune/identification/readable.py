@@ -1,4 +1,4 @@
-"""The part of a box that a problem file can state; the rest is cut off, or the log is refused, each with its reason."""
+"""Reduce a box to the part that a problem file can state, or refuse the log, each with its reason."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from vctune.document.text.errors import InputError
 from vctune.identification.box import Bounded
 
 LIGHTER = 1 - 1e-3
-"""Greatest mass of a handle, of the least mass of the device that it is a part of."""
+"""Greatest mass of a handle, relative to the least mass of its device."""
 
 
 def readable(bounds: Sequence[Bounded], recording: Recording, sample_time: float) -> tuple[Bounded, ...]:
-    """Return a box that the reader of problem files takes.
+    """Return a box that the reader of problem files accepts.
 
     Parameters
     ----------
     bounds : the identified box
-    recording : recording for messages
-    sample_time : s
+    recording : recording, whose name appears in messages
+    sample_time : T, s
 
     Raises
     ------
     InputError
-        If a delay is no delay, or the handle is not lighter than the device.
+        If a delay is impossible, or the handle is not lighter than the device.
     """
     for each in bounds:
         if each.key.endswith("delay"):

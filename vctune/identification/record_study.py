@@ -1,4 +1,7 @@
-"""A recording and its results; a force alone is fitted both as a command and as measured (README, section 1)."""
+"""Study one recording.
+
+If it has a force but no command, it is fitted with both roles of the force (README, section 1).
+"""
 
 from __future__ import annotations
 
@@ -23,25 +26,25 @@ from vctune.identification.response.response_fit import fit_response
 from vctune.identification.servo.servo_study import ServoStudy, servo_notes, servo_study
 
 POOR = 0.05
-"""Residual, of the force or of the response, from which on a reader is warned."""
+"""Relative residual of the force or of the response above which the study warns."""
 HELD, MEASURED = "held command", "measured force"
-"""Roles of a force that is recorded without a command: the firmware's, from the sample on, or a sensor's sample."""
+"""Possible roles of a force that is recorded without a command: the firmware's held command, or a sensor's sample."""
 EVIDENCE, HALF = 10.0, 2.0
-"""Gain in log likelihood that separates the two, or factor by which chi2 must be smaller. Slow motions gain less than
-1, the noise of a closed loop 5 and more, multisines hundreds."""
+"""Gain in log likelihood that decides between the two roles, or factor by which chi2 must be smaller. Slow motions gain
+less than 1, the noise of a closed loop 5 and more, multisines hundreds."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecordStudy:
-    """A recording and its result: one of the three studies.
+    """A recording and its result, which is one of three kinds of study.
 
     Attributes
     ----------
-    recording : as it was read; a force alone in the role that the fit gave it
-    sample_time : s
-    motion, periodic, servo : study of any motion, of a periodic excitation, or of a servo; None for the others
+    recording : the recording; a force without a command has the role that the fit gave it
+    sample_time : T, s
+    motion, periodic, servo : study of any motion, of a periodic excitation, or of a servo; the other two are None
     remarks : remarks on the recording
-    alike : result of another reading that explains it equally well
+    alike : study with the other role of the force, if it explains the recording equally well
     """
 
     recording: Recording
@@ -64,7 +67,7 @@ class RecordStudy:
 
     @property
     def measured_hz(self) -> Floats:
-        """Frequencies at which it shows a response, Hz."""
+        """The frequencies at which the recording shows a response, Hz."""
         if self.servo is not None:
             return self.servo.bands.hertz
         assert self.periodic is not None
@@ -72,7 +75,7 @@ class RecordStudy:
 
     @property
     def chi2(self) -> float:
-        """Power of the residual over that of the noise, per degree of freedom."""
+        """The power of the residual divided by that of the noise, per degree of freedom."""
         if self.servo is not None:
             return self.servo.chi2
         if self.motion is not None:
@@ -82,7 +85,7 @@ class RecordStudy:
 
     @property
     def sharp_chi2(self) -> tuple[float, float]:
-        """The same where two models differ most, and its degrees of freedom."""
+        """The chi2 where two models differ the most, and its degrees of freedom."""
         if self.motion is not None:
             return self.motion.sharp_chi2
         assert self.periodic is not None
@@ -90,7 +93,7 @@ class RecordStudy:
 
     @property
     def estimates(self) -> list[Estimate]:
-        """Its estimates of the numbers of a problem file."""
+        """Return the estimates of the numbers in a problem file."""
         if self.servo is not None:
             return self.servo.estimates(self.recording.name)
         if self.motion is not None:
@@ -112,19 +115,19 @@ def record_study(recording: Recording, T: float, known: LogMap) -> RecordStudy:
 
     Parameters
     ----------
-    recording : checked
+    recording : a checked recording
     T : sample time, s
-    known : the user's statements about the device
+    known : statements of the user about the device
 
     Returns
     -------
     RecordStudy
-        A force without a command takes the role that explains the recording better.
+        A force without a command has the role that explains the recording better.
 
     Raises
     ------
     InputError
-        If neither role explains it.
+        If neither role explains the recording.
     """
     if known.servo:
         study = servo_study(recording, T)
@@ -144,13 +147,13 @@ def record_study(recording: Recording, T: float, known: LogMap) -> RecordStudy:
 
 
 def _clearly_better(best: RecordStudy, other: RecordStudy) -> bool:
-    """Whether chi2 separates two readings; model error enters as noise of the same size."""
+    """Return whether chi2 decides between two roles. Model error counts as noise of the same size."""
     (least, dof), (more, _) = best.sharp_chi2, other.sharp_chi2
     return log(more / least) > min(log(HALF), EVIDENCE * 2 * max(1.0, least) / dof)
 
 
 def _commanded(recording: Recording) -> Recording:
-    """Return a recording whose force is the firmware's command, held between samples."""
+    """Return a recording whose force has the role of the firmware's command, held between samples."""
     channels = {"command" if role == "force" else role: channel for role, channel in recording.channels.items()}
     return replace(recording, channels=channels)
 

@@ -1,4 +1,4 @@
-"""What the recordings do not show, and how the file handles it (README, section 8)."""
+"""Remarks on what the recordings do not show, and on how the file handles it (README, section 8)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vctune.identification.record_study import RecordStudy
 from vctune.identification.response.periodic_study import PeriodicStudy
 
 WEAK = 0.5
-"""Relative half-width of a delay from which on a remark calls it weak."""
+"""Relative half-width of a delay above which a remark calls it weak."""
 
 
 def what_is_not_told(studies: Sequence[RecordStudy], bounds: Sequence[Bounded], known: LogMap) -> list[Note]:
@@ -22,8 +22,8 @@ def what_is_not_told(studies: Sequence[RecordStudy], bounds: Sequence[Bounded], 
     Parameters
     ----------
     studies : studies of all recordings
-    bounds : the box
-    known : the user's statements about the device
+    bounds : intervals of the box
+    known : statements of the user about the device
     """
     said = [remark for study in studies for remark in study.remarks]
     if known.servo:

@@ -1,1 +1,1 @@
-"""The physics as pure functions over any arithmetic: loop, two-port, coupling, transparency, sampled loop."""
+"""The physics as pure functions that run in any arithmetic: loop, two-port, coupling, transparency, sampled loop."""

@@ -10,17 +10,17 @@ from vctune.model.numbers.pair import Pair
 def coupling_impedance(coupling: Coupling, omega: Number) -> Pair:
     """Return the coupling's impedance Z_c(j omega) (model/README.md, section 3; paper eq. 17).
 
-    A coupling without damping or without mass is its drag alone. A rigid coupling is its drag and its mass.
+    Without damping or without mass, a coupling consists of its drag alone. A rigid coupling consists of drag and mass.
 
     Parameters
     ----------
-    coupling : b_c, m_c and b_0, in numbers of one arithmetic
+    coupling : b_c, m_c and b_0, all numbers of one arithmetic
     omega : angular frequency, rad/s, > 0, or >= 0 if b_c > 0; a number or an array
 
     Returns
     -------
     Pair
-        Z_c, N s/m, of the shape of omega.
+        Z_c, N s/m. It has the shape of omega.
     """
     b_c, m_c = coupling.damping, coupling.mass
     reactance = m_c * omega
@@ -33,8 +33,8 @@ def coupling_impedance(coupling: Coupling, omega: Number) -> Pair:
 def sampled_resistance(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> Number:
     """Return Re Z_c of the coupling as the firmware runs it, with s -> (2/T)(z - 1)/(z + 1).
 
-    See model/README.md, section 14. It equals the continuous coupling's Re Z_c at omega = (2/T) tan(theta/2). At the
-    Nyquist frequency it is the limit.
+    See model/README.md, section 14. The result equals Re Z_c of the continuous coupling at omega = (2/T) tan(theta/2).
+    At the Nyquist frequency the result is the limit.
 
     Parameters
     ----------
@@ -46,9 +46,9 @@ def sampled_resistance(coupling: Coupling, sample_time: Number, theta: Number, o
     Returns
     -------
     Number
-        N s/m, of the shape of theta.
+        N s/m. It has the shape of theta.
     """
-    if coupling.rigid:  # the mass is a reactance
+    if coupling.rigid:  # its mass is a pure reactance
         return coupling.drag + 0 * theta
     b_c, reactance, cos = coupling.damping, coupling.mass * (2 * ops.sin(theta / 2)) / sample_time, ops.cos(theta / 2)
     squared, slack = reactance * reactance, b_c * cos
@@ -56,14 +56,14 @@ def sampled_resistance(coupling: Coupling, sample_time: Number, theta: Number, o
 
 
 def sampled_reactance(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> Number:
-    """Return cos(theta/2) Im Z_c of the coupling as the firmware runs it, N s/m: regular at theta = pi.
+    """Return cos(theta/2) Im Z_c of the coupling as the firmware runs it, N s/m; it is regular at theta = pi.
 
     Parameters
     ----------
     coupling : b_c, m_c and b_0, in numbers of the arithmetic; b_c and m_c > 0
     sample_time : T, s
     theta : omega T, rad, in [0, pi]
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
     """
     reactance = coupling.mass * (2 * ops.sin(theta / 2)) / sample_time
     if coupling.rigid:
@@ -74,9 +74,9 @@ def sampled_reactance(coupling: Coupling, sample_time: Number, theta: Number, op
 
 
 def trapezoidal(coupling: Coupling, sample_time: Number) -> tuple[Number, Number]:
-    """Return step s and decay p of the series branch by the trapezoidal rule, f[k] = p f[k-1] + s (v[k] - v[k-1]).
+    """Return step s and decay p of the series branch, f[k] = p f[k-1] + s (v[k] - v[k-1]), by the trapezoidal rule.
 
-    With s -> (2/T)(z - 1)/(z + 1) in b_c m_c s/(b_c + m_c s); the drag is beside it.
+    The function substitutes s -> (2/T)(z - 1)/(z + 1) in b_c m_c s/(b_c + m_c s). The branch does not include the drag.
 
     Parameters
     ----------

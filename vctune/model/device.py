@@ -29,26 +29,27 @@ from vctune.model.parts import (
 
 Hold = Literal["zoh", "lag"]
 Commanded = Literal["force", "velocity", "position"]
-"""Kinds of command: a motor's force, or the motion that a servo follows."""
+"""Kinds of command: the force of a motor, or the motion that a servo follows."""
 
 
 @dataclass(frozen=True, slots=True)
 class Device:
-    """A display: Z_d = mass s + damping, sampled and held (model/README.md, sections 1 and 15).
+    """A display: Z_d = mass s + damping with sampling and hold (model/README.md, sections 1 and 15).
 
     Attributes
     ----------
     mass : kg, > 0; 1 for a servo, where it has no effect
     damping : N s/m, >= 0; 0 for a servo
     sample_time : s, > 0
-    delay : s, >= 0, from sampling to actuation, beyond the hold
+    delay : delay from sampling to actuation, s, >= 0, in addition to the hold
     hold : "zoh", the exact (1-e^{-sT})/(sT), or "lag", the paper's 2/(2+sT)
-    operator : what is always at the handle; None if nothing need be
-    velocity, actuator, force_sensor, structure, servo : its parts (`vctune.model.parts`), None for those that an ideal
-        device has not; the servo is the vendor's loop
-    unmodelled : which of the responses that are as good as its own; None for its own
-    display : name of its kind (`vctune.model.display`)
-    units : whether its handle moves along a line or about an axis (`vctune.model.numbers.units`): mass is then inertia
+    operator : the least operator, whose hand is always at the handle; None if the hand may be absent
+    velocity, actuator, force_sensor, structure, servo : parts of the device (`vctune.model.parts`); None for a part
+        that the device lacks or that is ideal. The servo is the vendor's loop
+    unmodelled : one response of the uncertainty set; None for the nominal response
+    display : name of the kind of display (`vctune.model.display`)
+    units : whether the handle moves along a line or about an axis (`vctune.model.numbers.units`); about an axis, mass
+        is inertia
     """
 
     mass: Number
@@ -73,7 +74,7 @@ class Device:
 
     @property
     def kind(self) -> Display:
-        """The display: force in and motion out, motion in and force out, or a servo."""
+        """The kind of display: force in and motion out, motion in and force out, or a servo."""
         return DISPLAYS[self.display]
 
     @property
@@ -83,31 +84,31 @@ class Device:
 
     @property
     def coupling_may_drive(self) -> bool:
-        """Whether the coupling may have Re 1/Z_c < 0: that of an impedance display with two low-passes of the velocity.
+        """Whether the coupling may have Re 1/Z_c < 0, as on an impedance display with two low-passes of the velocity.
 
-        Where R is negative too, stability requires Re 1/Z_c > R itself, not a multiple of R.
+        Where R is negative, too, stability requires Re 1/Z_c > R itself, not a multiple of R.
         """
         known = self.velocity
         return self.kind.inverse and known is not None and known.filter_hz is not None and known.filter_order > 1
 
     @property
     def bare(self) -> Device:
-        """The device when it is let go."""
+        """The device without a hand."""
         return replace(self, operator=None)
 
     @property
     def ideal(self) -> bool:
-        """Whether it is rigid, and measures, pushes and feels at once."""
+        """Whether the device is rigid and measures, actuates and senses without delay."""
         return self.unmodelled is None and all(getattr(self, part) is None for part in PARTS if part != "servo")
 
     @property
     def modelled(self) -> Device:
-        """The device with its own response."""
+        """The device with its nominal response."""
         return self if self.unmodelled is None else replace(self, unmodelled=None)
 
     @property
     def with_operator(self) -> Device:
-        """The device including its least operator: W = Z_d + Z_h instead of Z_d if rigid."""
+        """The device with its least operator: for a rigid device, W = Z_d + Z_h instead of Z_d."""
         if self.operator is None:
             return self
         if self.structure is not None:
@@ -117,35 +118,35 @@ class Device:
 
     @property
     def loops(self) -> tuple[Device, ...]:
-        """The devices whose velocity loops must be stable by themselves; none for a servo."""
+        """The devices whose velocity loops must be stable on their own; empty for a servo."""
         if not self.kind.own_loop:
             return ()
         return (self,) if self.operator is None else (self.bare, self.with_operator)
 
     @property
     def motor_mass(self) -> Number:
-        """The mass that the motor drives directly: all of a rigid device, kg."""
+        """The mass that the motor drives directly, kg: the whole mass of a rigid device."""
         return self.mass if self.structure is None else self.mass - self.structure.handle_mass
 
     @property
     def least_damping(self) -> Number:
-        """b + b_h, of the device in the hand of its least operator, N s/m."""
+        """b + b_h, the damping of the device in the hand of its least operator, N s/m."""
         return self.damping if self.operator is None else self.damping + self.operator.damping
 
     def number(self, key: str) -> Number:
-        """Return one of its numbers by its key; None if it does not have it."""
+        """Return a number of the device by its key; None if the device does not have it."""
         of: Any = self
         for name in key.split("."):
             of = getattr(of, name) if of is not None else None
         return of
 
     def numbers(self) -> dict[str, Number]:
-        """Return the numbers that it has, by their keys."""
+        """Return the numbers that the device has, by their keys."""
         found = {key: self.number(key) for key in NUMBERS if self.servo is None or key not in INERT}
         return {key: number for key, number in found.items() if number is not None}
 
     def _varying(self) -> dict[str, Number]:
-        """Return its numbers, those of its firmware, and which of its responses it has."""
+        """Return the device's numbers, the numbers of its firmware, and the parameters of its unmodelled response."""
         perturbed = {key: self.number(key) for key in PERTURBATION if self.unmodelled is not None}
         return self.numbers() | self._of_firmware() | perturbed
 
@@ -153,7 +154,7 @@ class Device:
         return {key: number for key in OF_FIRMWARE if (number := self.number(key)) is not None}
 
     def with_numbers(self, numbers: Mapping[str, Number]) -> Device:
-        """Return the device with other numbers in place of some that it has, by their keys."""
+        """Return the device with some of its numbers replaced, by their keys."""
         parts: dict[str, dict[str, Number]] = {}
         own: dict[str, Any] = {}
         for key, number in numbers.items():
@@ -163,14 +164,15 @@ class Device:
         return replace(self, **own)
 
     def converted(self, number: Callable[[Number], Number]) -> Device:
-        """Return the device in numbers of another arithmetic."""
+        """Return the device with its numbers in another arithmetic."""
         same = self.with_numbers({key: number(value) for key, value in self._varying().items()})
         return same._with_hands(lambda hand: LeastOperator(number(hand.mass), number(hand.damping)))
 
     def in_units(self, impedance: Number, time: Number) -> Device:
         """Return the device in other units of impedance and time.
 
-        Lengths keep their unit: a mass is counted in impedance times time, a stiffness in impedance over time.
+        Lengths keep their unit. Masses are in units of impedance times time, stiffnesses in units of impedance over
+        time.
 
         Parameters
         ----------
@@ -180,7 +182,7 @@ class Device:
         Returns
         -------
         Device
-            The same parts, each number divided by its new unit; frequencies are cycles per unit of time.
+            The same parts with each number divided by its new unit. Frequencies are in cycles per unit of time.
         """
         units = {"mass": impedance * time, "damping": impedance, "stiffness": impedance / time}
         units |= {"time": time, "rate": 1 / time, "ratio": 1.0}
@@ -196,7 +198,7 @@ class Device:
         return same._with_hands(lambda hand: LeastOperator(hand.mass / units["mass"], hand.damping / impedance))
 
     def _with_hands(self, changed: Callable[[LeastOperator], LeastOperator]) -> Device:
-        """Return the device with another operator and another load on its handle."""
+        """Return the device with its least operator and the load on its handle changed by a function."""
         structure = self.structure
         if structure is not None and structure.load is not None:
             structure = replace(structure, load=changed(structure.load))
@@ -204,42 +206,42 @@ class Device:
 
     @property
     def loop_lag(self) -> Number:
-        """tau = T/2 + delay, the low-frequency lag of hold and delay, s."""
+        """tau = T/2 + delay, the lag of hold and delay at low frequency, s."""
         return self.sample_time / 2 + self.latency
 
     @property
     def delay_key(self) -> str:
-        """The key of `latency`."""
+        """The key of the number that `latency` returns."""
         return "delay" if self.servo is None else "servo.delay"
 
     @property
     def sensing(self) -> ForceSensor:
-        """The force sensor, one that senses at once where the device has none."""
+        """The force sensor; an ideal one if the device has none."""
         return self.force_sensor if self.force_sensor is not None else ForceSensor()
 
     @property
     def senses_late(self) -> bool:
-        """Whether it has a force sensor that does not sense at once."""
+        """Whether the device has a force sensor that is not ideal."""
         return self.force_sensor is not None
 
     @property
     def sensing_at_once(self) -> Device:
-        """The device with a force sensor that senses at once."""
+        """The device with an ideal force sensor."""
         return replace(self, force_sensor=None)
 
     @property
     def sensed_latency(self) -> Number:
-        """The delay from a command to the force that is sensed of it, beyond the hold, s."""
+        """The delay from a command to the sensed force that it causes, in addition to the hold, s."""
         return self.latency if self.force_sensor is None else self.latency + self.force_sensor.delay
 
     @property
     def latency(self) -> Number:
-        """The delay from sampling to actuation, beyond the hold, s."""
+        """The delay from sampling to actuation, in addition to the hold, s."""
         return self.delay if self.servo is None else self.servo.delay
 
 
 def stacked(devices: Sequence[Device]) -> Device:
-    """Return devices as one whose numbers are arrays of shape (n,); plain where all have the same.
+    """Return several devices as one device whose numbers are arrays of shape (n,), or floats where all devices agree.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""Kinds of display, and the facts that follow from the kind (model/README.md, sections 1 and 15).
+"""The kinds of display, and the facts that depend on the kind (model/README.md, sections 1 and 15).
 
-Every other module takes the kind from a device and reads a fact from it, or looks its name up in a table.
+Every other module gets the kind from a device and either reads a fact from it or looks up its name in a table.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ class Display:
 
     Attributes
     ----------
-    name : name in a problem file
+    name : name of the kind in a problem file
     makes : input and output, in words; {force} stands for force or torque
     keys : keys of the numbers of a design, in order
-    absent : those of `keys` that are always 0
-    coupling : type of its virtual coupling
-    couples : "Z_c" or "1/Z_c", the response of its coupling in the error and the conditions
-    senses_force : whether its firmware reads the force of the hand
-    differences : whether its velocity is the difference of positions unless a file says otherwise
-    banded : whether the claim for any passive hand has a band, in the frequency model; else up to Nyquist, in the
-        sampled loop
+    absent : the keys whose numbers are always 0
+    coupling : type of the virtual coupling
+    couples : "Z_c" or "1/Z_c", the coupling's response in the error and the conditions
+    senses_force : whether the firmware reads the force of the hand
+    differences : whether the firmware differences positions to get the velocity, unless a file says otherwise
+    banded : True if the claim for any passive hand holds on a band of the frequency model; False if it holds in the
+        sampled loop up to the Nyquist frequency
     band : default transparency band, Hz times the lag of the loop
-    own_loop : whether its firmware closes a loop around the device, which then has a sensitivity
+    own_loop : whether the firmware closes a loop around the device, which then has a sensitivity
     terms : terms of the error that are not always 0
     """
 
@@ -53,22 +53,22 @@ class Display:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the numbers of a design, without their tables."""
+        """The names of a design's numbers, without their tables."""
         return tuple(key.rpartition(".")[2] for key in self.keys)
 
     @property
     def stated(self) -> tuple[str, ...]:
-        """Keys of the numbers that a problem or a gain file states."""
+        """The keys of the numbers that a problem or a gains file states."""
         return tuple(key for key in self.keys if key not in self.absent)
 
     @property
     def inverse(self) -> bool:
-        """Whether the error and the conditions use 1/Z_c."""
+        """Whether the error and the conditions use 1/Z_c instead of Z_c."""
         return self.coupling is SpringDamper
 
     @property
     def ratio(self) -> str:
-        """Name of the ratio that the conditions bound from below."""
+        """The name of the ratio that the conditions bound from below."""
         return f"Re {self.couples} / R"
 
     def reference(self, Z_0: float) -> float:
@@ -76,7 +76,7 @@ class Display:
         return 1 / Z_0 if self.inverse else Z_0
 
     def coupling_unit(self, units: Units) -> str:
-        """Return the unit of its coupling's response."""
+        """Return the unit of the coupling's response."""
         return units.mobility if self.inverse else units.damping
 
 
@@ -91,7 +91,7 @@ ADMITTANCE = Display(
     differences=False,
     banded=True,
 )
-"""A device whose own velocity loop follows the velocity computed from the sensed force."""
+"""A device whose velocity loop follows the velocity that the firmware computes from the sensed force."""
 IMPEDANCE = Display(
     name="impedance",
     makes="motion in, {force} out",
@@ -118,10 +118,10 @@ SERVO = Display(
     own_loop=False,
     terms=("tracking", "coupling"),
 )
-"""A device whose vendor's loop follows a command late, and which the hand cannot push."""
+"""A device whose vendor's loop follows a command with a delay, and which the hand cannot push."""
 DISPLAYS: Mapping[DisplayName, Display] = MappingProxyType({each.name: each for each in (ADMITTANCE, IMPEDANCE, SERVO)})
 
 
 def stated_display(device: Mapping[str, Any]) -> Display:
-    """Return the kind of display that the table of a device states."""
+    """Return the kind of display that the [device] table states."""
     return SERVO if "servo" in device else DISPLAYS[device.get("display") or ADMITTANCE.name]

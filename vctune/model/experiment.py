@@ -1,4 +1,4 @@
-"""An experiment with every default filled in: hand, environment and hardware. SI units."""
+"""An experiment with all defaults filled in: hand, environment and hardware. SI units."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class Environment:
     mass : kg
     damping : N s/m
     stiffness : N/m
-    zero : position without spring force, m
+    zero : position at which the spring is relaxed, m
     wall : whether damping and stiffness only push, towards negative x
-    rule : its integration in the firmware; a wall by backward Euler
+    rule : integration rule in the firmware; a wall uses backward Euler
     late : samples by which its force is late
     """
 
@@ -44,15 +44,15 @@ class Environment:
 
 @dataclass(frozen=True, slots=True)
 class Operator:
-    """A hand: a mass on the handle, held to an intended motion by a spring and a damper.
+    """A hand: a mass on the handle that a spring and a damper hold to an intended motion.
 
     Attributes
     ----------
-    motion : how the intended motion goes to and fro
-    start, end : between which places, m
+    motion : waveform of the intended motion to and fro
+    start, end : ends of the intended motion, m
     speed : greatest speed of the intended motion, m/s
     cycles : number of cycles to and fro
-    mass, damping, stiffness : those of the hand, kg, N s/m, N/m
+    mass, damping, stiffness : mass, damping and stiffness of the hand, kg, N s/m, N/m
     """
 
     motion: Motion
@@ -67,12 +67,12 @@ class Operator:
 
 @dataclass(frozen=True, slots=True)
 class Friction:
-    """The device's friction, LuGre.
+    """The device's friction by the LuGre model.
 
     Attributes
     ----------
-    coulomb, stiction : sliding friction at high and at vanishing speed, N
-    stribeck_velocity : speed at which one becomes the other, m/s
+    coulomb, stiction : sliding friction at high speed and at vanishing speed, N
+    stribeck_velocity : speed at which the friction changes from stiction to coulomb, m/s
     stiffness : stiffness of the bristles, N/m
     damping : damping of the bristles, N s/m
     """
@@ -86,12 +86,12 @@ class Friction:
 
 @dataclass(frozen=True, slots=True)
 class Sensors:
-    """The errors of encoder and force sensor.
+    """Errors of the encoder and the force sensor.
 
     Attributes
     ----------
-    position_resolution : resolution of the encoder, m; 0 for none
-    force_noise : standard deviation of each force sample, N
+    position_resolution : resolution of the encoder, m; 0 for an ideal encoder
+    force_noise : standard deviation of the noise in each force sample, N
     seed : seed of the noise
     """
 
@@ -102,12 +102,12 @@ class Sensors:
 
 @dataclass(frozen=True, slots=True)
 class Baseline:
-    """A regular PID on the position of a virtual mass and damping, without a coupling.
+    """A regular PID that makes the device follow a virtual mass and damping, without a coupling.
 
     Attributes
     ----------
-    kp, ki, kd : N/m, N/(m s), N s/m
-    mass, damping : kg, N s/m
+    kp, ki, kd : gains, N/m, N/(m s), N s/m
+    mass, damping : virtual mass and damping, kg, N s/m
     """
 
     kp: float
@@ -122,9 +122,9 @@ USUAL_MASS = 0.4
 
 
 def usual_share(mass: float, units: UnitSystem) -> float:
-    """Return the factor from the usual hands and walls of a linear device to those of this device.
+    """Return the factor that scales the usual hands and walls of a linear device to this device.
 
-    The usual impedances at a rotary handle depend on its size. A problem file states only the inertia, which therefore
+    The usual impedances at a rotary handle depend on its size. A problem file states only the inertia, so the inertia
     scales them.
 
     Parameters
@@ -135,22 +135,22 @@ def usual_share(mass: float, units: UnitSystem) -> float:
     Returns
     -------
     float
-        1 for a linear device; the inertia over `USUAL_MASS` for a rotary one.
+        1 for a linear device; the inertia divided by `USUAL_MASS` for a rotary one.
     """
     return 1.0 if units == "linear" else mass / USUAL_MASS
 
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """One experiment.
+    """An experiment to simulate a design in.
 
     Attributes
     ----------
-    name : unlike that of any other
-    environment, operator, sensors : as described there
-    friction : friction; None if there is none
+    name : name; no other experiment of the problem has it
+    environment, operator, sensors : see the classes of these names
+    friction : friction of the device; None without friction
     limit : greatest force of the actuator, N; None without a limit
-    baseline : a regular controller for comparison; None if there is none
+    baseline : a regular controller for comparison; None without one
     """
 
     name: str

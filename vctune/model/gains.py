@@ -1,4 +1,4 @@
-"""The design: the gains of the velocity loop and the virtual coupling. SI units."""
+"""A design: the gains of the velocity loop and the virtual coupling. SI units."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ class Gains:
 
     @property
     def closed(self) -> bool:
-        """Whether there is a loop; for plain numbers."""
+        """Whether the gains close a loop. Works for plain numbers only."""
         return bool(self.velocity != 0 or self.position != 0)
 
 
 @dataclass(frozen=True, slots=True)
 class Coupling:
-    """The virtual coupling: damping b_c and mass m_c in series, beside a drag b_0 (paper eq. 17).
+    """The virtual coupling: damping b_c and mass m_c in series, with a drag b_0 in parallel (paper eq. 17).
 
     Attributes
     ----------
-    damping : b_c, N s/m, > 0; inf for a rigid coupling, mass and drag alone
+    damping : b_c, N s/m, > 0; inf for a rigid coupling, which has mass and drag alone
     mass : m_c, kg
     drag : b_0, N s/m
     """
@@ -40,20 +40,20 @@ class Coupling:
 
     @property
     def rigid(self) -> bool:
-        """Whether b_c is infinite, a plain float in every arithmetic or an array of it: nothing gives way."""
+        """Whether b_c is infinite. In every arithmetic an infinite b_c is a plain float or an array of floats."""
         damping = self.damping
         if isinstance(damping, np.ndarray):
             return bool(damping.size) and bool(np.isinf(damping).all())
         return isinstance(damping, float) and damping == inf
 
     def times(self, share: Number) -> Coupling:
-        """Return the coupling whose impedance is a share of this one's."""
+        """Return the coupling whose impedance is a share of this coupling's."""
         return Coupling(self.damping if self.rigid else self.damping * share, self.mass * share, self.drag * share)
 
 
 @dataclass(frozen=True, slots=True)
 class SpringDamper:
-    """The virtual coupling of an impedance display: a spring and a damper side by side (model/README.md, section 15).
+    """The virtual coupling of an impedance display: a spring and a damper in parallel (model/README.md, section 15).
 
     Attributes
     ----------
@@ -66,10 +66,10 @@ class SpringDamper:
 
 
 AnyCoupling = Coupling | SpringDamper
-"""The coupling of a device with the virtual world: for an admittance display, or of an impedance display."""
+"""The coupling of a device with the virtual world: `Coupling` for an admittance display, else `SpringDamper`."""
 
 
 def series_coupling(coupling: AnyCoupling) -> Coupling:
-    """Return the coupling of an admittance display as one, which it must be."""
+    """Return the coupling of an admittance display with its type checked."""
     assert not isinstance(coupling, SpringDamper)
     return coupling

@@ -1,4 +1,4 @@
-"""Several hands at once, and places in hands: hands whose numbers are arrays."""
+"""Several hands in one object: hands whose numbers are arrays, and frequencies paired with hands."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from vctune.model.hands import NAMES, Hand
 
 
 def stacked(hands: Sequence[Hand], shape: tuple[int, ...] = (-1,)) -> Hand:
-    """Return several hands as one whose numbers are arrays.
+    """Return several hands as one hand whose numbers are arrays.
 
     Parameters
     ----------
-    hands : of plain numbers
-    shape : of the arrays
+    hands : hands with plain numbers
+    shape : shape of the arrays
     """
     each = {name: np.array([getattr(hand, name) for hand in hands], float).reshape(shape) for name in NAMES}
     return Hand(**each)
@@ -25,12 +25,12 @@ def stacked(hands: Sequence[Hand], shape: tuple[int, ...] = (-1,)) -> Hand:
 
 @dataclass(frozen=True, slots=True)
 class PlacesInHands:
-    """Frequencies or angles, each with the hand in which it is met; arrays of one shape.
+    """Frequencies or angles, each with a hand; all are arrays of one shape.
 
     Attributes
     ----------
     at : omega, rad/s, or theta = omega T, rad
-    hands : numbers of the same shape
+    hands : hand whose numbers are arrays of the same shape
     """
 
     at: Any
@@ -40,12 +40,12 @@ class PlacesInHands:
         return int(self.at.shape[-1])
 
     def mapped(self, of: Callable[..., Any], *others: PlacesInHands) -> PlacesInHands:
-        """Return the places of a function of the frequencies, and of each number of the hands.
+        """Apply a function to the frequencies and to each number of the hands; return the results as places.
 
         Parameters
         ----------
-        of : takes as many arrays as there are places
-        others : more places
+        of : function that takes as many arrays as there are places
+        others : more places, the further arguments of the function
         """
         hands = self.hands.mapped(of, *(each.hands for each in others))
         return PlacesInHands(of(self.at, *(each.at for each in others)), hands)
@@ -54,17 +54,17 @@ class PlacesInHands:
         return self.mapped(lambda numbers: numbers[index])
 
     def joined(self, *more: PlacesInHands) -> PlacesInHands:
-        """Return these places and others."""
+        """Return these places followed by others."""
         return self.mapped(lambda *each: np.concatenate(each, axis=-1), *more)
 
     @property
     def unique(self) -> PlacesInHands:
-        """Each place once, in order."""
+        """The places in order, without duplicates."""
         rows = np.unique(np.vstack((self.at, *self.hands.numbers.values())), axis=1)
         at, *numbers = rows
         return PlacesInHands(at, Hand(*numbers))
 
     @classmethod
     def of(cls, places: Sequence[tuple[float, Hand]]) -> PlacesInHands:
-        """Return places one after another."""
+        """Return a sequence of pairs of frequency and hand as places."""
         return cls(np.array([at for at, _ in places], float), stacked([hand for _, hand in places]))

@@ -1,7 +1,7 @@
-"""The hand at the handle: a least operator, a hand, and every hand of a box. SI units.
+"""The hand at the handle: a least operator, one hand, and a box of hands. SI units.
 
-The fields of `Hand` are its numbers; all other modules use their names. A number whose name is not its quantity
-has "mass", "damping" or "stiffness" as "quantity" in its metadata.
+The fields of `Hand` are its numbers, and all other modules use their names. If a number's name is not its quantity, its
+metadata has "mass", "damping" or "stiffness" as "quantity".
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ class Hand:
 
     @property
     def numbers(self) -> dict[str, Number]:
-        """Its numbers by their names."""
+        """The hand's numbers by their names."""
         return {name: getattr(self, name) for name in NAMES}
 
     @property
     def by_key(self) -> dict[str, Number]:
-        """Its numbers by their keys in a problem file."""
+        """The hand's numbers by their keys in a problem file."""
         return {key: getattr(self, name) for key, name in zip(HAND, NAMES, strict=True)}
 
     @classmethod
@@ -59,17 +59,17 @@ class Hand:
         return cls(**{name: values[key] for key, name in zip(HAND, NAMES, strict=True)})
 
     def mapped(self, of: Callable[..., Number], *others: Hand) -> Hand:
-        """Return the hand of a function of each number, and of the same number of other hands.
+        """Apply a function to each number of this hand and the same number of other hands; return the resulting hand.
 
         Parameters
         ----------
-        of : takes as many numbers as there are hands
-        others : more hands
+        of : function that takes as many numbers as there are hands
+        others : more hands, the further arguments of the function
         """
         return Hand(**{name: of(*(getattr(hand, name) for hand in (self, *others))) for name in NAMES})
 
     def in_words(self, units: Units) -> str:
-        """Return its numbers with their units."""
+        """Return the hand's numbers with their units."""
         return ", ".join(
             f"{float(f'{number:.4g}'):g} {units.of(QUANTITIES[name])}" for name, number in self.numbers.items()
         )
@@ -85,7 +85,7 @@ class Hand:
         Returns
         -------
         Hand
-            M in impedance times time, B in impedance, K in impedance over time.
+            M in units of impedance times time, B in units of impedance, K in units of impedance over time.
         """
         new = {
             "mass": lambda number: number / (impedance * time),
@@ -96,46 +96,46 @@ class Hand:
 
 
 NAMES = tuple(field.name for field in fields(Hand))
-"""The names of a hand's numbers."""
+"""Names of a hand's numbers."""
 QUANTITIES = {field.name: field.metadata.get("quantity", field.name) for field in fields(Hand)}
-"""What they count: their units follow from it."""
+"""Quantity of each number of a hand, which determines its unit."""
 HAND = tuple(f"operator.{name}" for name in NAMES)
-"""Their keys in a problem file."""
+"""Keys of a hand's numbers in a problem file."""
 MASS, STIFFNESS = "operator.mass", "operator.stiffness"
-"""The keys of the numbers with which a hand resonates."""
+"""Keys of the numbers that make a hand resonate."""
 
 
 @dataclass(frozen=True, slots=True)
 class Hands:
-    """Every hand of a box.
+    """All hands of a box.
 
     Attributes
     ----------
-    low, high : its least and its greatest numbers
+    low, high : the hands with the least and with the greatest numbers
     """
 
     low: Hand
     high: Hand
 
     def in_words(self, units: Units) -> str:
-        """Return the box with its units, without the numbers that are 0 in all its hands."""
+        """Return the box in words with units, without the numbers that are 0 in all its hands."""
         known = ((name, *ends) for name, ends in self.ranges.items() if ends[1] > 0)
         return ", ".join(f"{low:g} to {high:g} {units.of(QUANTITIES[name])}" for name, low, high in known) or "nothing"
 
     @property
     def ranges(self) -> dict[str, tuple[Number, Number]]:
-        """The ends of each number by its name."""
+        """The two ends of each number, by its name."""
         return {name: (getattr(self.low, name), getattr(self.high, name)) for name in NAMES}
 
     @property
     def corners(self) -> list[Hand]:
-        """The hands at the vertices of the box, each once."""
+        """The hands at the vertices of the box, without duplicates."""
         ends = (sorted(set(pair)) for pair in self.ranges.values())
         return [Hand(**dict(zip(NAMES, corner, strict=True))) for corner in product(*ends)]
 
     @property
     def middle(self) -> Hand:
-        """The hand in the middle of the box."""
+        """The hand at the centre of the box."""
         return self.low.mapped(lambda low, high: 0.5 * (low + high), self.high)
 
     def in_units(self, impedance: float, time: float) -> Hands:
@@ -149,6 +149,6 @@ class Hands:
         Returns
         -------
         Hands
-            Both ends of the box, converted by `Hand.in_units`.
+            The box with both ends converted by `Hand.in_units`.
         """
         return Hands(self.low.in_units(impedance, time), self.high.in_units(impedance, time))

@@ -1,6 +1,6 @@
-"""The parts of a device, and the table of their numbers, units, names and limits (model/README.md, section 12).
+"""The parts of a device, and the table of their numbers with units, names and limits (model/README.md, section 12).
 
-A part is a record of this module, its entry in `PARTS`, a field of `Device` and a table of the problem file.
+A part consists of a record in this module, its entry in `PARTS`, a field of `Device` and a table of the problem file.
 """
 
 from __future__ import annotations
@@ -18,13 +18,14 @@ from vctune.model.numbers.arithmetic import Number
 
 @dataclass(frozen=True, slots=True)
 class VelocityEstimate:
-    """How the firmware knows the velocity (model/README.md, section 12).
+    """The firmware's source of the velocity (model/README.md, section 12).
 
     Attributes
     ----------
-    source : "measured" by a sensor of its own, or the backward "difference" of the sampled position
-    filter_hz : corner of the low-pass y += a (x - y), a = 1 - e^(-2 pi f T), after it, Hz; None for none
-    filter_order : how many such filters follow one another
+    source : "measured" by a velocity sensor, or "difference", the backward difference of the sampled position
+    filter_hz : corner frequency of the low-pass y += a (x - y), a = 1 - e^(-2 pi f T), of the velocity, Hz; None
+        without one
+    filter_order : number of such low-passes in series
     """
 
     source: Literal["measured", "difference"] = "measured"
@@ -34,11 +35,11 @@ class VelocityEstimate:
 
 @dataclass(frozen=True, slots=True)
 class Actuator:
-    """The actuator, from command to force: a low-pass of order 1, or of order 2 with damping ratio 1/sqrt(2).
+    """The actuator's response to its command: a low-pass of order 1, or of order 2 with damping ratio 1/sqrt(2).
 
     Attributes
     ----------
-    bandwidth_hz : Hz, > 0
+    bandwidth_hz : -3 dB frequency, Hz, > 0
     order : 1 or 2
     """
 
@@ -48,15 +49,15 @@ class Actuator:
 
 @dataclass(frozen=True, slots=True)
 class ForceSensor:
-    """The sensor of the hand's force: a delay, and a low-pass like the actuator's.
+    """The sensor of the hand's force: a delay and a low-pass of the same kind as the actuator's.
 
     Attributes
     ----------
-    bandwidth_hz : Hz, > 0; None without a low-pass
+    bandwidth_hz : -3 dB frequency, Hz, > 0; None without a low-pass
     order : 1 or 2
     delay : s, >= 0
-    filter_coefficient : a of the firmware's filter y += a (x - y) of the samples, in (0, 1); None without it. Of a
-        servo alone
+    filter_coefficient : a of the firmware's filter y += a (x - y) of the samples, in (0, 1); None without a filter.
+        Only a servo may have it
     """
 
     bandwidth_hz: Number | None = None
@@ -67,19 +68,19 @@ class ForceSensor:
 
 @dataclass(frozen=True, slots=True)
 class Servo:
-    """A closed loop that follows a velocity or position command late, and which the hand cannot push.
+    """A closed loop that follows a velocity or position command with a delay. The hand cannot push it.
 
     Attributes
     ----------
-    delay : from sampling to motion beyond the hold, s, >= 0
-    bandwidth_hz : of the low-pass from the late command to the motion, Hz, > 0
-    order : of that low-pass, 1 or 2 with damping ratio 1/sqrt(2)
+    delay : delay from sampling to motion in addition to the hold, s, >= 0
+    bandwidth_hz : -3 dB frequency of the low-pass from the delayed command to the motion, Hz, > 0
+    order : order of that low-pass, 1, or 2 with damping ratio 1/sqrt(2)
     command : "velocity", held over a sample, or "position", interpolated linearly over it
-    stiffness : of a spring by which the firmware pulls what it measures of the position to a reference, N/m; None
-        without it. It passes no force sensor
-    radii : (Hz, r) of a disc around 1 by which what is sensed of a command may be multiplied; straight between these on
-        logarithmic axes, constant above the last, and below the first as the frequency: at rest a servo is where it was
-        told to be. Empty where the response is known
+    stiffness : stiffness of a spring by which the firmware pulls the measured position to a reference, N/m; None
+        without one. Its force does not pass the force sensor
+    radii : points (Hz, r) of a disc around 1 that contains the unknown factor of the sensed response. r is linear
+        between the points on logarithmic axes, constant above the last point, and proportional to the frequency below
+        the first, because a servo at rest is where its command puts it. Empty if the response is known exactly
     """
 
     delay: Number
@@ -92,14 +93,15 @@ class Servo:
 
 @dataclass(frozen=True, slots=True)
 class Structure:
-    """A handle on a spring: it splits the device's mass in two; sensor and motor act on the motor's part.
+    """A handle on a spring, which splits the device's mass in two. Position sensor and motor are on the motor's part.
 
     Attributes
     ----------
-    handle_mass : kg, > 0, less than the device's
-    frequency_hz : of the free resonance of both masses, Hz, > 0
-    damping_ratio : of that resonance, >= 0
-    load : what moves as one with the handle; None for nothing. Frequency and damping ratio are those without it
+    handle_mass : mass of the handle, kg, > 0, less than the device's mass
+    frequency_hz : frequency of the free resonance of both masses, Hz, > 0
+    damping_ratio : damping ratio of that resonance, >= 0
+    load : mass and damping that move rigidly with the handle; None without a load. Frequency and damping ratio exclude
+        it
     """
 
     handle_mass: Number
@@ -110,14 +112,14 @@ class Structure:
 
 @dataclass(frozen=True, slots=True)
 class Unmodelled:
-    """A response that is not quite the device's: all of it times 1 + share r(omega) e^(j phase) (README, section 13).
+    """A response in the uncertainty set: the nominal one times 1 + share r(omega) e^(j phase) (README, section 13).
 
     Attributes
     ----------
-    radii : (frequency in Hz, radius), increasing in frequency: r is straight between them on logarithmic axes, and
-        constant beyond
-    share : of the radius, 0 <= share <= 1
-    phase : rad
+    radii : points (frequency in Hz, radius), increasing in frequency; r is linear between them on logarithmic axes, and
+        constant outside
+    share : share of the radius, 0 <= share <= 1
+    phase : direction of the deviation, rad
     """
 
     radii: tuple[tuple[float, float], ...]
@@ -129,22 +131,22 @@ class Unmodelled:
 
 
 Quantity = Literal["mass", "damping", "stiffness", "time", "rate", "ratio"]
-"""What a number of a device counts: each has a unit of its own."""
+"""Quantity of a device's number, which determines its unit."""
 
 
 @dataclass(frozen=True, slots=True)
 class PartNumber:
-    """A number of a device.
+    """The description of one number of a device.
 
     Attributes
     ----------
-    name : its key in the table of its part
-    quantity : what it counts
+    name : key of the number in the table of its part
+    quantity : physical quantity
     label : name in a report, for a linear device
-    better : what changing it for the better means, for a linear device: more of a rate, less of a delay; empty for any
-        other
-    order : key of the order of the low-pass whose corner it is, where a file may leave out the corner
-    sampled : whether the firmware makes it of samples, so that it is below the Nyquist frequency
+    better : direction of improvement in words, for a linear device, as "more" of a rate or "less" of a delay; empty if
+        there is none
+    order : key of the order of the low-pass whose corner the number is, if a file may omit the corner
+    sampled : whether the firmware implements it on samples, so that it must be below the Nyquist frequency
     certain : whether the firmware computes with it, so that it is never uncertain
     """
 
@@ -159,16 +161,15 @@ class PartNumber:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A table of [device] that says what an ideal device has not.
+    """A table of [device] that describes a non-ideal part.
 
     Attributes
     ----------
     record : type of the field of `Device`
     label : name of the part, for a linear device
-    stated : what a device with it has
-    numbers : those of its record that may be any real number of a range
-    idle : the record that does nothing, which a device does not keep; None where there is none
-    lacking : why a kind of display has no such part
+    numbers : the numbers of the record that may be any real number of a range
+    idle : the record of an ideal part, which a device does not store; None if there is no such record
+    lacking : reasons why some kinds of display cannot have the part
     """
 
     record: type
@@ -180,7 +181,7 @@ class Part:
 
     @property
     def stated(self) -> str:
-        """What a device that has it is said to have."""
+        """Words for what a device with this part has."""
         return self.named or self.label
 
 
@@ -190,7 +191,7 @@ OWN_NUMBERS = (
     PartNumber("sample_time", "time", "sample time T", certain=True),
     PartNumber("delay", "time", "delay"),
 )
-"""The numbers of [device] itself."""
+"""Descriptions of the numbers of the [device] table itself."""
 PARTS: Mapping[str, Part] = MappingProxyType(
     {
         "velocity": Part(
@@ -248,26 +249,26 @@ PARTS: Mapping[str, Part] = MappingProxyType(
         ),
     }
 )
-"""The parts of a device by their keys."""
+"""Descriptions of the parts of a device, by their keys."""
 ENTRIES: Mapping[str, PartNumber] = MappingProxyType(
     {each.name: each for each in OWN_NUMBERS}
     | {f"{key}.{each.name}": each for key, part in PARTS.items() for each in part.numbers}
 )
-"""The numbers of a device by their keys in its table."""
+"""Descriptions of all numbers of a device, by their keys in its table."""
 OF_FIRMWARE = tuple(key for key, each in ENTRIES.items() if each.certain and "." in key)
-"""Those of its parts that the firmware computes with: they are known."""
+"""Keys of the numbers that the firmware computes with. Their values are known."""
 NUMBERS = tuple(key for key in ENTRIES if key not in OF_FIRMWARE)
-"""All others."""
+"""Keys of all other numbers."""
 UNCERTAIN = tuple(key for key, each in ENTRIES.items() if not each.certain)
-"""Those that may be uncertain: all but the firmware's own."""
+"""Keys of the numbers that may be uncertain: all except the firmware's own."""
 INERT = ("mass", "damping", "delay")
-"""Those that a servo does not have: nothing depends on their values then."""
+"""Keys of the numbers that a servo does not have. Nothing depends on their values for a servo."""
 LOOP_DELAYS = ("delay", "servo.delay")
-"""The delay of a loop, by the kind of display."""
+"""Keys of the delay of a loop, one for each kind of display."""
 DELAYS = (
     *LOOP_DELAYS,
     *(key for key in UNCERTAIN if ENTRIES[key].quantity == "time" and key not in LOOP_DELAYS),
 )
-"""The delays that add up between a command and the force that is sensed of it."""
+"""Keys of the delays between a command and the sensed force that it causes. They add up."""
 PERTURBATION = ("unmodelled.share", "unmodelled.phase")
-"""What tells apart the responses of one device."""
+"""Keys of the numbers that select one response of the uncertainty set."""

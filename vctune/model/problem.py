@@ -1,4 +1,4 @@
-"""A design problem with every default filled in: the input of the rest of vctune. SI units."""
+"""A design problem with all defaults filled in: the input of the rest of vctune. SI units."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from vctune.model.worlds import Worlds, WorldsMet
 
 Norm = Literal["rms", "peak"]
 Criterion = Literal["passive", "hands", "both"]
-"""Any passive hand, on a band, in the frequency model; every hand of a box, in the sampled loop; or both."""
+"""Required hands: any passive hand, on a band of the frequency model; a box of hands, in the sampled loop; or both."""
 HUMAN_HANDS = Hands(Hand(0.0, 0.0, 0.0), Hand(0.5, 30.0, 3000.0))
 """Human hands on a linear device, from no hand to a firm grip (model/README.md, section 14)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Feasible values of a variable; one with min = max is fixed."""
+    """Permitted values of a variable. If min = max, the variable is fixed."""
 
     min: float
     max: float
 
     @property
     def fixed(self) -> bool:
-        """Whether every variable is fixed."""
+        """Whether the variable is fixed."""
         return self.min == self.max
 
     def times(self, factor: float) -> Range:
@@ -48,7 +48,7 @@ class Band:
 
     @property
     def hz(self) -> tuple[float, float]:
-        """Its edges, Hz."""
+        """The edges of the band, Hz."""
         return hertz(self.min), hertz(self.max)
 
 
@@ -58,7 +58,7 @@ ABSENT = Range(0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """The ranges of the design variables: K_v, K_p, b_c, m_c, b_0, or of an impedance display K_v, b_c and k_c."""
+    """The ranges of the design variables: K_v, K_p, b_c, m_c, b_0; for an impedance display K_v, b_c and k_c."""
 
     velocity: Range
     position: Range
@@ -85,7 +85,7 @@ class Transparency:
 
 @dataclass(frozen=True, slots=True)
 class Stability:
-    """The constraints (design/README.md, section 1): band of Llewellyn's conditions, least ratio, greatest |S|,
+    """The constraints (design/README.md, section 1): band of Llewellyn's conditions, least ratio, greatest |S|, and
     hands."""
 
     band: Band
@@ -101,13 +101,13 @@ class Demands:
     Attributes
     ----------
     device : the device
-    band : rad/s, of Llewellyn's conditions; may be (0, inf)
-    factor : least Re Z_c / R
-    max_sensitivity : greatest |S| of the sampled loop
-    passive : whether any passive hand is required on the band
-    any_hand : whether any passive hand is required on an impedance display, at every frequency
-    hands : the hands that are required at every frequency of the sampled loop; None if there are none
-    worlds : the environments that are required in them; None for every passive one
+    band : band of Llewellyn's conditions, rad/s; may be (0, inf)
+    factor : least permitted Re Z_c / R
+    max_sensitivity : greatest permitted |S| of the sampled loop
+    passive : whether the constraints include any passive hand on the band
+    any_hand : whether the constraints include any passive hand on an impedance display, at every frequency
+    hands : box of hands in which the sampled loop must be stable at every frequency; None without one
+    worlds : box of environments that must be stable in these hands; None for every passive environment
     """
 
     device: Device
@@ -121,25 +121,26 @@ class Demands:
 
     @property
     def worlds_met(self) -> WorldsMet | None:
-        """The linear environments and the factor; None for every passive environment."""
+        """The required linear environments and the safety factor; None for every passive environment."""
         return None if self.worlds is None else WorldsMet(self.worlds.linear, self.factor)
 
     @property
     def walls_met(self) -> WorldsMet | None:
-        """The same with their walls; None without a corner of the multiplier that is to prove them."""
+        """The required environments with their walls; None without a corner of the multiplier that proves walls."""
         return _with_walls(self.worlds, self.factor)
 
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
-    """How far the device may be from its numbers.
+    """How far the device may deviate from its numbers.
 
     Attributes
     ----------
-    half_widths : of numbers of the device by their keys, relative, 0 < width < 1
-    objective : "nominal" for the error of the device's own numbers, "worst" for the greatest at the box's corners
-    unmodelled : (frequency in Hz, radius) of a disc around 1 by which the device's response may be multiplied; linear
-        between them on logarithmic axes, constant beyond; empty for no disc
+    half_widths : relative half-widths of numbers of the device, by their keys, 0 < width < 1
+    objective : "nominal" for the error with the device's nominal numbers, "worst" for the greatest error at a corner of
+        the box
+    unmodelled : points (frequency in Hz, radius) of a disc around 1 that contains the factor of the device's response.
+        The radius is linear between them on logarithmic axes and constant outside; empty without a disc
     """
 
     half_widths: tuple[tuple[str, float], ...]
@@ -153,12 +154,12 @@ class Uncertainty:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """A design problem, and the experiments to simulate its design in; it does not depend on them.
+    """A design problem, and the experiments in which to simulate its design. The problem does not depend on them.
 
     See design/README.md, section 1; document/README.md, section 1.
 
-    The constraints hold for the device alone, or with `uncertainty` for every device of a box around it; with every
-    environment that is passive as it runs, or with every one of `worlds`.
+    The constraints hold for the device alone, or with `uncertainty` for every device of a box around it. They hold with
+    every environment that is passive in its discrete form, or with every environment of `worlds`.
     """
 
     name: str
@@ -174,40 +175,40 @@ class Problem:
 
     @property
     def units(self) -> Units:
-        """The names and units of its quantities."""
+        """The names and units of the problem's quantities."""
         return UNITS[self.device.units]
 
     @property
     def passive(self) -> bool:
-        """Whether any passive hand is required on an admittance display, on the band."""
+        """Whether the problem requires any passive hand on the band, on an admittance display."""
         return self.stability.criterion != "hands" and self.device.kind.banded
 
     @property
     def any_hand(self) -> bool:
-        """Whether any passive hand is required on an impedance display, at every frequency."""
+        """Whether the problem requires any passive hand at every frequency, on an impedance display."""
         return self.stability.criterion != "hands" and not self.device.kind.banded
 
     @property
     def hands_met(self) -> Hands | None:
-        """The hands that are required in the sampled loop; None if there are none.
+        """The box of hands in which the sampled loop must be stable; None without one.
 
-        On an impedance display they are among any passive hands, which the same loop covers.
+        On an impedance display, any passive hand includes these hands, and the same loop covers them.
         """
         return None if self.stability.criterion == "passive" or self.any_hand else self.hands
 
     @property
     def worlds_met(self) -> WorldsMet | None:
-        """The linear environments that are required in these hands; None for every passive one."""
+        """The linear environments that must be stable in these hands; None for every passive environment."""
         return None if self.worlds is None else WorldsMet(self.worlds.linear, self.stability.safety_factor)
 
     @property
     def walls_met(self) -> WorldsMet | None:
-        """The same environments with their walls; None without a corner of the multiplier that proves them."""
+        """These environments with their walls; None without a corner of the multiplier that proves walls."""
         return _with_walls(self.worlds, self.stability.safety_factor)
 
     @property
     def demands(self) -> Demands:
-        """The claims to be proved of a design."""
+        """The claims to prove for a design."""
         stability = self.stability
         return Demands(
             device=self.device.modelled,
@@ -233,7 +234,7 @@ class Problem:
         return Gains(*fixed[:2]), kind.coupling(*fixed[2:])
 
     def in_units(self, impedance: float, time: float) -> Problem:
-        """Return the problem without its experiments in other units of impedance and time.
+        """Return the problem in other units of impedance and time, without its experiments.
 
         Parameters
         ----------
@@ -243,7 +244,7 @@ class Problem:
         Returns
         -------
         Problem
-            Its angular frequencies are in rad per unit of time. With the device's sample time as the unit, T is 1.
+            Its angular frequencies are in rad per unit of time. If the device's sample time is the unit, T is 1.
         """
         Z, t = 1 / impedance, 1 / time
         bounds, transparency, stability = self.bounds, self.transparency, self.stability

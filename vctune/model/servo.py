@@ -1,4 +1,4 @@
-"""The latency of a servo, part by part (model/README.md, section 17). SI units."""
+"""The latency of a servo, split into its parts (model/README.md, section 17). SI units."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 
 @dataclass(frozen=True, slots=True)
 class Latency:
-    """The parts of L, the delay of a spring's force at rest: the drag must be at least K L. All in s.
+    """The parts of L, the delay of a spring's force at rest, in s. The drag must be at least K L.
 
     Attributes
     ----------
-    hold : T/2
-    interpolation : T/2 of a position command
+    hold : T/2, the lag of the hold
+    interpolation : T/2 for a position command, else 0
     delay : delay of the servo
-    lag : lag of its low-pass
+    lag : lag of the servo's low-pass
     sensor : delay and lag of the force sensor
     filter : lag of the firmware's filter of the sensed samples
     """
@@ -31,19 +31,19 @@ class Latency:
 
     @property
     def total(self) -> Number:
-        """L."""
+        """The sum of the parts, L."""
         return self.hold + self.interpolation + self.delay + self.lag + self.sensor + self.filter
 
 
 @dataclass(frozen=True, slots=True)
 class LatencyPart:
-    """What a part of L is called.
+    """The name of a part of L, and the number that changes it.
 
     Attributes
     ----------
-    label : its name
-    key : of the number that states it
-    quicker : how to shorten it, as advice
+    label : name of the part
+    key : key of the number that states the part
+    quicker : advice on how to shorten the part
     """
 
     label: str
@@ -52,13 +52,13 @@ class LatencyPart:
 
     @classmethod
     def of(cls, label: str, key: str, change: str) -> LatencyPart:
-        """Return the part that a change of its key shortens.
+        """Return the part that a change of a given key shortens.
 
         Parameters
         ----------
-        label : its name
-        key : in [device]
-        change : what to do to the key, in words
+        label : name of the part
+        key : key of the number, in [device]
+        change : verb phrase for the change of the number
         """
         return cls(label, f"device.{key}", f"{change} device.{key}")
 
@@ -71,7 +71,7 @@ LATENCY_PARTS = {
     "sensor": LatencyPart.of("force sensor", "force_sensor", "state a quicker"),
     "filter": LatencyPart.of("filter", "force_sensor.filter_coefficient", "raise"),
 }
-"""The parts of `Latency` by their names."""
+"""Descriptions of the parts of `Latency`, by their field names."""
 
 
 def latency(device: Device, ops: Arithmetic) -> Latency:
@@ -85,7 +85,7 @@ def latency(device: Device, ops: Arithmetic) -> Latency:
     Returns
     -------
     Latency
-        s, of the shape of the device's numbers.
+        s. It has the shape of the device's numbers.
     """
     servo, sensor, half = device.servo, device.sensing, device.sample_time / 2
     assert servo is not None

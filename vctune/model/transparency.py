@@ -17,13 +17,14 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import Pair
 
 PANEL_NODES = 8
-"""Nodes of Gauss and Legendre on a panel, exact for polynomials of degree 15. Half and twice as many need about twice
-and half as many panels."""
+"""Number of Gauss-Legendre nodes on a panel, exact for polynomials of degree 15. Half as many nodes need about twice as
+many panels; twice as many nodes need about half as many."""
 
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """One value for each of the three terms: |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0, or their weights."""
+    """One value for each of the three terms |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0: the terms themselves or their
+    weights."""
 
     admittance: Number
     tracking: Number
@@ -35,10 +36,10 @@ TERMS: tuple[TermName, ...] = ("admittance", "tracking", "coupling")
 
 
 class LoopTerms(NamedTuple):
-    """The squares of the two terms that the coupling is not in, where Z_0 = 1: of G_hh and of 1 - G_he.
+    """The squares of the two terms that do not contain the coupling, those of G_hh and of 1 - G_he, with Z_0 = 1.
 
-    For an impedance display they are those of the dual: of 1/G_hh, the impedance in free motion, and of 1 - A H/N, the
-    error of the force at the handle against the commanded one.
+    For an impedance display they are the dual terms: those of 1/G_hh, the impedance in free motion, and of 1 - A H/N,
+    the relative error of the handle's force against the commanded force.
     """
 
     admittance: Number
@@ -53,13 +54,14 @@ def loop_terms(loop: LoopResponse, at: DeviceResponse, kind: Display) -> LoopTer
     Parameters
     ----------
     loop : the velocity loop at some frequencies
-    at : its device at the same frequencies; an impedance display needs A H from it
-    kind : the display; decides between the terms and their duals
+    at : the device at the same frequencies; for an impedance display the function needs its A H
+    kind : the display, which decides between the terms and the dual terms
 
     Returns
     -------
     LoopTerms
-        admittance : |G_hh|^2, (m/(N s))^2, for an impedance display 1/|G_hh|^2; tracking : dimensionless.
+        admittance : |G_hh|^2, (m/(N s))^2, for an impedance display 1/|G_hh|^2; tracking : the other term,
+            dimensionless.
     """
     if not kind.inverse:
         return LoopTerms(G_hh_abs2(loop), tracking_abs2(loop))
@@ -78,7 +80,7 @@ class Quotient(NamedTuple):
 def quotient_terms(at: LoopConstants, kind: Display) -> tuple[Quotient, Quotient]:
     """Return the quotients whose squared moduli are the two terms of `loop_terms`.
 
-    Numerator and denominator are affine in the gains. A common factor of modulus 1 is left out.
+    Numerator and denominator are affine in the gains. They lack a common factor of modulus 1.
 
     Parameters
     ----------
@@ -109,7 +111,7 @@ def squared_terms(of_loop: LoopTerms, coupling: Pair, reference: float) -> Terms
     Returns
     -------
     Terms
-        Dimensionless, of the shape of the frequencies.
+        Dimensionless. They have the shape of the frequencies.
     """
     square = reference**2
     return Terms(of_loop.admittance * square, of_loop.tracking, coupling.abs2() / square)
@@ -117,7 +119,7 @@ def squared_terms(of_loop: LoopTerms, coupling: Pair, reference: float) -> Terms
 
 @cache
 def _panel() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the nodes and weights of Gauss and Legendre on [-1, 1], from the eigenvalues of Jacobi's matrix.
+    """Return the Gauss-Legendre nodes and weights on [-1, 1], from the eigenvalues of Jacobi's matrix.
 
     `numpy.polynomial` has them too, but importing it takes as long as finding a design.
     """
@@ -139,7 +141,7 @@ def log_quadrature(omega_min: float, omega_max: float, panels: int) -> tuple[NDA
     Returns
     -------
     nodes : rad/s, shape (`PANEL_NODES` * panels,)
-    weights : of the same shape; they add up to 1
+    weights : weights of the same shape; they add up to 1
     """
     nodes, weights = _panel()
     starts = np.arange(panels)[:, None]

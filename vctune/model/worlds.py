@@ -1,4 +1,4 @@
-"""The environments that a device renders: every environment of a box. SI units (model/README.md, section 18)."""
+"""The environments that a device renders, as a box of environments. SI units (model/README.md, section 18)."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ MOST_LATE = 10
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """A virtual environment, mass s + damping + stiffness/s, as the firmware runs it.
+    """A virtual environment, mass s + damping + stiffness/s, in its discrete form.
 
     Attributes
     ----------
-    mass : m, kg, >= 0; inf for one without limit
+    mass : m, kg, >= 0; inf for no limit
     damping : b, N s/m, >= 0
-    stiffness : k, N/m, >= 0; inf for one without limit
+    stiffness : k, N/m, >= 0; inf for no limit
     """
 
     mass: Number
@@ -38,21 +38,22 @@ class World:
 
         Parameters
         ----------
-        impedance : N s/m, > 0
-        time : s, > 0
+        impedance : the new unit of impedance, N s/m, > 0
+        time : the new unit of time, s, > 0
         """
         return World(self.mass / (impedance * time), self.damping / impedance, self.stiffness * time / impedance)
 
 
 @dataclass(frozen=True, slots=True)
 class Worlds:
-    """Every environment of a box.
+    """All environments of a box.
 
     Attributes
     ----------
-    low, high : its least and its greatest numbers; `high.damping` is inf if the environments are passive as they run
-    walls : whether springs may be walls: one-sided, or piecewise linear with slopes of the range of stiffness
-    corner : w_c of the multiplier that proves these, rad/s, > 0, at most 2/T (section 19); None where it is not chosen
+    low, high : the environments with the least and with the greatest numbers; `high.damping` is inf if they are
+        passive as they run
+    walls : whether springs may be walls: one-sided, or piecewise linear with slopes within the range of stiffness
+    corner : w_c of the multiplier that proves walls, rad/s, > 0, at most 2/T (section 19); None if it is not chosen
     rule : by which they are stepped
     late : samples by which their force is late, >= 0
     resistive : whether a search counts on the real part alone; a proof never does
@@ -83,7 +84,7 @@ class Worlds:
         return self.rule != "explicit" and self.late == 0
 
     def in_words(self, units: Units) -> str:
-        """Return the box with its units, without limits that exclude nothing."""
+        """Return the box in words with units, without limits that exclude nothing."""
         ranges = [
             _range(low, high, unit)
             for low, high, unit in (
@@ -114,7 +115,7 @@ class Worlds:
         )
 
     def converted(self, number: Callable[[float], Number]) -> Worlds:
-        """Return the same environments with finite numbers of another arithmetic."""
+        """Return these environments with their finite numbers in another arithmetic."""
         low, high = (
             World(*(each if each == inf else number(each) for each in astuple(end))) for end in (self.low, self.high)
         )
@@ -122,7 +123,7 @@ class Worlds:
 
 
 EVERY_WORLD = Worlds(World(0.0, 0.0, 0.0), World(inf, inf, inf))
-"""Every environment that is passive as it runs."""
+"""All environments that are passive in their discrete form."""
 
 
 def in_time_in_words(rule: WorldRule, late: int) -> str:
@@ -146,12 +147,12 @@ def _range(low: Number, high: Number, unit: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class WorldsMet:
-    """The environments that a design has to bear with a reserve.
+    """The environments that a design must render stably, with a reserve.
 
     Attributes
     ----------
     worlds : the box
-    factor : g >= 1: the coupling divided by any number from 1 to g has to bear them too
+    factor : g >= 1; the coupling divided by any number from 1 to g must render them stably, too
     """
 
     worlds: Worlds

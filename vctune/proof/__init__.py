@@ -1,1 +1,1 @@
-"""Proof of a design in ball arithmetic. Does not import the search."""
+"""Prove a design in ball arithmetic. The package does not import the search."""

@@ -1,4 +1,4 @@
-"""The certificate: every claim about a design, proved, refuted or undecided.
+"""The certificate of a design: every claim with its verdict (proved, refuted or undecided).
 
 See proof/README.md, section 1; document/README.md, section 3.
 """
@@ -33,23 +33,24 @@ from vctune.proof.provers import PROVERS, Question, prove_passive
 from vctune.running import OutOfTimeError, aloud, check_time, tell
 
 STABILITY = claims_about("poles", "unmodelled")
-"""Claims without which no ratio means anything."""
+"""Identifiers of the claims without which no ratio has a meaning."""
 RATIOS = claims_about("ratio", "in_hand")
-"""Claims about Re Z_c / R."""
+"""Identifiers of the claims about Re Z_c / R."""
 
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """The verdicts on a design.
+    """The verdicts on the claims about a design.
 
     Attributes
     ----------
-    design : the design that it is about
+    design : the judged design
     demands : the constraints on the design
-    outcomes : verdict, boxes and witness [rad/s] of each claim, by its identifier
-    without_factor : the conditions with a factor of 1 if they are not proved with the required one, else None
-    box : the devices that it is about, None for the design's own alone
-    beside : the same of the design with other delays, for which the outcomes hold as well
+    outcomes : verdict, number of boxes and witness [rad/s] of each claim, by its identifier
+    without_factor : the conditions with a factor of 1 if they are not proved with the required factor; else None
+    box : the box of devices that the claims cover; None for the design's own device
+    beside : certificates of the same design with the delays on both sides of a whole sample; `outcomes` hold for them,
+        too
     """
 
     design: Design
@@ -76,7 +77,7 @@ class Certificate:
 
     @property
     def proved_ratio(self) -> float | None:
-        """The least proved Re Z_c / R on the band, of a stable loop: the required one, or 1, or None."""
+        """The least proved Re Z_c / R of a stable loop on the band: the required ratio, or 1, or None."""
         stability = (self.outcomes[claim] for claim in STABILITY if claim in self.outcomes)
         if any(outcome.verdict is not Verdict.PROVED for outcome in stability):
             return None
@@ -86,8 +87,10 @@ class Certificate:
 
     @property
     def proved_band(self) -> tuple[float, float] | None:
-        """The widest band around the required one with ratio >= 1, rad/s, proved on first use; None if the claim is not
-        proved."""
+        """The widest proved band around the required band with ratio >= 1, rad/s; None if the claim is not proved.
+
+        The property proves the band when it is first used.
+        """
         bands = [self._own_band, *(each.proved_band for each in self.beside)]
         known = [band for band in bands if band is not None]
         return (max(low for low, _ in known), min(high for _, high in known)) if len(known) == len(bands) else None
@@ -108,8 +111,10 @@ class Certificate:
 
     @property
     def proved_band_hz(self) -> tuple[float, float] | None:
-        """The proved band, Hz, its edges beyond the required one rounded inwards to few digits; None if it is not
-        proved."""
+        """The proved band, Hz; None if the claim is not proved.
+
+        Edges outside the required band are rounded inwards to few digits.
+        """
         proved, (low, high) = self.proved_band, self.demands.band
         if proved is None:
             return None
@@ -122,20 +127,20 @@ class Certificate:
 def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> Certificate:
     """Prove that a design meets its constraints (proof/README.md).
 
-    The proof is about the decimals that the numbers are written as: 0.4 means 2/5.
+    A float stands for the decimal that it prints as: 0.4 means 2/5.
 
     Parameters
     ----------
     design : device, gains and coupling, in SI units
-    demands : constraints on its device; the band may be (0, inf) for hold "lag" without delay
-    box : devices around the design's own for which all claims are proved; None for the design's own alone
+    demands : constraints on the design's device; the band may be (0, inf) for hold "lag" without delay
+    box : box of devices around the design's own, for all of which the claims are proved; None for the design's own
 
     Returns
     -------
     Certificate
-        Each claim is proved, refuted or undecided. A claim is undecided if the time limit ends before its proof. Near a
-        whole number of samples of delay, if the sensed force jumps there, a claim is proved only if it holds on both
-        sides of that number too.
+        Each claim is proved, refuted or undecided. A claim is undecided if the time limit ends before its proof. If the
+            sensed force jumps at a whole number of samples of delay, and the delay is near one, a claim is proved only
+            if it also holds on both sides of that number.
     """
     question = Question(design, demands, box)
     own, beside = _certificate(question), _beside(question)
@@ -157,9 +162,9 @@ def _certificate(question: Question) -> Certificate:
 
 
 def _beside(question: Question) -> list[Question]:
-    """Return the same question for the delays on both sides of a whole number of samples that is near.
+    """Return the same question for the delays on both sides of a nearby whole number of samples.
 
-    An uncertain delay reaches that number within its box.
+    If the delay is uncertain, its range in the box is extended to that number instead.
     """
     design, demands, box = question.design, question.demands, question.box
     hands, found = demands.hands, list[Question]()
@@ -174,8 +179,10 @@ def _beside(question: Question) -> list[Question]:
 
 
 def _holding_beside(certificate: Certificate, beside: Sequence[Certificate]) -> Certificate:
-    """Return a certificate whose claims are proved for all of several delays; each claim that is not names its
-    device."""
+    """Return a certificate whose claims are proved for several delays.
+
+    A claim that fails for a delay names its device.
+    """
     outcomes, without_factor = certificate.outcomes, certificate.without_factor
     for other in beside:
         device = other.design.device
@@ -193,7 +200,7 @@ def _worse(found: Outcome, other: Outcome, device: Device) -> Outcome:
 
 
 def _in_time(proof: Callable[[], Outcome]) -> Outcome:
-    """Return the outcome of a proof, or undecided if the time limit cut it."""
+    """Return the outcome of a proof, or "undecided" if the time limit ended it."""
     try:
         check_time()
         return proof()
@@ -202,16 +209,16 @@ def _in_time(proof: Callable[[], Outcome]) -> Outcome:
 
 
 def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | None = None) -> list[Certificate]:
-    """Prove that several designs of one device meet its constraints, as `certify` does for each.
+    """Prove that several designs of one device meet their constraints, as `certify` does for one.
 
-    Arrays prove most designs together. Arb decides about the others. With a box of devices or with hands, each design
-    is proved separately.
+    Array arithmetic proves most designs together. Arb decides the others. With a box of devices or with hands, each
+    design is proved separately.
 
     Parameters
     ----------
     designs : n designs of one device
     demands : constraints on that device
-    box : devices for which all claims are proved; None for the device alone
+    box : box of devices for all of which the claims are proved; None for the device alone
 
     Returns
     -------

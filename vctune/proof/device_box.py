@@ -1,4 +1,4 @@
-"""Boxes of devices: numbers known within relative half-widths."""
+"""Boxes of devices, whose numbers are known within relative half-widths."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ DIRECTION = "unmodelled.phase"
 
 @dataclass(frozen=True, slots=True)
 class DeviceBox:
-    """Every device whose uncertain numbers lie between those of two.
+    """Every device whose uncertain numbers lie between those of two devices.
 
     Attributes
     ----------
     nominal : the device with its stated numbers
-    low, high : the numbers' least and greatest values; decimals within the box that is meant, to two units in the last
-        place. If their responses are not known exactly either, they are at the edge of the disc: proof/README.md,
-        section 9
+    low, high : devices with the least and the greatest values. They are decimals within the intended box, to two units
+        in the last place. If the responses are not known exactly, they are at the edge of the disc (proof/README.md,
+        section 9)
     """
 
     nominal: Device
@@ -36,19 +36,20 @@ class DeviceBox:
 
     @property
     def uncertain(self) -> tuple[str, ...]:
-        """The numbers that are uncertain."""
+        """The keys of the uncertain numbers."""
         keys = (*UNCERTAIN, *((DIRECTION,) if self.low.unmodelled is not None else ()))
         ends = ((key, self.low.number(key), self.high.number(key)) for key in keys)
         return tuple(key for key, low, high in ends if low is not None and low < high)
 
     @property
     def modelled(self) -> DeviceBox:
-        """The same devices, each with its own response."""
+        """The same devices, each with its nominal response."""
         return DeviceBox(self.nominal.modelled, self.low.modelled, self.high.modelled)
 
     @property
     def loops(self) -> tuple[DeviceBox, ...]:
-        """The boxes of devices whose velocity loops must be stable by themselves, let go and in the operator's hand."""
+        """The boxes of devices whose velocity loops must be stable on their own, without a hand and in the operator's
+        hand."""
         parts = zip(self.nominal.loops, self.low.loops, self.high.loops, strict=True)
         return tuple(DeviceBox(*ends) for ends in parts)
 
@@ -57,12 +58,13 @@ class DeviceBox:
 
         Parameters
         ----------
-        numbers : all that are uncertain, by their keys
+        numbers : all uncertain numbers, by their keys
         """
         return self.low.with_numbers(numbers)
 
     def corners(self) -> list[Device]:
-        """Return the devices at the vertices; of more than `MOST_AT_ONCE` numbers those with a single number at an end.
+        """Return the devices at the vertices; for more than `MOST_AT_ONCE` numbers, those with a single number at an
+        end.
 
         Unmodelled dynamics are at the edge of their disc, in `PHASES` directions.
         """
@@ -78,16 +80,16 @@ class DeviceBox:
         return [self.nominal.with_numbers(numbers) for numbers in found]
 
     def devices(self) -> list[Device]:
-        """Return the nominal device and those at the vertices."""
+        """Return the nominal device and the devices at the corners."""
         return [self.nominal, *self.corners()]
 
 
 PHASES = 8
-"""Directions of a disc's edge that are tried beforehand; the search for the worst device and the proof find failures
-between them. Half and twice as many lead to the same design in more and fewer rounds."""
+"""Number of directions on the edge of a disc that the search tries beforehand. The search for the worst device and the
+proof find failures between them. Half and twice as many lead to the same design in more and in fewer rounds."""
 MOST_AT_ONCE = 4
-"""Uncertain numbers up to which all vertices are tried beforehand, 16 of them. One more doubles their number; with one
-less a fifth round of the exchange finds the rest."""
+"""Greatest number of uncertain numbers for which the search tries all vertices beforehand: 16 vertices. One more number
+would double them; with one less, a fifth round of the exchange finds the rest."""
 
 
 def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
@@ -95,9 +97,9 @@ def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
 
     Parameters
     ----------
-    device : the nominal device, plain floats
-    uncertainty : relative half-widths by key, ignored for parts that the device lacks, and the disc of unmodelled
-        dynamics
+    device : the nominal device, with plain floats
+    uncertainty : relative half-widths by key, and the disc of unmodelled dynamics; half-widths for parts that the
+        device lacks are ignored
 
     Returns
     -------
@@ -122,13 +124,13 @@ def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
 
 
 ADDED = ("mass", "damping")
-"""Numbers that a rigid device and a hand have together if only motion is measured."""
+"""Keys of the numbers that add up for a rigid device and a hand if the device measures motion only."""
 
 
 def moved_as_one(box: DeviceBox) -> tuple[str, ...]:
-    """Return the uncertain numbers of a box that only matter in sum with the hand's.
+    """Return the keys of uncertain numbers of a box that matter only in sum with the hand's.
 
-    A rigid impedance display measures motion alone. Its mass and the hand's therefore act as one, and so do the
+    A rigid impedance display measures motion only. Its mass and the hand's mass therefore act as one, and so do the
     dampings.
     """
     if box.nominal.kind.senses_force or box.nominal.structure is not None:
@@ -137,18 +139,18 @@ def moved_as_one(box: DeviceBox) -> tuple[str, ...]:
 
 
 def in_longer_hands(box: DeviceBox, hands: Hands, keys: Sequence[str]) -> tuple[DeviceBox, Hands]:
-    """Move the uncertainty of a device's mass and damping into the hands: only the sums matter.
+    """Move the uncertainty of a device's mass and damping into the hands. Only the sums matter.
 
     Parameters
     ----------
-    box : uncertain devices
+    box : box of uncertain devices
     hands : the box of hands
-    keys : the numbers that device and hand share, from `moved_as_one`
+    keys : keys of the numbers that device and hand share, from `moved_as_one`
 
     Returns
     -------
     box : box with these numbers at their least
-    hands : with these numbers' upper ends raised by the box's range, rounded upwards
+    hands : hands whose upper ends of these numbers are raised by the box's range, rounded upwards
     """
     least = {key: box.low.number(key) for key in keys}
     range_ = {key: nextafter(box.high.number(key) - value, inf) for key, value in least.items()}
@@ -158,29 +160,29 @@ def in_longer_hands(box: DeviceBox, hands: Hands, keys: Sequence[str]) -> tuple[
 
 
 def late_as_one(box: DeviceBox) -> bool:
-    """Return whether two delays of a box are uncertain of which only the sum counts.
+    """Return whether two delays of a box are uncertain but only their sum matters.
 
-    What a servo's sensor says of a command passes servo and sensor alike. The firmware's own spring pulls at what it
-    measures of the position, which the sensor's delay does not reach.
+    The sensed response to a command passes through servo and sensor alike. The firmware's own spring is different: it
+    acts on the measured position, to which the sensor's delay does not apply.
 
     Parameters
     ----------
-    box : uncertain devices
+    box : box of uncertain devices
     """
     servo = box.nominal.servo
     return servo is not None and servo.stiffness is None and {*SUMMED} <= {*box.uncertain}
 
 
 SUMMED = ("servo.delay", "force_sensor.delay")
-"""What is late as one."""
+"""Keys of the two delays that act as one."""
 
 
 def in_one_delay(box: DeviceBox) -> DeviceBox:
-    """Return a box with the same sums of both delays, the sensor's at its least.
+    """Return a box with the same sums of both delays and with the sensor's delay at its least.
 
     Parameters
     ----------
-    box : uncertain servos, `late_as_one`
+    box : box of uncertain servos that satisfies `late_as_one`
     """
     own, other = SUMMED
     least = box.low.number(other)
@@ -190,12 +192,13 @@ def in_one_delay(box: DeviceBox) -> DeviceBox:
 
 
 def in_both_delays(box: DeviceBox, device: Device) -> Device:
-    """Return the device of a box that has the delay of one of `in_one_delay`: the servo's is as long as it may be.
+    """Return the device of a box that corresponds to a device of `in_one_delay`, with the servo's delay as long as
+    possible.
 
     Parameters
     ----------
-    box : uncertain servos, `late_as_one`
-    device : of the box with one delay
+    box : box of uncertain servos that satisfies `late_as_one`
+    device : device of the box with one delay
     """
     own, other = SUMMED
     delay, least = device.number(own), box.low.number(other)
@@ -204,7 +207,7 @@ def in_both_delays(box: DeviceBox, device: Device) -> Device:
 
 
 def _edge(value: float, change: float) -> float:
-    """Return value (1 + change), of decimals, rounded towards the value: 0.4 by 0.1 is 0.44."""
+    """Return value (1 + change) in decimals, rounded towards the value: 0.4 by 0.1 is 0.44."""
     exact = _exact(value) * (1 + _exact(change))
     edge = float(exact)
     beyond = _exact(edge) < exact if change < 0 else _exact(edge) > exact
@@ -212,5 +215,5 @@ def _edge(value: float, change: float) -> float:
 
 
 def _exact(decimal: float) -> Fraction:
-    """Return the decimal that a float is written as."""
+    """Return the decimal that a float prints as."""
     return Fraction(repr(float(decimal)))

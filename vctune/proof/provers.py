@@ -1,4 +1,4 @@
-"""The prover of each claim of a certificate: a function by the claim's identifier."""
+"""The prover of each claim of a certificate: a table of functions by the claim's identifier."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ from vctune.proof.device_box import DeviceBox
 from vctune.proof.engine.interval import Outcome, Verdict
 
 HIGHEST_CORNER = 2 * (1 - 1e-9)
-"""Greatest corner times T, above which a < 0; half and twice as much below 2 are as good."""
+"""Greatest product of corner and T; above it a < 0. Half and twice its distance from 2 work as well."""
 
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """The data of a claim's proof.
+    """The data for the proof of a claim.
 
     Attributes
     ----------
-    design : design in plain numbers
-    demands : its constraints
-    box : devices for which it is to be proved, None for the design's own
+    design : design with plain numbers
+    demands : the constraints on the design
+    box : box of devices for which the claim is to be proved; None for the design's own device
     """
 
     design: Design
@@ -49,14 +49,14 @@ class Question:
 
     @property
     def modelled(self) -> Question:
-        """The same for devices whose responses are known exactly."""
+        """The same question for devices whose responses are known exactly."""
         return replace(self, box=self.box and self.box.modelled)
 
     @property
     def robust(self) -> RobustDesign | None:
-        """The design on a box of devices; None for a single device, or if all are alike.
+        """The design with its box of devices; None for a single device, or if all devices behave alike.
 
-        Without a loop a mechanism is passive for any numbers, but not if its response is another.
+        Without a loop, a mechanism is passive for any numbers, but not for any response.
         """
         if self.box is None or not self.box.uncertain:
             return None
@@ -66,11 +66,11 @@ class Question:
 
 Outcomes = Mapping[ClaimId, Outcome]
 Prover = Callable[[Question, Outcomes], Outcome]
-"""A function that proves a claim, given the results of the claims before it."""
+"""A function that proves a claim; its arguments are the question and the outcomes of the claims before it."""
 
 
 def prove_passive(question: Question) -> Outcome:
-    """Prove Llewellyn's conditions on the band, for every device."""
+    """Prove Llewellyn's conditions on the band, for every device of the box."""
     (low, high), factor = question.demands.band, question.demands.factor
     alone = partial(prove_conditions, low=low, high=high, factor=factor)
     return _for_every_device(question, alone, prove_conditions_for_all, partial(conditions_at, factor=factor))
@@ -92,10 +92,10 @@ def _stable(question: Question, _known: Outcomes) -> Outcome:
 
 
 def _unmodelled(question: Question, known: Outcomes) -> Outcome:
-    """Prove that no response within the discs of those of a box makes the loop unstable.
+    """Prove that no response within the discs around those of a box makes the loop unstable.
 
-    If |S| is bounded by its limit, |1 - S| is bounded by one more, and discs smaller than the inverse of that need no
-    proof of their own.
+    If |S| is bounded by its limit, |1 - S| is bounded by that limit plus 1. A disc smaller than the reciprocal of this
+    bound needs no proof of its own.
     """
     design, box, demands = question.design, question.box, question.demands
     assert box is not None and box.nominal.unmodelled is not None
@@ -120,7 +120,7 @@ def _hands(question: Question, _known: Outcomes) -> Outcome:
 
 
 def _walls(question: Question, known: Outcomes) -> Outcome:
-    """Prove the condition of walls, which says something of loops alone that are stable with the linear environments.
+    """Prove the condition of walls. It applies only to loops that are stable with the linear environments.
 
     Without a corner below 2/T there is no multiplier.
     """
@@ -146,7 +146,7 @@ PROVERS: dict[ClaimId, Prover] = {
 
 
 def _of_every_loop(prove_poles: Callable[[Device, Gains], Outcome], design: Design) -> Outcome:
-    """Prove the poles of the device let go and in the hand of its least operator."""
+    """Prove the poles stable for the device without a hand and in the hand of its least operator."""
     boxes = 0
     for device in design.device.loops:
         outcome = prove_poles(device, design.gains)
@@ -162,9 +162,9 @@ def _for_every_device(
     for_all: Callable[[RobustDesign, NominalProof], Outcome],
     in_doubt: Callable[..., Outcome] | None = None,
 ) -> Outcome:
-    """Prove a claim for the design's own device, and then for every one of the box.
+    """Prove a claim for the design's own device, and then for every device of the box.
 
-    `in_doubt` judges a device whose response is perturbed, at a frequency.
+    `in_doubt` is a function that judges a device with a perturbed response at a frequency.
     """
     nominal, robust = alone(question.design), question.robust
     if robust is None or nominal.verdict is not Verdict.PROVED:

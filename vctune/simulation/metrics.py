@@ -13,26 +13,26 @@ from vctune.simulation.mechanics.intended_motion import Floats, stroke_time
 from vctune.simulation.run import Traces
 
 TURNING_POINT = 0.1
-"""Share of the travel at each end that is a turning point; also the share of the speed that is near zero. The hand
-gains speed within the first 6 % of the travel (`vctune.simulation.mechanics.intended_motion.RAMP`). Half would still
-measure this part. Twice would drop a part of the stroke. Both change the ripple, which serves to compare controllers, a
-little."""
+"""Share of the travel at each end that counts as a turning point; also the share of the greatest speed that counts as
+near zero. The hand gains speed within the first 6 % of the travel (`vctune.simulation.mechanics.intended_motion.RAMP`).
+Half this share would still measure that part; twice would drop a part of the stroke. Both change the ripple, which
+serves to compare controllers, only slightly."""
 N_POSITIONS = 400
-"""Positions at which loading and unloading are compared, finer than a figure. Half as many still follow the curves;
-twice as many add nothing."""
+"""Number of positions at which loading and unloading are compared, more than a figure shows. Half as many still follow
+the curves; twice as many add nothing."""
 SATURATED = 1 - 1e-9
-"""Share of the limit from which on a force is at the limit, except for rounding. Half and twice the allowance give the
-same samples."""
+"""Share of the limit above which a force counts as at the limit, which allows for rounding. Half and twice the
+allowance give the same samples."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """A parameter of the environment as felt at the handle, by least squares.
+    """A parameter of the environment as felt at the handle, fitted by least squares.
 
     Attributes
     ----------
     value : felt value
-    asked : value of the environment
+    asked : value in the environment
     standard_error : standard error of the value, from the residual
     """
 
@@ -43,22 +43,24 @@ class Fit:
 
 @dataclass(frozen=True, slots=True)
 class Metrics:
-    """The measures of a run, without the first cycle if there are more. None if a measure does not exist.
+    """The measures of a run.
+
+    If the run has several cycles, the first is not evaluated. A measure that does not exist is None.
 
     Attributes
     ----------
-    non_overlap : of a spring: greatest distance between force curves over position of loading and unloading strokes,
-        turning points apart, N
-    fits : felt mass, damping, stiffness: those that the environment has, damping for free motion
-    offset : the fit's force at the origin, N
-    residual : root mean square of the force about the fit, N
-    ripple : greatest minus least force about the fit where the handle's speed is below a tenth of its greatest, N
+    non_overlap : for a spring, the greatest distance between the force curves over position of loading and unloading
+        strokes, without the turning points, N
+    fits : felt values of the environment's mass, damping and stiffness; for free motion the felt damping
+    offset : force of the fit at the origin, N
+    residual : root mean square of the force around the fit, N
+    ripple : greatest minus least force around the fit where the handle's speed is below a tenth of its greatest, N
     handle_energy : work of the hand on the handle, J
     environment_energy : energy absorbed by the environment, J
-    motor_energy : work of the motor on the device, J, as commanded; None for a servo
-    handle_deficit, environment_deficit : the most energy that each has returned beyond what it took, J: a passivity
-        observer
-    peak_motor : greatest |u|, the command, N; m/s or m where a velocity or a position is commanded
+    motor_energy : work of the commanded motor force on the device, J; None for a servo
+    handle_deficit, environment_deficit : greatest energy that handle and environment have returned beyond what they
+        took, J, as by a passivity observer
+    peak_motor : greatest |u|, the command, N; for a commanded velocity m/s, for a commanded position m
     saturated : share of the samples at the actuator's limit
     peak_force : greatest |f_h|, N
     """
@@ -90,7 +92,7 @@ def metrics(
     Parameters
     ----------
     traces : traces of a run that did not diverge
-    environment : environment that was rendered
+    environment : the rendered environment
     operator : the hand
     limit : greatest force of the actuator, N; None without a limit
     commanded : kind of the firmware's command
@@ -98,7 +100,7 @@ def metrics(
     Returns
     -------
     Metrics
-        SI units; None if the environment or the motion does not have it.
+        In SI units. A measure is None if the environment or the motion does not have it.
     """
     stroke = stroke_time(operator)
     counted = traces.time >= (2 * stroke if operator.cycles > 1 else 0.0)
@@ -134,7 +136,7 @@ class _Fitted:
 
 
 def _fit(traces: Traces, environment: Environment, counted: NDArray[np.bool_]) -> _Fitted | None:
-    """Return the least squares of the force over the environment's terms: position, velocity, acceleration."""
+    """Return the least-squares fit of the force to the environment's terms: position, velocity, acceleration."""
     columns = {"stiffness": traces.position, "damping": traces.velocity}
     if environment.mass > 0:
         columns["mass"] = np.gradient(traces.velocity, traces.time)
@@ -159,13 +161,13 @@ def _fit(traces: Traces, environment: Environment, counted: NDArray[np.bool_]) -
 
 
 def _ripple(about: Floats, speed: Floats) -> float | None:
-    """Return the greatest less the least force about the fit near zero velocity."""
+    """Return the greatest minus the least force around the fit near zero velocity."""
     slow = about[speed < TURNING_POINT * speed.max()]
     return float(np.ptp(slow)) if slow.size else None
 
 
 def _non_overlap(traces: Traces, counted: NDArray[np.bool_], stroke: float) -> float | None:
-    """Return the greatest distance between the force curves of different directions at the same position."""
+    """Return the greatest distance between the force curves of the two directions at the same position."""
     number = np.floor(traces.time / stroke + 1e-9).astype(int)
     strokes = [np.flatnonzero((number == k) & counted) for k in np.unique(number[counted])]
     strokes = [at for at in strokes if at.size > 1]

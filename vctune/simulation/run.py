@@ -1,4 +1,4 @@
-"""A scene from its first sample to its last: traces."""
+"""Simulate a scene from its first sample to its last, and return its traces."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from vctune.simulation.mechanics.stretches import Stretch, fixed_steps
 from vctune.simulation.scene import Scene
 
 DIVERGENCE = 1e3
-"""A run has diverged if the handle is this many times the hand's travel away from its target. No stable loop comes near
-it, and an unstable one passes half and twice it within a few samples of each other."""
+"""Multiple of the hand's travel by which the handle must leave its target for the run to count as diverged. No stable
+loop comes near it. An unstable loop passes half and twice this multiple within a few samples of each other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,16 +24,16 @@ class Traces:
 
     Attributes
     ----------
-    time : s
+    time : time of the samples, s
     intended : target position of the hand, m
-    position, velocity : motion of the handle, m, m/s; without a spring between them also the motor's
+    position, velocity : motion of the handle, m, m/s; without a spring between them also that of the motor
     force : f_h, the hand's force on the handle, N
-    reference, desired : x_e and v_e, of the rendered environment, m, m/s
+    reference, desired : x_e and v_e of the rendered environment, m, m/s
     environment_force : f_e, N
     motor : u, the command: a force, N; for a servo a velocity, m/s, or a position, m
-    sensed : f_s, the sensed f_h, with noise, N
-    diverged : when the handle left the hand's travel for good, s, and the traces end; None if it did not
-    motor_position, motor_velocity : motion of the firmware's encoder, m, m/s; None if it moves as the handle
+    sensed : f_s, the sensed f_h with noise, N
+    diverged : time at which the handle left the hand's travel for good, s, where the traces end; None if it did not
+    motor_position, motor_velocity : motion of the firmware's encoder, m, m/s; None if it moves like the handle
     """
 
     time: Floats
@@ -58,12 +58,12 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
     ----------
     scene : device, operator, friction and firmware
     progress : function that receives the share of the finished samples
-    stretch : integration of friction; skipped without friction, where the device moves on exactly
+    stretch : function that integrates the friction; not used without friction, where the motion is exact
 
     Returns
     -------
     Traces
-        Finite; a run that diverges ends where the divergence began.
+        Finite numbers; the traces of a run that diverges end where the divergence begins.
     """
     samples = sample_count(scene.operator, scene.device.sample_time)
     with interrupt_deferred():
@@ -89,18 +89,18 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
 
 
 def motion_inputs(scene: Scene, first: int, noise: np.random.Generator) -> Floats:
-    """Return the inputs of a scene's step for `CHUNK` samples from the `first` on, a column a sample.
+    """Return the inputs of a scene's step for `CHUNK` samples, beginning at `first`, with a column for each sample.
 
     Parameters
     ----------
     scene : the scene of the run
-    first : number of the first sample
-    noise : generator of the force sensor's, advanced by `CHUNK` samples where there is any
+    first : index of the first sample
+    noise : generator of the force sensor's noise; it advances by `CHUNK` samples if there is noise
 
     Returns
     -------
     array
-        Shape (INPUTS, CHUNK).
+        Shape (`INPUTS`, `CHUNK`).
     """
     motion = intended_motion(scene.operator, scene.device.sample_time, first, first + CHUNK)
     inputs = np.zeros((INPUTS, CHUNK))
@@ -112,14 +112,14 @@ def motion_inputs(scene: Scene, first: int, noise: np.random.Generator) -> Float
 
 
 def traces_of(scene: Scene, recorded: Floats, wanted: Floats, *, diverged: bool) -> Traces:
-    """Return the record as traces; for a run that diverged, the samples before that.
+    """Return the record as traces. For a run that diverged, only the samples before the divergence are included.
 
     Parameters
     ----------
-    scene : scene that was run
-    recorded : a row a sample, of `columns`
+    scene : scene of the run
+    recorded : records of `columns`, one row for each sample
     wanted : intended position at each of these samples, m
-    diverged : whether the handle left the hand's target
+    diverged : whether the handle left the hand's travel
     """
     T, began = scene.device.sample_time, None
     if diverged:

@@ -1,4 +1,4 @@
-"""One run: a device with its friction, a hand, and one of the two controllers of an experiment."""
+"""The description of one run: a device with its friction, a hand, and one of the two controllers of an experiment."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class Scene:
 
     Attributes
     ----------
-    device : device with all its parts; its hold is always the real, zero-order one
+    device : device with all its parts; the simulation always uses the real zero-order hold
     operator : the hand
     friction : friction of the device; None without friction
     law : the firmware
-    force_noise, seed : those of the force samples, N
+    force_noise, seed : standard deviation of the force samples' noise, N, and its seed
     """
 
     device: Device
@@ -37,20 +37,20 @@ class Scene:
 
     @property
     def carriage(self) -> Carriage:
-        """A rigid device and the hand, which move as one."""
+        """A rigid device and the hand, which move as one mass."""
         device, hand = self.device, self.operator
         return Carriage(device.mass + hand.mass, device.damping + hand.damping, hand.stiffness)
 
 
 @dataclass(frozen=True, slots=True)
 class Equilibrium:
-    """The start of a scene, at rest.
+    """The state of a scene at rest at the start.
 
     Attributes
     ----------
-    position, bend : position of the motor, and the handle's lead over it, m
+    position, bend : position of the motor, and the handle's lead over the motor, m
     reference : x_e, m
-    motor : command: of the motor, N, or of a servo, m/s, m
+    motor : command of the motor, N, or of a servo, m/s or m
     hand : force of the hand, N
     """
 
@@ -62,17 +62,17 @@ class Equilibrium:
 
 
 def equilibrium(scene: Scene) -> Equilibrium:
-    """Return the equilibrium at the start of the motion: all springs, from the hand's to the environment's, in a row.
+    """Return the equilibrium at the start of the motion: all springs, from the hand's to the environment's, in series.
 
-    Without a position gain the controller holds no position, and the handle starts where hand and environment agree.
-    The same holds for a servo, which is at the environment's position.
+    Without a position gain the controller holds no position, and the handle starts where hand and environment are in
+    equilibrium. The same holds for a servo, which is at the environment's position.
     """
     found = _at_rest(scene)
     return replace(found, motor=found.reference) if scene.law.command == "position" else found
 
 
 def _at_rest(scene: Scene) -> Equilibrium:
-    """Return the equilibrium at the start of the motion, without a command of a position."""
+    """Return the equilibrium at the start of the motion without a position command."""
     hand, law, begin = scene.operator, scene.law, scene.operator.start
     rendered, held = law.environment, holding(law)
     if hand.stiffness == 0 or rendered.stiffness == 0:
@@ -91,7 +91,8 @@ def _at_rest(scene: Scene) -> Equilibrium:
 
 
 def holding(law: Law) -> float:
-    """Return the stiffness between handle and rendered environment at rest, N/m: K_p, or a spring of the coupling."""
+    """Return the stiffness between handle and rendered environment at rest, N/m: K_p, or that of the coupling's
+    spring."""
     return law.coupling.stiffness if isinstance(law.coupling, SpringDamper) else law.position
 
 
@@ -100,7 +101,7 @@ def designed_scene(device: Device, gains: Gains, coupling: AnyCoupling, experime
 
     Parameters
     ----------
-    device : plain numbers, SI units
+    device : device with plain numbers, SI units
     gains, coupling : the design
     experiment : the experiment of the run
     """
@@ -112,19 +113,19 @@ def baseline_scene(device: Device, experiment: Experiment, pid: Baseline) -> Sce
 
     Parameters
     ----------
-    device : plain numbers, SI units
+    device : device with plain numbers, SI units
     experiment : the experiment of the run
-    pid : the regular controller
+    pid : the regular PID
     """
     return _scene(device, experiment, Gains(pid.kd, pid.kp), pid.ki, None, pid.mass, pid.damping)
 
 
 def designed_law(device: Device, gains: Gains, coupling: AnyCoupling | None, environment: Environment) -> Law:
-    """Return the firmware of a design, without a limit and with an encoder that does not round.
+    """Return the firmware of a design, without a limit and with an ideal encoder.
 
     Parameters
     ----------
-    device : its sample time and its velocity estimate
+    device : device; the function uses its sample time and its velocity estimate
     gains, coupling : the design
     environment : the rendered environment
     """

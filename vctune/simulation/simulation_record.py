@@ -1,4 +1,4 @@
-"""Simulated experiments as the object of simulation.json and the arrays of traces.npz: plain, finite or null."""
+"""Simulated experiments as the object of simulation.json and the arrays of traces.npz. Numbers are finite or null."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ from vctune.simulation.two_runs import Run, Simulated
 from vctune.version import __version__
 
 TOLERANCE = 1.5e-3
-"""Share of the shown range by which a curve may differ: less than the line's width. Half gives more points in
-simulation.json and the same picture. With twice, corners begin to show in print."""
+"""Share of the plotted range by which a thinned curve may differ, less than the width of a line. Half this share gives
+more points in simulation.json and the same picture. With twice this share, corners begin to show in print."""
 
 
 def simulation_record(
@@ -41,7 +41,7 @@ def simulation_record(
 ) -> SimulationRecord:
     """Return the record of simulated experiments.
 
-    Curves are thinned for drawing, to `TOLERANCE`.
+    The function thins the curves for drawing, to `TOLERANCE`.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def simulation_record(
 
 
 def trace_arrays(simulated: list[Simulated]) -> dict[str, Floats]:
-    """Return every trace by experiment, run and quantity: "spring/design/force"."""
+    """Return every trace by a name made of experiment, run and quantity, as in "spring/design/force"."""
     return {
         f"{one.experiment.name}/{name}/{field.name}": values
         for one in simulated
@@ -117,21 +117,21 @@ def _experiment(one: Simulated, device: Device, coupling: AnyCoupling) -> Experi
 
 
 def quiet_stiffness(device: Device, experiment: Experiment) -> float:
-    """Return the stiffness up to which a wall of an impedance display comes to rest on its encoder's quanta, N/m.
+    """Return the greatest stiffness of a wall that comes to rest on an impedance display's encoder steps, N/m.
 
-    Abbott and Okamura's min(2 b/T, 2 f_C/q): friction has to swallow the energy that a quantum gives.
+    It is min(2 b/T, 2 f_C/q) by Abbott and Okamura: friction must absorb the energy that an encoder step supplies.
 
     Parameters
     ----------
-    device : its damping and its sample time
-    experiment : its friction and its encoder
+    device : device; the function uses its damping and its sample time
+    experiment : experiment; the function uses its friction and its encoder
     """
     coulomb = experiment.friction.coulomb if experiment.friction is not None else 0.0
     return min(2 * device.damping / device.sample_time, 2 * coulomb / experiment.sensors.position_resolution)
 
 
 def axis(environment: Environment) -> Literal["position", "velocity"]:
-    """Return the horizontal axis of an environment's force: position for a spring, velocity for the rest."""
+    """Return the horizontal axis for an environment's force: position for a spring, velocity otherwise."""
     return "position" if environment.stiffness > 0 else "velocity"
 
 
@@ -149,7 +149,7 @@ def _run(made: Run, curve: list[list[float]]) -> RunRecord:
 
 
 def _curve(traces: Traces, name: str, cycle: float) -> tuple[Floats, Floats]:
-    """Return position or velocity and the force over it, without the first cycle if there are more."""
+    """Return position or velocity, and the force over it. If there are several cycles, the first is omitted."""
     first = int(np.searchsorted(traces.time, cycle * (1 - 1e-9)))
     first = first if len(traces.time) - first > 1 else 0
     return getattr(traces, name)[first:], traces.force[first:]

@@ -1,4 +1,4 @@
-"""A curve with fewer points that looks the same (Ramer, Douglas and Peucker)."""
+"""Reduce a curve to fewer points that look the same (Ramer, Douglas and Peucker)."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ Indices = NDArray[np.intp]
 
 
 def thinned(x: Floats, y: Floats, tolerance: tuple[float, float]) -> Indices:
-    """Return the indices of a sufficient subset of points: no other point is far from the line through them.
+    """Return the indices of a subset of points whose polyline stays close to all other points.
 
     Parameters
     ----------
-    x, y : the curve, finite
-    tolerance : greatest distance, in x and in y; positive
+    x, y : coordinates of the curve, finite
+    tolerance : greatest distance in x and in y; both positive
 
     Returns
     -------
     array of int
-        Ascending, with the first and the last.
+        In ascending order, including the first and the last point.
     """
     curve = x / tolerance[0] + 1j * (y / tolerance[1])
     kept = np.zeros(len(curve), bool)
@@ -41,7 +41,7 @@ def thinned(x: Floats, y: Floats, tolerance: tuple[float, float]) -> Indices:
 
 
 def _distances(points: NDArray[np.complex128], start: complex, end: complex) -> Floats:
-    """Return the distances of points of the complex plane from a segment."""
+    """Return the distances of points in the complex plane from a segment."""
     along = end - start
     length = abs(along)
     if length == 0:

@@ -1,4 +1,4 @@
-"""An experiment from its description to its two runs: a) the regular PID and b) the design."""
+"""Simulate an experiment in two runs: a) the regular PID, and b) the design."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Run:
     Attributes
     ----------
     traces : the recorded samples
-    metrics : its measures; None if the run diverged
-    mode : mode of the linear sampled loop of device, hand and environment that grows the fastest
+    metrics : measures of the run; None if the run diverged
+    mode : fastest growing mode of the linear sampled loop of device, hand and environment
     """
 
     traces: Traces
@@ -33,14 +33,15 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Simulated:
-    """An experiment that was simulated.
+    """The results of a simulated experiment.
 
     Attributes
     ----------
-    experiment : its description
-    baseline, design : the two runs; no baseline without one in the description
-    least_virtual : least share of the baseline's virtual mass and damping that is stable; None without one
-    difference : difference of the commands of a firmware, where one ran instead of the design's own, whose `mode` stays
+    experiment : description of the experiment
+    baseline, design : the two runs; no baseline if the description has none
+    least_virtual : least stable share of the baseline's virtual mass and damping; None without one
+    difference : difference of an external firmware's commands from the design's, if one ran; `mode` is then still the
+        design's
     """
 
     experiment: Experiment
@@ -63,18 +64,18 @@ def simulate(
 
     Parameters
     ----------
-    problem : the device
+    problem : problem with the device
     gains, coupling : the design
-    experiment : one of the problem's, or any other
+    experiment : an experiment of the problem, or any other
     progress : function that receives the current stage
-    controller : a firmware instead of the design's own; None without one
-    tolerance : greatest difference of its commands from the design's that passes, in their unit; None for the effect of
+    controller : an external firmware to run; None for the design's own
+    tolerance : greatest permitted difference of its commands from the design's, in their unit; None for the effect of
         rounding
 
     Returns
     -------
     Simulated
-        Traces, SI units, and their measures; no measures of a run that diverged.
+        Traces in SI units and their measures; a run that diverged has no measures.
     """
 
     def ran(scene: Scene, name: str) -> Run:

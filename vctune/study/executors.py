@@ -1,6 +1,6 @@
-"""Workers: processes of this machine or a Dask cluster, both as a `concurrent.futures.Executor`.
+"""Workers: processes on this machine or a Dask cluster, both as a `concurrent.futures.Executor`.
 
-Workers end when the process that started them does, however it ends, and leave Ctrl-C to it.
+Workers end when the process that started them ends, however that happens. They leave Ctrl-C to that process.
 """
 
 from __future__ import annotations
@@ -23,16 +23,17 @@ from vctune.document.text.errors import InputError
 from vctune.version import __version__
 
 PENDING_PER_WORKER = 3
-"""Points handed out for each worker, so that none waits for its next one: solving takes tens of milliseconds at least,
-handing one out takes one. With half as many a worker on another machine may wait; with twice as many none does less."""
+"""Number of points handed out for each worker, so that no worker waits for its next point: solving takes tens of
+milliseconds at least, handing a point out takes one. With half as many, a worker on another machine may wait; with
+twice as many, none waits less."""
 CONNECT_SECONDS = 5
 ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
     "PYTHONWARNINGS": "ignore:resource_tracker:UserWarning",
     "DASK_LOGGING__DISTRIBUTED": "critical",
 }
-"""Environment of worker processes: single-threaded linear algebra, and no complaints when a run is interrupted or
-killed."""
+"""Environment variables of worker processes: single-threaded linear algebra, and no messages when a run is interrupted
+or killed."""
 
 
 @dataclass(slots=True)
@@ -41,10 +42,10 @@ class WorkerPool:
 
     Attributes
     ----------
-    executor : to submit to
+    executor : executor that receives the points
     max_pending : number of points to hand out at once
-    worker_died : exceptions of a dead worker
-    unreachable : exceptions of an unreachable cluster
+    worker_died : exceptions that mean a dead worker
+    unreachable : exceptions that mean an unreachable cluster
     renew : function that renews the executor after a worker has died
     """
 
@@ -62,23 +63,23 @@ def available_cores() -> int:
 
 @contextmanager
 def worker_pool(choice: str, jobs: int) -> Iterator[WorkerPool]:
-    """Start workers, or join them, and let them go at the end.
+    """Start workers or connect to them, and release them at the end of the block.
 
     Parameters
     ----------
-    choice : "serial" for this process alone, "processes", "dask" for a Dask cluster of this machine, "dask:ADDRESS" for
-        a running one
+    choice : "serial" for this process alone, "processes", "dask" for a Dask cluster on this machine, or "dask:ADDRESS"
+        for a running cluster
     jobs : number of workers to start
 
     Returns
     -------
     context manager
-        Of the pool.
+        Yields the pool.
 
     Raises
     ------
     InputError
-        If there is no such executor or its scheduler cannot be reached.
+        If there is no such executor, or its scheduler cannot be reached.
     """
     kind, _, address = choice.partition(":")
     if kind == "dask":
@@ -94,7 +95,7 @@ def worker_pool(choice: str, jobs: int) -> Iterator[WorkerPool]:
 
 
 class _Serial(Executor):
-    """An executor that works at once in this process: nothing to start, no script for workers to import."""
+    """An executor that runs work immediately in this process. It starts nothing and imports no script."""
 
     def submit(self, work: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         done: Future[Any] = Future()
@@ -118,13 +119,13 @@ def _process_pool(jobs: int) -> Iterator[WorkerPool]:
     except BaseException:
         pool.executor.shutdown(wait=False, cancel_futures=True)
         raise
-    pool.executor.shutdown()  # idle workers end at once; not waited for, they may outlive the pipe that wakes them
+    pool.executor.shutdown()  # idle workers end at once; without waiting, they may outlive the pipe that wakes them
 
 
 def _context() -> BaseContext:
-    """Return how processes are started: from a server that has imported the solver, where there can be one.
+    """Return how processes start: if possible, from a server that has already imported the solver.
 
-    The server passes on its start environment.
+    The server passes on the environment with which it started.
     """
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
@@ -138,7 +139,8 @@ def _context() -> BaseContext:
 
 @contextmanager
 def _for_workers() -> Iterator[None]:
-    """Let processes that start in this block have `ENVIRONMENT` and ignore Ctrl-C, as this one does meanwhile."""
+    """Make processes that start in this block have `ENVIRONMENT` and ignore Ctrl-C, which this process also ignores
+    here."""
     before, foremost = dict(os.environ), threading.current_thread() is threading.main_thread()
     os.environ.update(ENVIRONMENT)
     handler = signal.signal(signal.SIGINT, signal.SIG_IGN) if foremost else None
@@ -152,7 +154,7 @@ def _for_workers() -> Iterator[None]:
 
 
 def _begin_worker() -> None:
-    """Begin a worker process: leave Ctrl-C to the parent, and end when the parent does."""
+    """Set up a worker process: it leaves Ctrl-C to its parent and ends when its parent ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
@@ -187,7 +189,7 @@ def _dask_pool(choice: str, address: str, jobs: int) -> Iterator[WorkerPool]:
 
 @contextmanager
 def _no_logs() -> Iterator[None]:
-    """Keep Dask's tracebacks of lost connections from stderr: our own message covers them."""
+    """Keep Dask's tracebacks of lost connections off stderr, because vctune's own message covers them."""
     before = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
     try:
@@ -215,10 +217,10 @@ def _client(choice: str, address: str, jobs: int) -> Iterator[Any]:
 
 
 def _check_versions(choice: str, client: Any) -> None:
-    """Make sure that every worker has this vctune: another one would make other rows."""
+    """Make sure that every worker runs this version of vctune, because another version would give different rows."""
     try:
         versions = ", ".join(sorted(set(client.run(_version).values())))
-    except Exception as error:  # whatever keeps a worker from running vctune comes back as its own kind of failure
+    except Exception as error:  # whatever keeps a worker from running vctune arrives as an exception of its own kind
         versions = f"none that runs ({error})"
     if versions != __version__:
         raise _refusal(choice, f"its workers need vctune {__version__} and have {versions}; install it on each of them")

@@ -1,4 +1,4 @@
-"""The two trade-offs of a design as predefined studies."""
+"""The two trade-offs of a design, as predefined studies."""
 
 from __future__ import annotations
 
@@ -16,30 +16,31 @@ from vctune.model.problem import Problem, Range
 from vctune.study.study_table import Table
 
 EXPONENTS = np.arange(-6, 7) / 2
-"""Decades by which the weight of |Z_c|/Z_0 varies against those of the loop's two terms."""
+"""Decades by which the weight of |Z_c|/Z_0 varies relative to the weights of the loop's two terms."""
 POSITIONS, DECADES = 24, 4
-"""Values of K_p, and their start below its upper bound if it may be 0."""
+"""Number of values of K_p; and number of decades below its upper bound at which they start, if K_p may be 0."""
 EDGES = 41
 DIGITS = 5
 OWN = "error_with_own_weights"
-"""Name of the error if each row has weights of its own, so that no two rows compare."""
+"""Name of the error if each row has its own weights, so that the errors of two rows cannot be compared."""
 
 
 def terms_study(document: dict[str, Any], problem: Problem) -> Study:
-    """Return the study whose designs trade |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0 against each other.
+    """Return the study whose designs trade off |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0.
 
-    The first two belong to the loop, K_v and K_p, the third to the coupling. At each K_p the weight of the third
-    moves K_v; K_p is swept itself, because weights alone do not find the parts of a front that are not convex.
+    The first two terms belong to the loop with K_v and K_p, the third to the coupling. At each K_p the weight of the
+    third term moves K_v. The study sweeps K_p itself, because weights alone miss the parts of a front that are not
+    convex.
 
     Parameters
     ----------
-    document, problem : the problem file, parsed and resolved
+    document, problem : the parsed problem file, and its problem
     """
-    if problem.device.kind.inverse:  # K_v costs free motion and stiffens the coupling, which no weight moves else
+    if problem.device.kind.inverse:  # K_v costs free motion and stiffens the coupling, and only a weight moves it
         velocity = _list("gains.velocity", _values(problem.bounds.velocity))
         return Study("terms", document, (velocity,), problem)
     weight = problem.transparency.weights.coupling or 1.0
-    if not problem.device.kind.own_loop:  # one term alone differs between its designs
+    if not problem.device.kind.own_loop:  # only one term differs between designs
         return Study("terms", document, (_list("transparency.weights.coupling", [weight]),), problem)
     weights = [float(f"{weight * 10**k:.6g}") for k in EXPONENTS]
     axes = (
@@ -50,7 +51,7 @@ def terms_study(document: dict[str, Any], problem: Problem) -> Study:
 
 
 def _values(bounds: Range) -> list[float]:
-    """Return values of a gain from its lower bound to its upper one, spaced by ratio."""
+    """Return geometrically spaced values of a gain from its lower to its upper bound."""
     if bounds.fixed:
         return [bounds.min]
     low = bounds.min or bounds.max * 10.0**-DECADES
@@ -59,14 +60,15 @@ def _values(bounds: Range) -> list[float]:
 
 
 def band_study(document: dict[str, Any], problem: Problem) -> Study:
-    """Return the study whose designs trade the error against the upper edge of the stability band.
+    """Return the study whose designs trade off the error against the upper edge of the stability band.
 
-    The edge goes from that of the transparency band, or just above the lower edge, up to the Nyquist frequency.
+    The edge varies from the upper edge of the transparency band, or from just above the lower edge, to the Nyquist
+    frequency.
 
     Parameters
     ----------
-    document : tables of the problem file, in which the band's edges are replaced
-    problem : stated by them
+    document : tables of the problem file, whose band edges the study replaces
+    problem : problem that the document states
     """
     nyquist = 0.5 / problem.device.sample_time
     low = problem.stability.band.min / (2 * pi)
@@ -85,14 +87,14 @@ def _list(key: str, values: list[float]) -> Axis:
 
 
 def terms_front(table: Table) -> Table:
-    """Return the designs that none other beats in all three terms, by |Z_c|/Z_0."""
+    """Return the designs that no other design beats in all three terms, sorted by |Z_c|/Z_0."""
     costs = np.column_stack([table.numbers[f"{term}_term"] for term in ("admittance", "tracking", "coupling")])
     front = _front(table, costs, by=2)
     return replace(front, numbers={OWN if name == "error" else name: each for name, each in front.numbers.items()})
 
 
 def band_front(table: Table) -> Table:
-    """Return the designs that none other beats in error and upper edge: the wider the band the greater the error."""
+    """Return the designs that no other beats in both error and upper band edge. The error grows with the edge."""
     edge = table.axes["stability.band_hz[1]"]
     return _front(table, np.column_stack([-edge, table.numbers["error"]]), by=1)
 
@@ -105,14 +107,14 @@ def _front(table: Table, costs: Floats, by: int) -> Table:
 
 
 def _rounded(costs: Floats) -> Floats:
-    """Return costs with `DIGITS` digits: designs within a solver's tolerance are the same."""
+    """Return costs rounded to `DIGITS` digits, so that designs within a solver's tolerance count as equal."""
     return np.array([[float(f"{cost:.{DIGITS}g}") for cost in row] for row in costs]).reshape(costs.shape)
 
 
 def nondominated(costs: Floats) -> NDArray[np.intp]:
-    """Return the indices of the rows of finite cost that no other row dominates.
+    """Return the indices of the rows with finite cost that no other row dominates.
 
-    Among rows of the same cost the first stays.
+    Among rows with equal cost, the first stays.
     """
     chosen = []
     for i, cost in enumerate(costs):

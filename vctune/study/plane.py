@@ -1,4 +1,4 @@
-"""The plane of two design variables in which a region lies, and its division into squares."""
+"""The plane of two design variables in which a region lies, and its division into cells."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from vctune.proof.enclosures.array_intervals import Flags
 from vctune.proof.engine.boxes import Cells
 
 Squares = NDArray[np.intp]
-"""Cells by the numbers of their edges, x_low, x_high, y_low, y_high: shape (4, number of cells).
+"""Cells given by the indices of their edges, x_low, x_high, y_low, y_high, as an array of shape (4, number of cells).
 
-A cell with y_low = y_high (or x_low = x_high) is a piece of the line K_p = 0 without an integrator.
+A cell with y_low = y_high (or x_low = x_high) is a piece of the line K_p = 0, where the law has no integrator.
 """
 
 COARSEST = 8
@@ -28,12 +28,12 @@ DIGITS = 12
 
 @dataclass(frozen=True, slots=True)
 class Plane:
-    """Two variables of a design, or numbers of an environment, with the edges of their finest cells.
+    """Two variables of a design, or two numbers of an environment, with the edges of their finest cells.
 
     Attributes
     ----------
     axes : indices of the variables x and y among `keys`
-    edges : edges of x and of y, SI units, 2^levels + 1 each, equally far apart in the optimiser's coordinates
+    edges : 2^levels + 1 edges of x and as many of y, SI units, equally spaced in the optimiser's coordinates
     ranges : ranges of all variables
     """
 
@@ -47,12 +47,13 @@ class Plane:
         return WORLD if len(self.ranges) == len(WORLD) else keys_of(len(self.ranges))
 
     def at_full_width(self, key: str) -> bool:
-        """Return whether a variable is free and no axis, so that each cell may have a value of its own."""
+        """Return whether a variable is free but not an axis, so that each cell may have its own value of it."""
         index = self.keys.index(key) if key in self.keys else None
         return index is not None and index not in self.axes and not self.ranges[index].fixed
 
     def coarsest_squares(self) -> Squares:
-        """Return the plane in `COARSEST` by `COARSEST` squares, and the line K_p = 0 in the same way if it is there."""
+        """Return the plane as `COARSEST` by `COARSEST` cells and, if it includes K_p = 0, that line in as many
+        pieces."""
         side, count = len(self.edges[0]) - 1, COARSEST
         marks = np.arange(0, side, side // count)
         i, j = (m.ravel() for m in np.meshgrid(marks, marks, indexing="ij"))
@@ -65,11 +66,11 @@ class Plane:
         return squares
 
     def has_line(self, place: int) -> bool:
-        """Return whether x or y (0 or 1) is K_p from 0, where a line of its own has no integrator."""
+        """Return whether x or y (0 or 1) is a K_p from 0, where a separate line has no integrator."""
         return self.keys[self.axes[place]] == "gains.position" and bool(self.edges[place][0] == 0)
 
     def cells(self, squares: Squares) -> Cells:
-        """Return the cells, the other variables at the full width of their ranges."""
+        """Return the cells with the other variables at the full width of their ranges."""
         low = np.repeat([[bounds.min] for bounds in self.ranges], squares.shape[1], axis=1)
         high = np.repeat([[bounds.max] for bounds in self.ranges], squares.shape[1], axis=1)
         for place, axis in enumerate(self.axes):
@@ -77,23 +78,23 @@ class Plane:
         return Cells(low, high)
 
     def areas(self, squares: Squares) -> Floats:
-        """Return each cell's share of the plane, in the optimiser's coordinates."""
+        """Return each cell's share of the plane in the optimiser's coordinates."""
         side = len(self.edges[0]) - 1
         return (squares[1] - squares[0]) * (squares[3] - squares[2]) / side**2
 
 
 def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
-    """Return why the region of a problem in the plane of x and y cannot be found, if so.
+    """Return the reasons why the region of a problem in the plane of x and y cannot be found.
 
     Parameters
     ----------
-    problem : problem with or without a region
-    x, y : dotted keys, of the problem's variables
+    problem : the problem
+    x, y : dotted keys of two of the problem's variables
 
     Returns
     -------
     list of Mistake
-        Empty if it can be found.
+        Empty if the region can be found.
     """
     bounds, found = dict(zip(keys_for(problem), ranges(problem), strict=True)), []
     free = [key for key in bounds if not bounds[key].fixed]
@@ -125,9 +126,9 @@ def plane(problem: Problem, x: str, y: str, levels: int) -> Plane:
 
     Parameters
     ----------
-    problem : one without `plane_errors` in this plane
+    problem : problem without `plane_errors` in this plane
     x, y : dotted keys
-    levels : the finest cell is 2^-levels of a side
+    levels : the side of the finest cell is 2^-levels of the plane's side
     """
     impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
     found = {c.index: c for c in coordinates(problem.in_units(impedance, time), integrator=True)}
@@ -147,8 +148,8 @@ def halved(squares: Squares, across: Flags) -> Squares:
 
     Parameters
     ----------
-    squares : each longer than 1 in x or in y
-    across : where x is halved, if it is longer than 1; y elsewhere, likewise, shape (n,)
+    squares : cells, each longer than 1 in x or in y
+    across : True where x is to be halved if it is longer than 1, False where y is, shape (n,)
     """
     wide, high = squares[1] - squares[0] > 1, squares[3] - squares[2] > 1
     low = np.where(wide & (across | ~high), 0, 2)

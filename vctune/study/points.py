@@ -12,7 +12,7 @@ from vctune.document.axes import Axis
 from vctune.document.study_file import Study
 
 DIGITS = 12
-"""Significant digits of the values that are made here, so that they are the same on every machine."""
+"""Number of significant digits of the values made here, so that they are equal on every machine."""
 
 Values = tuple[float, ...]
 
@@ -26,20 +26,20 @@ def points(study: Study) -> Iterator[Values]:
 
 
 def axis_values(axis: Axis) -> Values:
-    """Return the values of an axis: its list, or its range divided by n."""
+    """Return the values of an axis: its list, or n values of its range."""
     if axis.scale == "list" or axis.n is None:
         return axis.values
     return _spread(axis, np.arange(axis.n) / (axis.n - 1))
 
 
 def latin_hypercube(axes: tuple[Axis, ...], n: int, seed: int) -> Iterator[Values]:
-    """Yield n points; every axis has exactly one of them in each of n equal parts of its range.
+    """Yield n points. On every axis, each of n equal parts of the range contains exactly one of them.
 
-    A list is cut into parts of equal length: its elements appear equally often, to one more or less.
+    A list is divided into parts of equal length, so that the frequencies of its elements differ by at most one.
 
     Parameters
     ----------
-    axes : each with a list of values, or the ends of its range
+    axes : axes, each with a list of values or the ends of its range
     n : number of points
     seed : seed of the random numbers
     """
@@ -50,7 +50,7 @@ def latin_hypercube(axes: tuple[Axis, ...], n: int, seed: int) -> Iterator[Value
 
 
 def _spread(axis: Axis, share: Floats) -> Values:
-    """Return the values at shares of an axis between 0 and 1."""
+    """Return the values at given shares, between 0 and 1, of an axis."""
     if axis.scale == "list":
         return tuple(axis.values[int(t * len(axis.values))] for t in share)
     low, high = axis.values

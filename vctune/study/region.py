@@ -1,4 +1,5 @@
-"""The feasible gains as a set: cells proved feasible throughout, proved infeasible throughout, or undecided."""
+"""The feasible gains as a set of cells: each is proved feasible throughout, proved infeasible throughout, or
+undecided."""
 
 from __future__ import annotations
 
@@ -26,9 +27,9 @@ from vctune.study.plane import Plane, Squares, halved
 from vctune.study.region_estimate import DAMPING, changes, estimate
 
 TOGETHER = 512
-"""Cells judged together; their data fit into memory."""
+"""Number of cells that are judged together; their data fit into memory."""
 EASING = "coupling.mass", "coupling.drag"
-"""Variables that ease the constraints as they grow."""
+"""Keys of the variables that ease the constraints as they grow."""
 
 Progress = Callable[[str], None]
 
@@ -52,9 +53,10 @@ class Region:
     ----------
     plane : the variables and their edges
     squares : the cells, shape (4, n)
-    kinds : of each cell, `Kind`
-    damping : for each feasible cell a b_c that serves all of it, N s/m, when the problem leaves b_c free; else nan
-    interrupted : whether cells were left undecided that had not been looked at, or could have been divided
+    kinds : verdict on each cell, `Kind`
+    damping : for each feasible cell, a b_c that is feasible in all of it, N s/m, if the problem leaves b_c free; else
+        nan
+    interrupted : whether undecided cells remain that were not examined or could be divided further
     """
 
     plane: Plane
@@ -64,7 +66,7 @@ class Region:
     interrupted: bool = False
 
     def area(self, kind: Kind) -> float:
-        """Return the share of the plane that is of this kind."""
+        """Return the share of the plane with a given verdict."""
         return float(self.plane.areas(self.squares)[self.kinds == kind].sum())
 
 
@@ -75,24 +77,25 @@ def region(
     progress: Progress = lambda stage: None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Region:
-    """Divide cells of a plane of gains until each is decided or as small as the plane's edges allow.
+    """Divide cells of a plane of gains until each is decided or as small as the plane's edges permit.
 
-    Where b_c, m_c or b_0 are free and not on an axis, feasible means that some values within their bounds will do. The
-    demands ease as m_c and b_0 grow, so that their upper bounds decide. Coarse cells come before fine ones, so that a
-    search that is stopped has decided most of the plane that it could in its time.
+    If b_c, m_c or b_0 are free and not on an axis, a cell is feasible if some values within their bounds suffice. The
+    constraints ease as m_c and b_0 grow, so their upper bounds decide. The search examines coarse cells before fine
+    ones, so that it has decided most of the plane whenever it is stopped.
 
     Parameters
     ----------
-    problem : one without `plane_errors` in the plane
-    plane : the variables and the edges of the finest cells
-    squares : cells to begin with, shape (4, n)
-    progress : told what share of the plane is decided
-    stopped : whether to give up now; asked before each `TOGETHER` cells. The time limit ends it earlier
+    problem : problem without `plane_errors` in the plane
+    plane : variables of the plane, and edges of the finest cells
+    squares : the first cells, shape (4, n)
+    progress : function that receives the decided share of the plane
+    stopped : function that returns whether to end now, called before each `TOGETHER` cells; a time limit also ends the
+        search
 
     Returns
     -------
     Region
-        The cells that those are divided into, in no particular order.
+        The cells into which the first cells are divided, in no particular order.
     """
     one = of_one_device(problem)
     assert one is not None
@@ -109,18 +112,18 @@ def divided(
     progress: Progress = lambda stage: None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Region:
-    """Divide cells of a plane until each is decided or as small as the plane's edges allow.
+    """Divide cells of a plane until each is decided or as small as the plane's edges permit.
 
     Parameters
     ----------
-    plane, squares, progress, stopped : as of `region`
-    judged : returns the verdict on some cells, and a b_c of each; nan if there is none
-    across : returns which cells are halved in x, as of `halved`
+    plane, squares, progress, stopped : see `region`
+    judged : function that returns the verdict on some cells, and a b_c of each, or nan
+    across : function that returns which cells to halve in x, see `halved`
 
     Returns
     -------
     Region
-        The cells that those are divided into, in no particular order.
+        The cells into which the first cells are divided, in no particular order.
     """
     done, decided = list[tuple[Squares, Kinds, Floats]](), 0.0
     while squares.shape[1] and not (stopped() or out_of_time()):
@@ -144,17 +147,17 @@ def divided(
 
 
 def free_damping(plane: Plane) -> bool:
-    """Return whether each cell may have a b_c of its own."""
+    """Return whether each cell may have its own b_c."""
     return plane.at_full_width(KEYS[DAMPING])
 
 
 def easiest(cells: Cells, plane: Plane) -> Cells:
-    """Return the cells with m_c and b_0 at their upper bounds where they are free.
+    """Return the cells with free m_c and b_0 at their upper bounds.
 
     Parameters
     ----------
-    cells : boxes of the variables, SI units, n of them
-    plane : says which variables are axes
+    cells : n boxes of the variables, SI units
+    plane : plane, which determines the variables that are axes
     """
     low = cells.low.copy()
     for index in (KEYS.index(key) for key in EASING if plane.at_full_width(key)):
@@ -167,8 +170,8 @@ def with_damping(cells: Cells, damping: Floats) -> Cells:
 
     Parameters
     ----------
-    cells : boxes of the variables, n of them
-    damping : b_c, N s/m, shape (n,); nan where the cell keeps its range
+    cells : n boxes of the variables
+    damping : b_c, N s/m, shape (n,); nan where a cell keeps its range
     """
     low, high = cells.low.copy(), cells.high.copy()
     given = np.isfinite(damping)
@@ -178,17 +181,18 @@ def with_damping(cells: Cells, damping: Floats) -> Cells:
 
 @np.errstate(all="ignore")
 def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
-    """Return the verdict on each cell, and the b_c of a feasible one if it is free.
+    """Return the verdict on each cell, and the b_c of a feasible cell if b_c is free.
 
     Parameters
     ----------
-    problems : all of which a feasible cell meets: those of the stated delay and of others beside it
+    problems : problems of the stated delay and of delays on both sides of a whole sample; a feasible cell meets all of
+        them
     plane, squares : the cells
 
     Returns
     -------
-    kinds : of each cell, `Kind`, shape (n,)
-    damping : N s/m, shape (n,); nan where the cell is not feasible, or b_c is fixed or an axis
+    kinds : verdict on each cell, `Kind`, shape (n,)
+    damping : b_c, N s/m, shape (n,); nan where the cell is not feasible, or b_c is fixed or an axis
     """
     cells, free = easiest(plane.cells(squares), plane), free_damping(plane)
     damping, places = estimate(problems, cells, free=free)
@@ -205,14 +209,14 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
 
 
 def _across(problems: Sequence[Problem], plane: Plane, squares: Squares) -> Flags:
-    """Return which cells are to be halved in x: those across which the requirements change more."""
+    """Return which cells to halve in x: those in which the requirements change more with x than with y."""
     change = changes(problems, easiest(plane.cells(squares), plane), plane.axes, free=free_damping(plane))
     longer = squares[1] - squares[0] > squares[3] - squares[2]
     return np.where(change[0] == change[1], longer, change[0] > change[1])
 
 
 def _lost(problem: Problem, cells: Cells, places: Places, *, free: bool) -> Flags:
-    """Return which cells are proved to hold no design that meets a problem's demands."""
+    """Return which cells are proved to contain no design that meets a problem's constraints."""
     demands = pose(problem).demands
     lost = refuted(demands, cells, places)
     if free:
@@ -225,7 +229,8 @@ def _lost(problem: Problem, cells: Cells, places: Places, *, free: bool) -> Flag
 
 
 def _closer(problem: Problem, cells: Cells, places: Places) -> Places:
-    """Return the places with the hands and the angles next to those with the greatest requirement of the centres."""
+    """Return the places with hands and angles refined to those near them that require the most at the cells'
+    centres."""
     assert problem.hands_met is not None and places.in_hands is not None
     K_v, K_p, *of_coupling = cells.centres().low[:, :, None, None]
     coupling, first = coupling_from(of_coupling), places.in_hands[0]

@@ -1,4 +1,4 @@
-"""`vctune check --region`: proves the content of a baseline again for today's problem."""
+"""`vctune check --region`: prove the content of a baseline again for the problem as it is today."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ from vctune.study.world_region import world_plane, world_plane_errors, world_reg
 
 @dataclass(frozen=True, slots=True)
 class Recheck:
-    """The verdicts of a baseline that is checked again.
+    """The verdicts of a renewed check of a baseline.
 
     Attributes
     ----------
-    region : the cells that the baseline had proved feasible, divided further if they are not proved as a whole
+    region : the cells that the baseline lists as feasible, divided further if they are not proved as a whole
     designs : the gain sets that the baseline lists
-    certified : those that still are
+    certified : the listed gain sets that are still certified
     units : units of the problem
-    cut : whether the time limit has ended it; cells that are not proved again are then not lost
+    cut : whether the time limit ended the check; cells that are not proved again then do not count as lost
     """
 
     region: Region
@@ -55,14 +55,14 @@ class Recheck:
 
     @property
     def lost(self) -> bool:
-        """Whether anything has lost its proof."""
+        """Whether a cell or a gain set has lost its proof."""
         return bool((self.region.kinds != Kind.FEASIBLE).any()) or not all(self.certified)
 
 
 def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lambda stage: None) -> Recheck:
-    """Prove again, for today's problem, the cells and the gain sets that a baseline had proved to be feasible.
+    """Prove the feasible cells and the gain sets of a baseline again, for the problem as it is today.
 
-    The axes keep the baseline's edges; fixed numbers and bounds of the other variables are today's.
+    The axes keep the baseline's edges. Fixed numbers and bounds of the other variables are those of today's problem.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lam
 
 
 def _rendered_again(problem: Problem, baseline: RegionDocument, progress: Progress) -> Recheck:
-    """Prove again which environments the design of a map bears; the design itself is not proved anew."""
+    """Prove the environments of a map again for its design. The design itself is not proved again."""
     x, y = baseline.axes.x, baseline.axes.y
     ranges = world_plane(problem, x, y, 3).ranges
     plane = Plane((WORLD.index(x), WORLD.index(y)), (np.array(baseline.edges.x), np.array(baseline.edges.y)), ranges)
@@ -104,14 +104,14 @@ def _feasible(baseline: RegionDocument) -> Squares:
 
 @dataclass(frozen=True, slots=True)
 class RegionFinding:
-    """The result of checking a baseline again.
+    """The result of a renewed check of a baseline.
 
     Attributes
     ----------
-    file : the problem of today
-    again : result of the new check
+    file : today's problem
+    again : verdicts on cells and gain sets
     warnings : warnings for the user
-    seconds : it took
+    seconds : duration of the check, s
     """
 
     file: ProblemFile
@@ -140,18 +140,18 @@ class RegionFinding:
 def recheck_region(
     file: ProblemFile, baseline: Path, progress: Progress = lambda stage: None
 ) -> tuple[Checked, Recheck]:
-    """Prove the cells and gain sets of a region file again, for today's problem.
+    """Prove the cells and gain sets of a region file again, for the problem as it is today.
 
     Parameters
     ----------
-    file : the problem of today
+    file : today's problem
     baseline : path of a region.json
     progress : function that receives the current stage
 
     Returns
     -------
     checked : verdict, message and result for the baseline
-    again : the cells and gain sets themselves
+    again : verdicts on the cells and gain sets
 
     Raises
     ------

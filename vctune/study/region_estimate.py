@@ -1,4 +1,4 @@
-"""Estimates on a grid of frequencies: where the demands on cells of gains are hardest to meet."""
+"""Estimate on a grid of frequencies where the constraints on cells of gains are hardest to meet."""
 
 from __future__ import annotations
 
@@ -31,24 +31,24 @@ from vctune.proof.engine.boxes import Cells, Integers
 
 POINTS_PER_DECADE = 24
 LOOPS_AT_ONCE = 16
-"""Loops whose arrays, a hundred hands at a hundred angles each, stay in the processor's cache; of no consequence but
-speed."""
+"""Number of loops whose arrays, a hundred hands at a hundred angles each, fit into the processor's cache. It only
+affects speed."""
 DAMPING = KEYS.index("coupling.damping")
 
 
 def estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> tuple[Floats, list[Places]]:
-    """Look at the centres on a grid of frequencies.
+    """Evaluate the constraints at the centres of cells on a grid of frequencies.
 
     Parameters
     ----------
-    problems : all of which are to be met
-    cells : n of them
-    free : whether each may have a b_c of its own
+    problems : problems, all of whose constraints must be met
+    cells : n cells
+    free : whether each cell may have its own b_c
 
     Returns
     -------
-    damping : a b_c with which the centre meets the demands of all problems; nan if there seems to be none
-    places : of each problem, where they are hardest to meet
+    damping : a b_c with which the centre seems to meet the constraints of all problems; nan if there seems to be none
+    places : for each problem, the places where its constraints are hardest to meet
     """
     least, most = cells.low[DAMPING].copy(), cells.high[DAMPING].copy()
     meets, places = np.ones(len(cells), bool), []
@@ -62,19 +62,19 @@ def estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> tuple[
 
 @np.errstate(all="ignore")
 def changes(problems: Sequence[Problem], cells: Cells, axes: tuple[int, int], *, free: bool) -> list[Floats]:
-    """Return the logarithm by which the hardest demand changes across each cell along two axes.
+    """Return the logarithm by which the hardest constraint changes across each cell along two axes.
 
     Parameters
     ----------
-    problems : all of which are to be met
-    cells : n of them
+    problems : problems, all of whose constraints must be met
+    cells : n cells
     axes : rows of the cells
-    free : whether each may have a b_c of its own
+    free : whether each cell may have its own b_c
 
     Returns
     -------
     list of array of float
-        One for each axis, shape (n,); 0 where it is not known.
+        One array for each axis, shape (n,); 0 where the change is not known.
     """
     middle, found = cells.centres(), list[Floats]()
     for axis in axes:
@@ -96,9 +96,9 @@ class _Asked:
 
     Attributes
     ----------
-    omega : rad/s, at which the coupling is met, of an impedance display theta, rad, shape (places,)
-    needed : the least Re Z_c there, N s/m, or Re(1/Z_c)/s^2, shape (n, places)
-    place : the place of each cell as `Places` has it, from one of these numbers each
+    omega : frequencies of the coupling, rad/s; for an impedance display theta, rad; shape (places,)
+    needed : the least Re Z_c there, N s/m, or the least Re(1/Z_c)/s^2, shape (n, places)
+    place : function that makes the place of each cell for `Places` from an index of `omega` for each
     """
 
     omega: Floats
@@ -108,14 +108,14 @@ class _Asked:
 
 @dataclass(frozen=True, slots=True)
 class _Hardest:
-    """Where the demands on n cells are hardest to meet.
+    """The places where the constraints on n cells are hardest to meet.
 
     Attributes
     ----------
-    least, most : b_c between which the coupling's demands are met where it is free, N s/m, shape (n,)
-    meets : whether the others are, shape (n,)
-    places : where
-    missed : logarithm of how much too much is asked for there, by any demand, shape (n,)
+    least, most : ends of the interval of b_c that meets the coupling's constraints if b_c is free, N s/m, shape (n,)
+    meets : whether the other constraints are met, shape (n,)
+    places : the hardest places
+    missed : logarithm of the greatest violation at these places, over all constraints, shape (n,)
     """
 
     least: Floats
@@ -175,7 +175,7 @@ def _asked(problem: Problem, K_v: Floats, K_p: Floats) -> dict[str, _Asked]:
     if problem.passive:
         omega = frequency_grid(*inwards(sampled_span(problem)), POINTS_PER_DECADE)
         loop = response(device, Gains(K_v, K_p), omega)
-        # where the resistance is not positive nothing will do
+        # where the resistance is not positive, no coupling suffices
         needed = np.where(loop.resistance > 0, factor * required_resistance(loop, FLOATS), inf)
         found["omega"] = _Asked(omega, needed, lambda which: omega[which])
     if problem.hands_met is not None:
@@ -187,8 +187,8 @@ def _asked(problem: Problem, K_v: Floats, K_p: Floats) -> dict[str, _Asked]:
 
 
 def _asked_in_hands(at: LoopsInHands, device: Device, factor: float, gains: Gains) -> _Asked:
-    """Return the same at each angle in the worst hand there."""
-    few, same = np.unique(np.hstack(astuple(gains)), axis=0, return_inverse=True)  # cells of a plane share some
+    """Return the requirement at each angle in the worst hand at that angle."""
+    few, same = np.unique(np.hstack(astuple(gains)), axis=0, return_inverse=True)  # cells of a plane share gains
     needed, worst = np.empty((2, len(few), at.theta.size))
     for i in range(0, len(few), LOOPS_AT_ONCE):
         some = Gains(*few[i : i + LOOPS_AT_ONCE].T[..., None, None])

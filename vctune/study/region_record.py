@@ -36,7 +36,7 @@ def region_record(
     file : the problem and its text
     region : the result
     designs : proved gain sets to keep with it
-    rendered : whether the cells are environments, which the only one of these bears
+    rendered : whether the cells are environments, which the only listed design renders
     """
     plane, stability = region.plane, file.problem.stability
     x, y = (plane.keys[axis] for axis in plane.axes)
@@ -72,7 +72,7 @@ def region_record(
 
 
 def _of_hands(problem: Problem) -> dict[str, Any]:
-    """Return the constraint in hands, if there is one."""
+    """Return the constraint in hands; empty without one."""
     if problem.hands_met is None:
         return {}
     low, high = asdict(problem.hands_met.low), asdict(problem.hands_met.high)

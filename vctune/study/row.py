@@ -1,4 +1,4 @@
-"""The row of a solved point; every number is finite or null."""
+"""The row of a solved point. Every number in it is finite or null."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from vctune.study.rows import FAILED
 TERMS = ("error", "admittance", "tracking", "coupling")
 
 _ONE_AT_A_TIME = threading.Lock()
-"""Solvers and ball arithmetic are shared by the threads of a process."""
+"""Lock that lets one thread solve at a time, because the threads of a process share solvers and ball arithmetic."""
 
 
 def solve_point(problem: Problem, time_limit: float = inf) -> dict[str, Any]:
-    """Solve a point and return the values of its row, the seconds it took last; never raises.
+    """Solve a point and return the values of its row, with the seconds last. The function never raises.
 
     Parameters
     ----------
     problem : problem at the point
-    time_limit : s; a row that it has cut short is undecided and names it
+    time_limit : time limit, s; the row of a point that it cuts short is undecided and names the limit
     """
     with _ONE_AT_A_TIME, limited(time_limit):
         began = perf_counter()
@@ -40,7 +40,7 @@ def solve_point(problem: Problem, time_limit: float = inf) -> dict[str, Any]:
                 said = [note.line for note in solved.cut_short]
                 content |= {"reason": "; ".join([content["reason"], *said] if content["reason"] else said)}
                 content |= {"status": Status.UNDECIDED.value, "time_limit": time_limit}
-        except Exception as error:  # a fault of ours is this point's row, not the end of the run
+        except Exception as error:  # a fault of vctune becomes this point's row and does not end the run
             content = row_without_design(FAILED, f"internal error: {type(error).__name__}: {error}")
         return {**content, "seconds": round(perf_counter() - began, 6)}
 
@@ -51,7 +51,7 @@ def row_without_design(status: str, reason: str) -> dict[str, Any]:
     Parameters
     ----------
     status : status of the point
-    reason : why it has none
+    reason : reason why there is no design
     """
     return {"status": status, "idle": False, "reason": reason, **dict.fromkeys(NUMBERS)}
 
@@ -86,7 +86,7 @@ def row_of(solved: Solved) -> dict[str, Any]:
 
 
 def _yardstick(problem: Problem) -> dict[str, float]:
-    """Return the columns of the yardstick."""
+    """Return the columns of the yardstick: the band and Z_0."""
     low, high = problem.transparency.band.hz
     impedance = problem.transparency.reference_impedance
     return YardstickRecord(yardstick_low_hz=low, yardstick_high_hz=high, reference_impedance=impedance).model_dump()

@@ -1,7 +1,8 @@
 """The rows of a study: a file that only grows, one line of JSON for each finished point.
 
-The first line names the study. A row goes to the kernel in one write, so that a killed run leaves whole lines and at
-most one torn one, the last, which is dropped when the file is opened again. Files of one study may be concatenated.
+The first line names the study. The operating system receives each row in one write. So a killed run leaves complete
+lines and at most one torn last line, which is dropped when the file is opened again. Files of one study may be
+concatenated.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from vctune.model.problem import Problem
 from vctune.version import __version__
 
 FAILED = "failed"
-"""Status of a point whose worker died or broke: no word about the point, so that the next run tries it again."""
+"""Status of a point whose worker died or failed. It says nothing about the point, so the next run tries it again."""
 
 Row = dict[str, Any]
 
@@ -47,9 +48,9 @@ class Rows:
 
     Attributes
     ----------
-    path, handle : those of the file
-    places : first row of each key
-    dropped : lines that were no whole rows
+    path, handle : path of the file, and its file descriptor
+    places : position of the first row of each key
+    dropped : number of lines that were not complete rows
     """
 
     path: Path
@@ -61,12 +62,12 @@ class Rows:
         return key in self.places
 
     def append(self, row: Row) -> None:
-        """Add the row of a finished point.
+        """Append the row of a finished point.
 
         Raises
         ------
         InputError
-            If the file cannot grow; its content stays.
+            If the file cannot grow; its content then stays.
         """
         line = (json.dumps(row, allow_nan=False) + "\n").encode()
         place = os.lseek(self.handle, 0, os.SEEK_END)
@@ -78,7 +79,7 @@ class Rows:
         self.places[row["key"]] = place
 
     def read(self, keys: Iterable[str]) -> Iterator[Row]:
-        """Yield the rows of some keys."""
+        """Yield the rows of given keys."""
         with self.path.open("rb") as file:
             for key in keys:
                 file.seek(self.places[key])
@@ -87,24 +88,25 @@ class Rows:
 
 @contextmanager
 def open_rows(path: Path, study: Study, *, restart: bool, time_limit: float = inf) -> Iterator[Rows]:
-    """Open the rows of a study, made if it has none yet; only one process may write them at a time.
+    """Open the rows of a study, creating the file if needed. Only one process may write them at a time.
 
     Parameters
     ----------
     path : path of the file
-    study : study whose rows they are
-    restart : begin again instead of going on
+    study : study to which the rows belong
+    restart : whether to begin again instead of resuming
     time_limit : time limit of a point, s; rows that a shorter limit has cut are ignored
 
     Returns
     -------
     context manager
-        Yields the rows, for reading and adding.
+        Yields the rows, to read and to append.
 
     Raises
     ------
     InputError
-        If the file is of another study, no file of rows, in use or not writable; it then stays as it is.
+        If the file belongs to another study, is not a file of rows, is in use, or cannot be written. It then stays as
+        it is.
     """
     header = json.dumps(RowsHeader(study=study.sha256, axes=[axis.key for axis in study.axes]).to_json()) + "\n"
     if not path.exists() or not path.stat().st_size:
@@ -138,7 +140,7 @@ def _opened(path: Path) -> Iterator[int]:
 
 
 def _index(path: Path, handle: int, study: Study, time_limit: float = inf) -> Rows:
-    """Find the rows of a file, cutting a torn last line off; points that failed or were cut are ignored."""
+    """Find the rows of a file and cut off a torn last line. Rows of points that failed or were cut are ignored."""
     rows, end = Rows(path, handle, {}), 0
     with path.open("rb") as file:
         _check_header(path, file.readline(), study)
@@ -158,7 +160,7 @@ def _index(path: Path, handle: int, study: Study, time_limit: float = inf) -> Ro
 
 
 def _parsed(line: bytes) -> Row | None:
-    """Return the row or header on a line, or None if it is torn."""
+    """Return the row or the header on a line; None if the line is torn."""
     try:
         row = json.loads(line)
     except ValueError:

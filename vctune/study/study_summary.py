@@ -1,4 +1,4 @@
-"""The summary of a sweep: the best, the worst, and where there is no design."""
+"""The summary of a sweep: the best and the worst design, and the region without designs."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ from vctune.study.study_table import Table
 
 
 def summary(study: Study, table: Table) -> SweepRecord:
-    """Return the summary of a sweep: counts by status, yardstick, best and worst design, corner without designs.
+    """Return the summary of a sweep: counts by status, yardstick, best and worst design, and the corner without
+    designs.
 
-    The corner is the smallest box, over the axes, that contains every point without a certified design; `share` is the
-    share of it that they fill.
+    The corner is the smallest box over the axes that contains every point without a certified design. Its `share` is
+    the share of the points in it that have no design.
 
     Parameters
     ----------
     study : the solved study
-    table : a row a point
+    table : table with one row for each point
     """
     certified, error = table.certified, table.numbers["error"]
     order = np.flatnonzero(certified)[np.argsort(error[certified], kind="stable")]

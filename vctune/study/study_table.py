@@ -1,4 +1,4 @@
-"""The rows of a study as columns, in the order of its points, for writing, drawing and summing up."""
+"""The rows of a study as columns, in the order of its points, for files, figures and summaries."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import polars
 
 MOST_SHOWN = 50
-"""Rows that a notebook shows."""
+"""Number of rows that a notebook shows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,11 +39,11 @@ class Table:
     Attributes
     ----------
     axes : values of the axes, by dotted key
-    status, reason : texts; a certified point has no reason, ""
-    idle : whether each design is certified and hardly uses its velocity loop
-    numbers : error, terms, design, ratio, felt numbers and the yardstick (`vctune.document.records.rows_json.COLUMNS`),
-        nan if there is none
-    system : system of units, the problem's
+    status, reason : texts; the reason of a certified point is ""
+    idle : whether each design is certified but hardly uses its velocity loop
+    numbers : error, terms, design, ratio, felt numbers and yardstick (`vctune.document.records.rows_json.COLUMNS`); nan
+        for a number that does not exist
+    system : the problem's system of units
     """
 
     axes: dict[str, Floats]
@@ -55,7 +55,7 @@ class Table:
 
     @property
     def certified(self) -> NDArray[np.bool_]:
-        """Which points have a certified design."""
+        """Flags of the points that have a certified design."""
         return np.array([status == Status.CERTIFIED for status in self.status], dtype=bool)
 
     def columns(self) -> dict[str, Any]:
@@ -75,28 +75,28 @@ class Table:
         }
 
     def headed(self) -> dict[str, Any]:
-        """Return every column by its name with its unit, as files have them."""
+        """Return every column by its name with its unit, as files name it."""
         units = self.units
         return {heading(name, units.get(name, "")): column for name, column in self.columns().items()}
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return the table as a data frame of pandas, units in the headings (the extra `pandas`)."""
+        """Return the table as a data frame of pandas, with units in the headings (needs the extra `pandas`)."""
         import pandas
 
         return pandas.DataFrame(self._values())
 
     def to_polars(self) -> polars.DataFrame:
-        """Return the table as a data frame of polars, units in the headings (the extra `polars`)."""
+        """Return the table as a data frame of polars, with units in the headings (needs the extra `polars`)."""
         import polars
 
         return polars.DataFrame(self._values(), schema=self._types(polars.Float64, polars.String, polars.Boolean))
 
     def _values(self) -> dict[str, list[Any]]:
-        """Return every column as a file has it; what there is not is None."""
+        """Return every column as a file contains it, with None for values that do not exist."""
         return {name: [_plain(value) for value in column] for name, column in self.headed().items()}
 
     def _types(self, number: Any, text: Any, truth: Any) -> dict[str, Any]:
-        """Return the type of each column, as some library calls them."""
+        """Return the type of each column, in the terms of a library."""
         return dict.fromkeys(self.headed(), number) | dict.fromkeys(("status", "reason"), text) | {"idle": truth}
 
     def __repr__(self) -> str:
@@ -104,11 +104,11 @@ class Table:
         return f"Table({len(self.status)} points over {axes}, {int(self.certified.sum())} certified)"
 
     def row(self, i: int) -> dict[str, Any]:
-        """Return one row; absent values are None."""
+        """Return one row, with None for absent values."""
         return {name: _plain(column[i]) for name, column in self.columns().items()}
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return every row; absent values are None."""
+        """Return all rows, with None for absent values."""
         return [self.row(i) for i in range(len(self.status))]
 
     def _repr_html_(self) -> str:
@@ -142,8 +142,8 @@ def table_of(study: Study, rows: Rows, keys: list[str]) -> Table:
     Parameters
     ----------
     study : the study
-    rows : its rows, one for each point
-    keys : keys of each point's row, in the order of the points
+    rows : rows of the study, one for each point
+    keys : keys of the rows, in the order of the points
     """
     values = np.array(list(points(study)), dtype=float).reshape(-1, len(study.axes))
     numbers = {name: np.full(len(keys), nan) for name in _columns(study)}
@@ -159,14 +159,14 @@ def table_of(study: Study, rows: Rows, keys: list[str]) -> Table:
 
 
 def _columns(study: Study) -> list[str]:
-    """Return the numbers that the designs of a study's display have."""
+    """Return the names of the numbers that a design of the study's display has."""
     kind = stated_display(study.document["device"])
     absent = {DESIGN[key] for key in set(DESIGN) - set(kind.stated)}
     return [name for name in NUMBERS if name not in absent]
 
 
 def csv_text(table: Table) -> str:
-    """Return a table as CSV: numbers in their shortest exact decimals, absent ones blank."""
+    """Return a table as CSV, with numbers in their shortest exact decimals and blanks for absent values."""
     stream = StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     columns = table.headed()
@@ -180,7 +180,7 @@ def csv_text(table: Table) -> str:
 
 
 def parquet_bytes(table: Table) -> bytes | None:
-    """Return a table as a Parquet file, or None if pyarrow is not installed."""
+    """Return a table as a Parquet file; None if pyarrow is not installed."""
     try:
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -197,14 +197,14 @@ def table_files(table: Table, folder: Path, stem: str) -> dict[Path, str | bytes
 
     Parameters
     ----------
-    table : a row a point
+    table : table with one row for each point
     folder : folder for the files
-    stem : stem of their names
+    stem : stem of the file names
 
     Returns
     -------
     dict
-        Contents by path; Parquet needs pyarrow.
+        Contents by path. The Parquet file is included only if pyarrow is installed.
     """
     parquet = parquet_bytes(table)
     files: dict[Path, str | bytes] = {folder / f"{stem}.csv": csv_text(table)}

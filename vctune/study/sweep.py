@@ -1,4 +1,4 @@
-"""The loop of a sweep: it sends points to the workers and writes rows to the file, with a bounded number under way."""
+"""The loop of a sweep: it hands points to the workers, a bounded number at a time, and writes rows to the file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from vctune.study.row import row_without_design, solve_point
 from vctune.study.rows import FAILED, Rows, invalid_key, key_of
 
 INVALID = "invalid"
-"""Status of a point at which the numbers make no problem."""
+"""Status of a point at which the numbers do not form a valid problem."""
 DIED = "its worker died, and so did the one that tried it again, alone"
 
 OnDone = Callable[[], None]
@@ -41,8 +41,8 @@ class _Sweep:
     Attributes
     ----------
     time_limit : time limit of a point, s
-    pending : points that workers have
-    retries : points to try again alone, whose worker died, or one that shared its pool
+    pending : points at the workers
+    retries : points to try again alone, because their worker died or a worker of their pool died
     """
 
     study: Study
@@ -57,20 +57,20 @@ class _Sweep:
 def sweep(
     study: Study, rows: Rows, pool: WorkerPool, on_done: OnDone = lambda: None, time_limit: float = inf
 ) -> list[str]:
-    """Solve every point of a study that has no row yet; return the key of each point's row, in the study's order.
+    """Solve every point of a study that has no row yet. Return the key of each point's row, in the study's order.
 
     Parameters
     ----------
     study : the study to solve
-    rows : the existing rows, and the place for the others
+    rows : existing rows, to which the new rows are appended
     pool : the workers
-    on_done : called once a point
+    on_done : function that is called after each point
     time_limit : time limit of a point, s
 
     Raises
     ------
     InputError
-        If the file of rows cannot grow or all workers are out of reach; finished points stay finished.
+        If the file of rows cannot grow, or no worker can be reached; finished points stay finished.
     """
     state, keys = _Sweep(study, rows, pool, on_done, time_limit), []
     for values in points(study):
@@ -95,7 +95,7 @@ def _row(study: Study, key: str, values: Values, content: dict[str, Any]) -> dic
 
 
 def _submit(state: _Sweep, task: Task) -> None:
-    """Give a point to the workers unless it has a row or is under way."""
+    """Hand a point to the workers, unless it has a row or a worker already has it."""
     if task.key in state.rows or any(task.key == other.key for other in state.pending.values()):
         state.on_done()
         return
@@ -107,7 +107,7 @@ def _submit(state: _Sweep, task: Task) -> None:
 
 
 def _collect(state: _Sweep, most: int) -> None:
-    """Collect finished points until at most so many are under way; those that lost their worker are tried again."""
+    """Collect finished points until at most so many are pending. Points that lost their worker are tried again."""
     while len(state.pending) > most or (state.retries and state.pending):
         for future in wait(state.pending, return_when=FIRST_COMPLETED).done:
             task = state.pending.pop(future)
@@ -121,14 +121,14 @@ def _collect(state: _Sweep, most: int) -> None:
 
 
 def _try_alone(state: _Sweep, task: Task) -> None:
-    """Try a point again alone, so that a second death is its own fault."""
+    """Try a point again alone, so that a second death is certainly its own fault."""
     state.pool.renew()
     content = _content(state.pool, state.pool.executor.submit(solve_point, task.problem, state.time_limit))
     _finish(state, task, content or row_without_design(FAILED, DIED))
 
 
 def _content(pool: WorkerPool, future: Future[dict[str, Any]]) -> dict[str, Any] | None:
-    """Wait for a point and return its result, None if its worker died."""
+    """Wait for a point and return its result; None if its worker died."""
     try:
         return future.result()
     except pool.worker_died:

@@ -1,7 +1,7 @@
-"""What may be rendered: the environments that given gains bear, as cells of a plane of their numbers.
+"""Find the environments that given gains can render, as cells of a plane of two numbers of an environment.
 
-A cell is a box of environments. It is feasible where the claim about a box of environments is proved of it, and
-infeasible where each of its members holds a pole on the unit circle in some hand
+A cell is a box of environments. It is feasible if the claim about a box of environments is proved for it. It is
+infeasible if each of its members has a pole on the unit circle in some hand
 (`vctune.proof.claims.worlds.world_cells`).
 """
 
@@ -27,21 +27,21 @@ from vctune.study.region import Kind, Kinds, Progress, Region, divided
 
 MASS, DAMPING, STIFFNESS = range(3)
 DECADES = (3.5, 1.5)
-"""How many decades the plane reaches below and above the stiffest hand, and the others by what goes with it: for a
-human hand springs of 1 N/m to 100 kN/m, masses of a gram to a hundred kilograms."""
+"""Number of decades that the plane reaches below and above the greatest mass, damping and stiffness of the hands. With
+the default hands of a linear device, the axes go from 0.2 g to 20 kg and from 0.9 N/m to 90 kN/m."""
 PERIOD = 0.01
-"""Time that relates a mass to a stiffness and a damping where no hand of the box states the others, s."""
+"""Time, s, that relates mass, damping and stiffness where no hand of the box determines the others."""
 GREATEST = 1e9
-"""Stands for a mass or a stiffness without limit, of which one member is enough."""
+"""Number that represents a mass or a stiffness without limit; one member of the box with it suffices."""
 
 
 def world_plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
-    """Return why there is no plane of environments of x and y.
+    """Return the reasons why there is no plane of environments over x and y.
 
     Parameters
     ----------
-    problem : whose hands are to be met
-    x, y : dotted keys, of which one at least is that of an environment
+    problem : problem whose hands hold the device
+    x, y : dotted keys, at least one of which is that of an environment
     """
     others = [key for key in (x, y) if key not in WORLD]
     said = f"is no number of an environment; those are {', '.join(WORLD)}"
@@ -62,15 +62,16 @@ def world_plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
 
 
 def world_plane(problem: Problem, x: str, y: str, levels: int) -> Plane:
-    """Return a plane of environments, from 0 and in logarithms; the number that is no axis has its stated range.
+    """Return a plane of environments whose axes begin at 0 and are logarithmic; other numbers have their stated range.
 
-    A mass or a stiffness that is not stated is 0: the springs alone, or the masses.
+    A mass or a stiffness that is neither an axis nor stated is 0, so that the environments are springs alone or masses
+    alone.
 
     Parameters
     ----------
-    problem : whose hands are to be met
-    x, y : two of `WORLD`
-    levels : the finest cell is 2^-levels of a side
+    problem : problem whose hands hold the device
+    x, y : two keys of `WORLD`
+    levels : the side of the finest cell is 2^-levels of the plane's side
     """
     stated = problem.worlds
     ranges = [Range(0.0, 0.0), Range(0.0, inf), Range(0.0, 0.0)]
@@ -89,7 +90,7 @@ def world_plane(problem: Problem, x: str, y: str, levels: int) -> Plane:
 
 
 def _spans(problem: Problem) -> list[tuple[float, float]]:
-    """Return the least mass, damping and stiffness that a plane divides, and the greatest."""
+    """Return the ranges of mass, damping and stiffness that a plane divides."""
     hand = problem.hands.high
     stiffness = hand.stiffness or hand.mass / PERIOD**2 or problem.device.mass / PERIOD**2
     mass = hand.mass or stiffness * PERIOD**2
@@ -116,16 +117,16 @@ def world_region(
     stopped: Callable[[], bool] = lambda: False,
     squares: Squares | None = None,
 ) -> Region:
-    """Divide a plane of environments until each cell is decided or as small as the plane's edges allow.
+    """Divide a plane of environments until each cell is decided or as small as the plane's edges permit.
 
     Parameters
     ----------
-    problem : its device and hands, its uncertainty and safety factor; SI units
-    gains, coupling : the design
-    plane : of environments
-    progress : told what share of the plane is decided
-    stopped : whether to give up now
-    squares : cells to begin with; None for the whole plane
+    problem : problem with device, hands, uncertainty and safety factor; SI units
+    gains, coupling : the design that renders the environments
+    plane : plane of environments
+    progress : function that receives the decided share of the plane
+    stopped : function that returns whether to end now
+    squares : the first cells; None for the whole plane
 
     Returns
     -------
@@ -147,12 +148,12 @@ def _longer(squares: Squares) -> Flags:
 
 
 def judged(found: Rendered, plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
-    """Return what can be proved of each cell of a plane of environments, and a b_c of none.
+    """Return the verdict on each cell of a plane of environments. The second result, a b_c for each cell, is all nan.
 
     Parameters
     ----------
-    found : the design
-    plane, squares : the cells
+    found : the design, prepared to prove environments
+    plane, squares : the plane and its cells
     """
     kinds = np.full(squares.shape[1], Kind.FEASIBLE if found.every else Kind.UNDECIDED)
     if not found.every:
@@ -166,11 +167,12 @@ def judged(found: Rendered, plane: Plane, squares: Squares) -> tuple[Kinds, Floa
 
 
 def _missed(plane: Plane, low: Floats, high: Floats) -> WorldCells:
-    """Return what each member of a cell has: of a number that is no axis each has the whole range, the other way round.
+    """Return for each cell the ends that all its members share. For a number that is not an axis, these are its range
+    with the ends swapped, since each member may choose the number.
 
     Parameters
     ----------
-    plane : says what is an axis
+    plane : plane, which determines the numbers that are axes
     low, high : the cells
     """
     least, most = low.copy(), high.copy()

@@ -1,7 +1,7 @@
-"""The sampled loop of a device, let go or in a hand: its transfer functions with their units.
+"""The sampled loop of a device, without a hand or in a hand: its transfer functions with their units.
 
-The responses are those of `vctune.model.sampled` in double precision; the state spaces are made of the same mechanism,
-stepped exactly over a sample. Nothing of it is proved.
+The responses are those of `vctune.model.sampled` in double precision. The state spaces come from the same mechanism,
+stepped exactly over a sample. Nothing of this is proved.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ LET_GO = Hand(0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """The sampled loop of a device with every part that it has: filter, delay, actuator, structure, sensor.
+    """The sampled loop of a device with all of its parts: filter, delay, actuator, structure and sensor.
 
-    The environment is at rest. Frequencies go up to Nyquist, pi/T.
+    The environment is at rest. The frequencies reach Nyquist, pi/T.
 
     Attributes
     ----------
-    device : plain numbers, SI units; its least operator does not count, the hand takes its place
+    device : device with plain numbers, SI units; the hand takes the place of its least operator
     gains : K_v, N s/m, and K_p, N/m
-    coupling : of Z_c; None where nothing is asked of it
-    hand : M, kg, B, N s/m, and K, N/m, at the handle; None for a device let go
+    coupling : coupling, for Z_c; None if Z_c is not needed
+    hand : hand at the handle, with M, kg, B, N s/m, and K, N/m; None for a device without a hand
     """
 
     device: Device
@@ -53,7 +53,7 @@ class Loop:
 
     @property
     def L(self) -> Transfer:
-        """Open loop L = K_v G_v + K_p G_x, from the force that acts to the force that the law answers with."""
+        """Open loop L = K_v G_v + K_p G_x, from the acting force to the force that the law returns."""
         self._require_loop("L")
         signals = Signal("force", self._units.force), Signal("answer", self._units.force)
 
@@ -65,7 +65,7 @@ class Loop:
 
     @property
     def S(self) -> Transfer:
-        """Sensitivity S = 1/(1 + L), from a force that disturbs the command to the command."""
+        """Sensitivity S = 1/(1 + L), from a disturbance of the commanded force to the commanded force."""
         self._require_loop("S")
         signals = Signal("disturbance", self._units.force), Signal("command", self._units.force)
 
@@ -78,10 +78,10 @@ class Loop:
 
     @property
     def Z_seen(self) -> Transfer:
-        """The impedance that the environment of an admittance display or a servo meets of the loop in a hand.
+        """The impedance of the loop in a hand that the environment of an admittance display or a servo sees.
 
-        It leads from the environment's velocity to the force that is sensed of the hand, with the sign of a resistance:
-        R = -Re Z_seen is what the hand requires of the coupling.
+        It is the response of the sensed force to the environment's velocity, with the sign of a resistance: R = -Re
+        Z_seen is what the hand requires of the coupling.
         """
         hand = self.hand
         if hand is None:
@@ -101,7 +101,7 @@ class Loop:
 
     @property
     def Y_seen(self) -> Transfer:
-        """The admittance that the environment of an impedance display meets, from force to differenced position."""
+        """The admittance that the environment of an impedance display sees, from force to differenced position."""
         if self.device.kind.senses_force:
             raise ValueError("Y_seen: an admittance display meets its environment by its force; take Z_seen")
         signals = Signal("force", self._units.force), Signal("velocity", self._units.speed)
@@ -142,12 +142,12 @@ class Loop:
 
     @property
     def motion(self) -> Transfer:
-        """From the velocity that is commanded of a servo to the velocity of its handle."""
+        """The response of a servo's handle velocity to the commanded velocity."""
         servo = self.device.servo
         if servo is None:
             raise ValueError("motion: the device is no servo; its loop is L, its sensitivity S")
         alone = replace(self.device.sensing_at_once, servo=replace(servo, stiffness=None, radii=()))
-        # a damper of 1 resists by as much as the handle moves
+        # a damper of 1 N s/m resists with the velocity of the handle
         felt = Loop(alone, self.gains, hand=Hand(0.0, 1.0, 0.0)).Z_seen
         speed = self._units.speed
         signals = Signal("commanded velocity", speed), Signal("velocity", speed)
@@ -166,19 +166,19 @@ class Loop:
             raise ValueError(f"{symbol}: the loop of a servo is its vendor's; take motion, or Z_seen in a hand")
 
     def _law_alone(self) -> PlantStates:
-        """Return the plant as the law alone sees it: without K_p by its velocity."""
+        """Return the plant as the law needs it: if K_p is 0, with its velocity alone."""
         made = plant_states if self.gains.position else velocity_states
         return made(self.device, self.hand or LET_GO)
 
     def _answer(self, plant: PlantStates) -> Row:
-        """Return the force that the law answers with while the environment is at rest."""
+        """Return the force of the law while the environment is at rest."""
         return total([(float(self.gains.velocity), plant.velocity), (float(self.gains.position), plant.position)])
 
     def _driven(self, plant: PlantStates) -> dict[str, Row]:
-        """Return the states when the environment moves: the law acts on errors of velocity and position.
+        """Return the states if the environment moves. The law then acts on the errors of velocity and position.
 
-        The environment's position is summed by the trapezoidal rule, and kept less the motor's: so there is no
-        integrator where nothing depends on either alone.
+        The trapezoidal rule integrates the environment's velocity. The state is the difference of its position and the
+        motor's, so that there is no integrator where nothing depends on either position alone.
         """
         T, K_v, K_p = float(self.device.sample_time), float(self.gains.velocity), float(self.gains.position)
         command = total([(K_v + K_p * T / 2, {INPUT: 1.0}), (K_p, {"error": 1.0}), (-K_v, plant.velocity)])
@@ -187,7 +187,7 @@ class Loop:
 
     def _held(self, theta: Floats) -> AnyLoopInHand:
         device, servo = self.device, self.device.servo
-        if servo is not None:  # its own response, not a disc around it
+        if servo is not None:  # the nominal response, not the disc around it
             device = replace(device, servo=replace(servo, radii=()))
         return loop_in_hand(plant_in_hand(device, self.hand or LET_GO, delays_of(device), FLOATS), theta, FLOATS)
 
@@ -226,11 +226,11 @@ OF_STATE = {
     "difference": "speed",
     "commanded": "speed",
 }
-"""Quantity of a state by the first word of its name; all others are forces."""
+"""Quantity of a state by the first word of its name; all other states are forces."""
 
 
 def _quotient(above: EvenOdd, below: EvenOdd, theta: Floats) -> Complex:
-    """Return above/below as complex numbers."""
+    """Return the quotient of two numbers even + j s odd as complex numbers."""
     sin = 1j * np.sin(theta / 2)
     return np.asarray((above.even + sin * above.odd) / (below.even + sin * below.odd))
 

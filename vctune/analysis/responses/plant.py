@@ -1,7 +1,8 @@
-"""The states of a device in a hand over a sample: the matrices of `vctune.model.sampled`, with delays as memory.
+"""The states of a device in a hand over one sample: the matrices of `vctune.model.sampled`, with delays as memory.
 
-The mechanism and its filters are those of `mechanism_in_hand`, or of a servo `servo_rates`, stepped exactly over a
-sample (`stepped`). What is felt late by a part of a sample is the force within an earlier one. All is in SI units.
+The mechanism and its filters come from `mechanism_in_hand`, or for a servo from `servo_rates`; `stepped` steps them
+exactly over a sample. A force that is sensed with a delay of a fraction of a sample is the force within an earlier
+sample. All numbers are in SI units.
 """
 
 from __future__ import annotations
@@ -27,14 +28,14 @@ from vctune.model.sampled.velocity_loop import split_delay
 
 @dataclass(frozen=True, slots=True)
 class PlantStates:
-    """What a command becomes, sample by sample.
+    """The response of a device in a hand to a command, sample by sample.
 
     Attributes
     ----------
-    states : next value of each
-    position, velocity : the motor's, as the firmware knows them
-    moved : change of the position over the sample that begins
-    felt : the hand's force as it is sensed, with the sign of Z_seen: what resists
+    states : next value of each state
+    position, velocity : position and velocity of the motor as the firmware knows them
+    moved : change of the position over the next sample
+    felt : sensed force of the hand, with the sign of Z_seen: a resisting force is positive
     """
 
     states: dict[str, Row]
@@ -46,13 +47,13 @@ class PlantStates:
 
 @dataclass(frozen=True, slots=True)
 class _Chain:
-    """x' = A x + b u with T = 1.
+    """The system x' = A x + b u with T = 1.
 
     Attributes
     ----------
-    names : of the states x
+    names : names of the states x
     rates, push : A and b
-    units : of the states, in SI units
+    units : SI units of the states
     """
 
     names: tuple[str, ...]
@@ -65,7 +66,7 @@ class _Chain:
 
         Parameters
         ----------
-        share : of the sample, in (0, 1]
+        share : share of the sample, in (0, 1]
         older : part of the sample in which the older input acts, < share; 0 if it does not act
         now, before : the newer and the older input
         """
@@ -89,21 +90,21 @@ class _Chain:
         return [total([(1.0, {name: 1.0}), (1.0, row)]) for name, row in zip(self.names, moved, strict=True)]
 
     def weighted(self, weights: Any, rows: list[Row]) -> Row:
-        """Return a sum of the dimensionless states, of which SI values are given."""
+        """Return a weighted sum of the dimensionless states, given the states in SI units."""
         return total((w / unit, row) for w, unit, row in zip(weights, self.units, rows, strict=True))
 
 
 @dataclass(frozen=True, slots=True)
 class _Timing:
-    """When commands act and forces are sensed.
+    """Timing of the commands and of the sensed forces.
 
     Attributes
     ----------
     now, before : the newer and the older command of a sample
-    older : part of the sample in which the older one acts
-    sensed : whole samples by which the sensor is late
-    within : place within a sample at which it senses, in (0, 1); None for the sample itself
-    carried : whether the older command acts there
+    older : part of the sample in which the older command acts
+    sensed : number of whole samples by which the sensor is late
+    within : time within a sample at which the sensor samples, in (0, 1); None for the end of the sample
+    carried : whether the older command acts at that time
     """
 
     now: Row
@@ -117,7 +118,8 @@ class _Timing:
 def _timing(
     states: dict[str, Row], command: Row, device: Device, sensor_delay: float, *, later: bool = False
 ) -> _Timing:
-    """Return when the commands of a device act, one sample later if asked for; their memory is added to the states."""
+    """Return the timing of a device's commands, one sample later on request, and add the commands' memory to the
+    states."""
     T, delay = float(device.sample_time), float(device.latency)
     whole, older = split_delay(delay, T)
     sensed, part = split_delay(sensor_delay, T)
@@ -127,7 +129,7 @@ def _timing(
 
 
 def _sensed(states: dict[str, Row], chain: _Chain, at: _Timing, weights: Floats, feed: float) -> Row:
-    """Return a sum of the dimensionless states and of the input that acts just before, as it is sensed."""
+    """Return the sensed value of a sum of the dimensionless states and of the input that acts just before."""
     if at.within is None:
         rows, acting = chain.after([{} for _ in chain.names]), at.before
     elif at.carried:
@@ -139,12 +141,12 @@ def _sensed(states: dict[str, Row], chain: _Chain, at: _Timing, weights: Floats,
 
 
 def plant_states(device: Device, hand: Hand) -> PlantStates:
-    """Return a device in a hand over a sample, from its held command to what its firmware knows.
+    """Return a device in a hand over one sample, from its held command to the signals that its firmware knows.
 
     Parameters
     ----------
-    device : plain numbers, no servo; its least operator does not count, the hand takes its place
-    hand : M, B and K; all 0 for a device let go
+    device : device with plain numbers, not a servo; the hand takes the place of its least operator
+    hand : M, B and K; all 0 for a device without a hand
     """
     T, states = float(device.sample_time), dict[str, Row]()
     parts = mechanism_in_hand(device, hand, FLOATS)
@@ -166,14 +168,15 @@ def plant_states(device: Device, hand: Hand) -> PlantStates:
 
 
 def velocity_states(device: Device, hand: Hand) -> PlantStates:
-    """Return the same where nothing but the velocity estimate counts: no state is there twice.
+    """Return a device in a hand as `plant_states` does, for a law that needs only the velocity estimate; no state is
+    duplicated.
 
-    The low-passes of the velocity act on the command, so that their memory is that of the delay. A difference is the
-    way of the sample before.
+    The low-passes of the velocity act on the command, so that their memory is that of the delay. A differenced velocity
+    is the distance moved in the previous sample.
 
     Parameters
     ----------
-    device, hand : as of `plant_states`
+    device, hand : see `plant_states`
     """
     T, states = float(device.sample_time), dict[str, Row]()
     chain = _in_hand(mechanism_in_hand(device, hand, FLOATS), T, float(device.mass))
@@ -195,7 +198,7 @@ def _differenced(device: Device) -> bool:
 
 
 def _low_pass(device: Device) -> tuple[float, int]:
-    """Return a of the firmware's low-passes of the velocity, and how many there are."""
+    """Return the coefficient a of the firmware's low-passes of the velocity, and the number of low-passes."""
     estimate = device.velocity
     if estimate is None or estimate.filter_hz is None:
         return 1.0, 0
@@ -204,7 +207,7 @@ def _low_pass(device: Device) -> tuple[float, int]:
 
 
 def _in_hand(parts: Mechanism, sample_time: float, mass: float) -> _Chain:
-    """Return the mechanism solved for x' = E^-1 (A x + b u)."""
+    """Return the mechanism in the form x' = E^-1 (A x + b u)."""
     rates, push = np.array(parts.rates, float), np.array(parts.push, float)
     for name, inertia in parts.inertia.items():
         row = parts.names.index(name)
@@ -219,11 +222,11 @@ def _in_hand(parts: Mechanism, sample_time: float, mass: float) -> _Chain:
 
 
 def servo_states(device: Device, hand: Hand) -> PlantStates:
-    """Return a servo over a sample, from the velocity that is commanded to the force that is sensed of a hand.
+    """Return a servo over one sample, from the commanded velocity to the sensed force of a hand.
 
     Parameters
     ----------
-    device : a servo, plain numbers; a disc of responses does not count
+    device : a servo with plain numbers; the function ignores a disc of responses
     hand : M, B and K
     """
     servo, share = device.servo, device.sensing.filter_coefficient
@@ -246,7 +249,7 @@ def servo_states(device: Device, hand: Hand) -> PlantStates:
 
 
 def _felt_of_servo(states: dict[str, Row], device: Device, hand: Hand, command: Row) -> tuple[Row, _Chain]:
-    """Return M a + B v + K x as it is sensed."""
+    """Return the sensed value of M a + B v + K x."""
     T, servo = float(device.sample_time), device.servo
     assert servo is not None
     driven = np.array(servo_rates(device, FLOATS)[0], float)

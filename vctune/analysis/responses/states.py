@@ -1,4 +1,4 @@
-"""Discrete states by name: the next value of each is a sum of states and input."""
+"""Discrete states by name: the next value of each state is a weighted sum of states and input."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from vctune.analysis.extrema import Floats
 from vctune.analysis.responses.transfer import StateSpace
 
 Row = dict[str, float]
-"""A sum of states and of the input: coefficients by name."""
+"""A weighted sum of states and of the input: coefficients by name."""
 INPUT = "input"
 """Name of the input in a row."""
 
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A name and the unit it is in, such as "velocity" and "m/s"."""
+    """A name with its unit, such as "velocity" and "m/s"."""
 
     name: str
     unit: str
@@ -28,7 +28,7 @@ class Signal:
 
 
 def total(terms: Iterable[tuple[float, Mapping[str, float]]]) -> Row:
-    """Return a weighted sum of rows, without what it has nothing of."""
+    """Return a weighted sum of rows, without zero coefficients."""
     found: Row = {}
     for factor, row in terms:
         for name, x in row.items():
@@ -37,14 +37,14 @@ def total(terms: Iterable[tuple[float, Mapping[str, float]]]) -> Row:
 
 
 def late(states: dict[str, Row], name: str, row: Row, samples: int) -> Row:
-    """Return a row as it was some samples ago, kept in states of its own.
+    """Return a row delayed by a number of samples, and add the states that store it.
 
     Parameters
     ----------
-    states : next value of each state; those that keep the row are added
-    name : what is kept
+    states : next value of each state; the function adds the states that store the row
+    name : name of the stored row
     row : a sum of states and input
-    samples : how many, >= 0
+    samples : number of samples, >= 0
     """
     for ago in range(1, samples + 1):
         kept = f"{name}[k-{ago}]"
@@ -54,15 +54,15 @@ def late(states: dict[str, Row], name: str, row: Row, samples: int) -> Row:
 
 
 def filtered(states: dict[str, Row], name: str, row: Row, share: float, order: int) -> Row:
-    """Return a row behind low-passes y += a (x - y) that follow one another.
+    """Return a row behind low-passes y += a (x - y) in series, and add their states.
 
     Parameters
     ----------
-    states : next value of each state; those of the low-passes are added
-    name : of what is filtered
+    states : next value of each state; the function adds the states of the low-passes
+    name : name of the filtered row
     row : x
     share : a
-    order : how many
+    order : number of low-passes
     """
     for number in range(1, order + 1):
         kept = f"{name} low-pass {number}[k-1]"
@@ -72,23 +72,23 @@ def filtered(states: dict[str, Row], name: str, row: Row, share: float, order: i
 
 
 def closed(states: Mapping[str, Row], command: Row) -> dict[str, Row]:
-    """Return states whose input is a sum of them and of another input.
+    """Return states with their input replaced by a sum of states and of another input.
 
     Parameters
     ----------
-    states : next value of each
-    command : what their input is
+    states : next value of each state
+    command : sum that replaces the input
     """
     return {name: substituted(row, command) for name, row in states.items()}
 
 
 def substituted(row: Row, command: Row) -> Row:
-    """Return a row with a sum in the place of its input.
+    """Return a row with its input replaced by a sum.
 
     Parameters
     ----------
     row : a sum of states and of the input
-    command : what the input is
+    command : sum that replaces the input
     """
     rest = {name: x for name, x in row.items() if name != INPUT}
     return total([(1.0, rest), (row.get(INPUT, 0.0), command)])
@@ -97,13 +97,13 @@ def substituted(row: Row, command: Row) -> Row:
 def matrices(
     states: Mapping[str, Row], output: Row, units: Mapping[str, str], signals: tuple[Signal, Signal], sample_time: float
 ) -> StateSpace:
-    """Return the matrices of the states that the input moves and on which the output depends.
+    """Return the matrices of the states that depend on the input and that affect the output.
 
     Parameters
     ----------
-    states : next value of each
-    output : the output now
-    units : of the states, by name
+    states : next value of each state
+    output : the present output, as a row
+    units : units of the states, by name
     signals : input and output
     sample_time : T, s
     """
@@ -124,7 +124,7 @@ def matrices(
 
 
 def _between(states: Mapping[str, Row], output: Row) -> list[str]:
-    """Return the states that the input reaches and that reach the output, in their order."""
+    """Return the states that the input reaches and that affect the output, in their order."""
     seen: set[str] = set()
     ahead = [name for name in output if name != INPUT]
     while ahead:

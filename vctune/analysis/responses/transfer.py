@@ -1,4 +1,4 @@
-"""A transfer function with its units, as arrays over frequency and as matrices; python-control takes both."""
+"""A transfer function with its units, as arrays over frequency and as matrices. python-control accepts both."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     import control
 
 POINTS, DECADES = 1600, 5.0
-"""Number of frequencies that are drawn up to Nyquist. Half shows corners; twice makes the file twice as long."""
+"""Number of drawn frequencies, and decades below Nyquist. Half as many frequencies show corners; twice as many make the
+file twice as long."""
 MOST_SHOWN = 20
-"""Rows that a notebook shows of a response."""
+"""Number of rows of a response that a notebook shows."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,10 +31,10 @@ class Response:
 
     Attributes
     ----------
-    symbol : of the transfer function
-    omega : rad/s, increasing, shape (n,)
-    values : complex, in `unit`, shape (n,)
-    unit : of the values; "1" for a number
+    symbol : symbol of the transfer function
+    omega : frequency, rad/s, in ascending order, shape (n,)
+    values : complex values, in `unit`, shape (n,)
+    unit : unit of the values; "1" if they are dimensionless
     sample_time : T, s
     """
 
@@ -49,9 +50,10 @@ class Response:
         return self.omega / (2 * pi)
 
     def to_control(self) -> control.FrequencyResponseData:
-        """Return it as python-control's, with dt in s (the extra `control`).
+        """Return the response as python-control's object, with dt in s (needs the extra `control`).
 
-        It is smooth: python-control interpolates between the frequencies, so that `stability_margins` finds crossings.
+        It is smooth, so that python-control interpolates between the frequencies and `stability_margins` finds
+        crossings.
         """
         import control
 
@@ -76,12 +78,12 @@ class Response:
 
 
 SPLINE = 3
-"""Order of python-control's interpolation, which takes more points than that."""
+"""Order of python-control's interpolation, which needs more points than that."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StateSpace:
-    """x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k].
+    """The system x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k].
 
     Attributes
     ----------
@@ -105,13 +107,13 @@ class StateSpace:
         return np.asarray(np.linalg.eigvals(self.A), np.complex128)
 
     def at(self, z: Complex) -> Complex:
-        """Return C (z - A)^-1 B + D at points of the plane, of their shape."""
+        """Return C (z - A)^-1 B + D at points z of the plane; the result has their shape."""
         points = np.asarray(z, np.complex128)
         left = points[..., None, None] * np.eye(len(self.states)) - self.A
         return np.asarray((self.C @ np.linalg.solve(left, self.B.astype(complex)) + self.D)[..., 0, 0])
 
     def to_control(self) -> control.StateSpace:
-        """Return it as python-control's, with dt in s (the extra `control`)."""
+        """Return the system as python-control's object, with dt in s (needs the extra `control`)."""
         import control
 
         named = {key: list(map(_plain, getattr(self, key))) for key in ("states", "inputs", "outputs")}
@@ -129,7 +131,7 @@ class StateSpace:
 
 
 def _plain(name: str) -> str:
-    """Return a name as python-control takes it: without unit and dots."""
+    """Return a name in the form that python-control accepts: without unit and dots."""
     return name.partition(", ")[0].replace(".", "_")
 
 
@@ -139,11 +141,11 @@ class Transfer:
 
     Attributes
     ----------
-    symbol : L, S, Z_c and the like
-    unit : of its values; "1" for a number
-    device : whose loop it is of, plain numbers
-    response : its values at omega T, rad, in (0, pi]
-    realised : makes its state space
+    symbol : symbol of the function, such as L, S or Z_c
+    unit : unit of its values; "1" if they are dimensionless
+    device : device of the loop, with plain numbers
+    response : function that returns its values at omega T, rad, in (0, pi]
+    realised : function that makes its state space
     """
 
     symbol: str
@@ -153,11 +155,11 @@ class Transfer:
     realised: Callable[[], StateSpace] = field(repr=False)
 
     def at(self, omega: Floats | None = None) -> Response:
-        """Return it as an array over frequency.
+        """Return the transfer function as an array over frequency.
 
         Parameters
         ----------
-        omega : rad/s, 0 < omega <= pi/T, increasing; None for five decades up to the Nyquist frequency
+        omega : frequency, rad/s, 0 < omega <= pi/T, increasing; None for five decades up to the Nyquist frequency
         """
         grid = up_to_nyquist(self.device) if omega is None else np.atleast_1d(np.asarray(omega, float))
         T = float(self.device.sample_time)
@@ -166,11 +168,11 @@ class Transfer:
 
     @property
     def state_space(self) -> StateSpace:
-        """It as matrices."""
+        """Return the transfer function as matrices."""
         return self.realised()
 
     def to_control(self) -> control.StateSpace:
-        """Return its state space as python-control's, with dt in s (the extra `control`)."""
+        """Return the state space as python-control's object, with dt in s (needs the extra `control`)."""
         return self.state_space.to_control()
 
     def _repr_html_(self) -> str:

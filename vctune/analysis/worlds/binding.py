@@ -1,7 +1,8 @@
-"""The environment for which a design has the least reserve, with its hand and frequency.
+"""Find the environment with which a design has the least reserve, with its hand and frequency.
 
-At that angle it cancels the reactance of the loop with the coupling divided by the safety factor. Each passive
-environment is a mass or a spring; for a box it is the lightest or softest member, or its limit if that is nearer.
+At that frequency the environment cancels the reactance of the loop, with the coupling divided by the safety factor.
+Among all passive environments it is a mass or a spring. In a box it is the lightest or softest member, or a nearer
+limit.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from vctune.model.hands import Hand
 from vctune.model.worlds import World, Worlds
 
 LEAST = 1e-6
-"""Angle next to an end at which no environment has a reactance."""
+"""Distance from the ends of the angles within which no environment has a reactance."""
 
 
 def binding_world(
@@ -27,21 +28,20 @@ def binding_world(
     factor: float,
     worlds: Worlds | None = None,
 ) -> World | None:
-    """Return the environment, without the damping that it lacks; None at an end of the angles, where any environment
-    suffices.
+    """Return the environment, without the damping that it lacks; None at the ends, where any environment suffices.
 
     Parameters
     ----------
-    device, gains, coupling : a design, plain numbers
-    hand, omega : hand and frequency with the least reserve, rad/s
+    device, gains, coupling : a design with plain numbers
+    hand, omega : hand and frequency, rad/s, with the least reserve
     factor : the safety factor
-    worlds : the box; None for every passive environment
+    worlds : the box of environments; None for every passive environment
     """
     theta = omega * device.sample_time
     if not LEAST < theta < pi - LEAST:
         return None
     met, u = -reaction(device, gains, coupling, hand, theta, factor).imag, 2 / device.sample_time * tan(theta / 2)
-    if device.kind.inverse:  # the reaction is an admittance, and so is 1/(mass s) or s/stiffness
+    if device.kind.inverse:  # the reaction is an admittance, as are 1/(mass s) and s/stiffness
         return World(0.0, 0.0, u / met) if met > 0 else World(-1 / (met * u), 0.0, 0.0) if met < 0 else None
     low, high = (worlds.low, worlds.high) if worlds else (World(0.0, 0.0, 0.0), World(inf, inf, inf))
     mass = (met + low.stiffness / u) / u

@@ -19,9 +19,9 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 @click.group(short_help="Measure the cost and the quality of the answers.")
 def bench() -> None:
-    """Measure vctune against its peers and at the extremes.
+    """Measure vctune against other solvers and on extreme devices.
 
-    The results go to OUT/ as a CSV file, a picture and a page. The peers need SciPy and mpmath:
+    The command writes the results to OUT/ as a CSV file, a picture and a page. The other solvers need SciPy and mpmath:
     pip install scipy mpmath.
     """
 
@@ -45,7 +45,7 @@ for _name in ABOUT:
 
 
 def _run(name: str, quick: bool, seed: int, out: Path, style: str, quiet: bool) -> int:
-    for variable in THREADS:  # before NumPy is imported: processor time then counts no idle threads
+    for variable in THREADS:  # before NumPy is imported, so that processor time counts no idle threads
         os.environ[variable] = "1"
     from vctune.api.benchmarking import benchmark
     from vctune.cli.printing.output import answer

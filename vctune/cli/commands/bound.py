@@ -37,8 +37,8 @@ def bound(
     DESIGN is a design.json of the problem; without one, vctune solves the problem first. The command adds the bound to
     design.json and to the report.
 
-    Ctrl-C and the time limit keep the bound reached so far and give exit code 3; the same command then continues. A
-    second Ctrl-C ends at once.
+    After Ctrl-C or the time limit, the command keeps the bound reached so far and exits with code 3. Run the same
+    command again to continue. A second Ctrl-C ends at once.
     """
     from vctune import Status, read_problem
     from vctune.api.bounding import bound as search
@@ -56,7 +56,7 @@ def bound(
     warn_of_doubts(file, quiet=quiet)
     with progress_on_stderr(f"vctune bound {problem.name}", shown=not quiet) as progress:
         known = known_design(file, path, given=design is not None) or solve(file, progress=progress)
-        with interrupt_noted() as stopped:  # from here on something would be lost
+        with interrupt_noted() as stopped:  # from here on an interrupt would lose work
             bounded = search(file, known, gap=gap, jobs=jobs, stopped=stopped, progress=progress)
             write_bounded(bounded, path)
             if bounded.optimality is None and bounded.status is not Status.INFEASIBLE:

@@ -45,20 +45,21 @@ def check(
     strict: bool,
     out: Path,
 ) -> int:
-    """Prove gains that already exist; the worst exit code of all checks wins.
+    """Prove gains that already exist. The exit code is the worst of all checks.
 
-    A PROBLEM file whose numbers are all fixed is checked as it stands. One PROBLEM with several GAINS files is checked
-    with each of them. A folder stands for the .toml files in it.
+    The command checks a PROBLEM file without GAINS if all its numbers are fixed. It checks one PROBLEM with each of
+    several GAINS files. A folder stands for the .toml files in it.
 
-    A YAML file in place of GAINS is a parameter file of a ROS 2 admittance_controller. Each of its selected axes is
-    checked with the device of one PROBLEM: a servo, or a device whose [gains] are fixed. Rotations need a rotary
-    device, translations a linear one. Other axes are skipped, with exit code 3, unless --axis selects those that fit.
+    A YAML file in place of GAINS is a parameter file of a ROS 2 admittance_controller. The command checks each of its
+    selected axes with the device of one PROBLEM: a servo, or a device whose [gains] are fixed. Rotations need a rotary
+    device, and translations a linear one. The command skips axes that do not fit, and then exits with code 3. To avoid
+    this, select the axes that fit with --axis.
 
-    A PROBLEM with several [[axis]] tables is checked axis by axis: with the numbers that the axis fixes, with the gains
-    in OUT/NAME (the folder of `vctune solve`), or with the axis of the same name in a ROS 2 file.
+    The command checks a PROBLEM with several [[axis]] tables axis by axis. It uses the numbers that the axis fixes, the
+    gains in OUT/NAME (the folder of `vctune solve`), or the axis of the same name in a ROS 2 file.
 
-    With --region, the feasible cells and the gain sets of a region.json of `vctune region` must still be proved for
-    PROBLEM.
+    With --region, the check passes only if the feasible cells and the gain sets of a region.json of `vctune region` are
+    still proved for PROBLEM.
     """
     from dataclasses import replace
     from functools import partial
@@ -98,7 +99,7 @@ def check(
 
 
 def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, said: Said) -> list[Checked]:
-    """Check a region, and the gains files after its problem; draw the losses of the region."""
+    """Check a region and the gains files for its problem; write the losses of the region."""
     from vctune import read_problem
     from vctune.api.checking import LOST, check_files, recheck, remove_lost, write_lost
     from vctune.api.folders import folder_name
@@ -136,7 +137,7 @@ def _of_axes(
 
 
 def _files(path: Path) -> list[Path]:
-    """Return the files that an argument stands for."""
+    """Return the files that an argument stands for: the file, or the .toml files in a folder."""
     from vctune import InputError
 
     if not path.is_dir():

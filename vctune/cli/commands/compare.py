@@ -16,9 +16,9 @@ from vctune.cli.printing.options import output_options
 def compare(a: Path, b: Path, style: str, quiet: bool) -> int:
     """Show the differences between A and B.
 
-    Each is a design.json or a problem file, which vctune solves first. The command prints the keys in which the
-    problems differ, with every default filled in, then gains, error and its terms, verdicts and margins of both
-    designs. It writes no files.
+    A and B are design.json files or problem files, which vctune solves first. The command prints the keys in which the
+    problems differ, with every default filled in. It then prints gains, error and its terms, verdicts and margins of
+    both designs. It writes no files.
     """
     from vctune.api.comparing import compare as set_side_by_side
     from vctune.cli.printing.output import answer

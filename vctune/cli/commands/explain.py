@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from vctune.document.records.printed_json import EntryRecord
 
 WIDEST = 100
-"""Width of a page, in characters."""
+"""Width of a page in characters."""
 
 
 def _names(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
@@ -29,10 +29,10 @@ def _names(context: click.Context, parameter: click.Parameter, incomplete: str) 
 @click.argument("name", required=False, metavar="[CODE|KEY|TERM|CLAIM]", shell_complete=_names)
 @output_options()
 def explain(name: str | None, style: str, quiet: bool) -> int:
-    """Explain a name, from the guides of the project; without one, list all names.
+    """Explain a NAME with the text of the project's guides. Without NAME, list all names.
 
-    A name is one of these: a code, which stands in brackets after an error or a warning; a key of a problem or log
-    file; a term or symbol of the glossary; or a claim of a certificate, by its id in design.json.
+    NAME is a code, a key of a problem or log file, a term or symbol of the glossary, or the id of a claim in
+    design.json. A code is the word in brackets after an error or a warning.
     """
     from vctune.api.explaining import contents
     from vctune.api.explaining import explain as found_in_guides
@@ -56,7 +56,7 @@ def _contents(every: list[EntryRecord]) -> str:
 
 
 def _page(entry: EntryRecord) -> str:
-    """Return an entry as plain text: its name, the text of the guide, and which guide."""
+    """Return an entry as plain text: its name, the text of the guide, and the name of the guide."""
     blocks = re.split(r"(```.*?```)", entry.text, flags=re.DOTALL)
     parts = [_verbatim(block) if block.startswith("```") else _paragraphs(block) for block in blocks]
     return "\n\n".join([f"{entry.name} ({entry.kind})", *filter(None, parts), f"from {entry.guide}"])

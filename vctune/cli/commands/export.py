@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     help="Precision of the firmware; the rounded constants are proved again.",
 )
 @click.option(
-    "--unproved", is_flag=True, help="Export even a design that is not proved; every file says so at its top."
+    "--unproved", is_flag=True, help="Export the design even if it is not proved; every file then says so at its top."
 )
 @out_option("NAME/firmware/")
 @output_options()
@@ -45,10 +45,10 @@ def export(
 
     The design is a DESIGN.json of `vctune solve`, a PROBLEM with GAINS, or a PROBLEM whose numbers are all fixed. For a
     PROBLEM with several [[axis]] tables, GAINS is OUT/NAME, the folder of `vctune solve`. `--to ros2` writes the
-    parameter file of an admittance_controller before a servo.
+    parameter file of an admittance_controller that commands a servo.
 
-    vctune proves the design again, with the constants of the firmware. If the proof refutes it or leaves it undecided,
-    the exit code is 1 or 3, and nothing is written without --unproved.
+    vctune proves the design again, with the constants of the firmware. If the design is refuted or undecided, the exit
+    code is 1 or 3, and the command writes files only with --unproved.
     """
     from vctune import read_axes
     from vctune.api.exporting import NotCertifiedError, export_record, read_gains, write_export

@@ -11,19 +11,19 @@ import click
 from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limit_option, worker_options
 
 
-@click.command(short_help="Draw the trade-offs between the terms of the error, and of error against band.")
+@click.command(short_help="Draw the trade-offs between the terms of the error, and between error and band.")
 @problem_argument
 @out_option("NAME/front/")
 @worker_options
 @time_limit_option(" each point")
 @output_options()
 def front(problem: Path, out: Path, jobs: int | None, executor: str, time_limit: float, style: str, quiet: bool) -> int:
-    """Find the Pareto fronts of PROBLEM: between the three terms of the error, and of error against band.
+    """Find two Pareto fronts of PROBLEM: between the three terms of the error, and between error and band.
 
     The command runs two sweeps. The first varies K_p over its range and the coupling's weight over six decades. The
-    second varies the upper edge of the stability band up to the Nyquist frequency; the criterion "hands" has no band,
-    so this sweep is left out. OUT/NAME/front/ then holds terms.csv and band.csv with their pictures. An interrupted run
-    continues where it stopped.
+    second varies the upper edge of the stability band up to the Nyquist frequency. With the criterion "hands" the
+    command omits the second sweep, because there is no band. It writes terms.csv and band.csv, with their pictures, to
+    OUT/NAME/front/. If it is interrupted, the same command continues where it stopped.
     """
     from vctune import read_problem
     from vctune.api.bounding import require_free

@@ -12,7 +12,7 @@ from vctune.cli.printing.options import out_option, output_options
 @click.command(short_help="Identify a device from its recordings.")
 @click.argument("logs", type=click.Path(path_type=Path), nargs=-1, required=True, metavar="LOG...")
 @click.option("--config", type=click.Path(path_type=Path), help="A log.toml that names the columns and their units.")
-@click.option("--servo", is_flag=True, help="Identify a servo; LOG has its command and its position.")
+@click.option("--servo", is_flag=True, help="Identify a servo; LOG contains its command and its position.")
 @out_option()
 @click.option(
     "--excitation", is_flag=True, help="Write a multisine for the next recording: excitation.csv, one period."
@@ -29,11 +29,11 @@ def identify(
     style: str,
     quiet: bool,
 ) -> int:
-    """Identify a device from LOG...: CSV files (also .gz) of its motion, all from the same device.
+    """Identify a device from LOG..., which are CSV files (also .gz) of the motion of this device.
 
     The command writes device.toml, a problem file for `vctune solve`. It states the device, the uncertainty of each
-    number, and which numbers no log shows. The command also writes identification.json and, unless you give
-    --no-report, report.html with figures.
+    number, and the numbers that no log shows. The command also writes identification.json and, without --no-report,
+    report.html with figures.
     """
     from vctune.api.folders import folder_name
     from vctune.api.identifying import identify as run

@@ -44,12 +44,14 @@ def region(
     bounds meets the constraints. The command writes OUT/NAME/region.json, a baseline for `vctune check --region`, and
     region.svg.
 
-    With the axes environment.stiffness and environment.mass the cells are environments. A feasible cell may be rendered
-    with GAINS, or else with the best design, in every hand; an infeasible one is refused in some hand. Writes
-    z-width.json and z-width.svg.
+    With the axes environment.stiffness and environment.mass, the cells contain environments. The device is stable in
+    every hand with each environment of a feasible cell, and each environment of an infeasible cell is refused in some
+    hand. The gains are those of GAINS or, without GAINS, of the best design. The command then writes z-width.json and
+    z-width.svg.
 
-    The exit code is 0 if feasible gains exist, 1 if none exist, 3 if neither is proved. Ctrl-C and the time limit keep
-    the cells decided so far and give exit code 3; a second Ctrl-C ends at once.
+    The exit code is 0 if feasible gains exist, 1 if they are proved not to exist, and 3 if neither is proved. After
+    Ctrl-C or the time limit, the command keeps the cells decided so far and exits with code 3. A second Ctrl-C ends at
+    once.
     """
     from vctune import read_problem
     from vctune.api.folders import design_folder
@@ -77,7 +79,7 @@ def region(
     given = design_for(file, gains) if gains else None
     with progress_on_stderr(f"vctune region {problem.name}", shown=not quiet) as progress:
         solved = best_design(file.problem, progress) if given is None else None
-        with interrupt_noted() as stopped:  # from here on something would be lost
+        with interrupt_noted() as stopped:  # from here on an interrupt would lose work
             found = find(file, x, y, given, resolution=resolution, solved=solved, stopped=stopped, progress=progress)
             late = found.region.interrupted and not stopped()
             progress("drawing")

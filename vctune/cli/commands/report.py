@@ -14,9 +14,10 @@ from vctune.cli.printing.options import out_option, output_options
 @out_option("report.html; by default the folder of DESIGN", None)
 @output_options()
 def report(design: Path, out: Path | None, style: str, quiet: bool) -> int:
-    """Make the report of DESIGN, a design.json, again: report.html and its figures.
+    """Make report.html and its figures again for DESIGN, a design.json.
 
-    The command does not solve. If a simulation.json of the same design is in its folder, the report includes it.
+    The command does not solve the problem. If the folder has a simulation.json of the same design, the report includes
+    it.
     """
     from vctune.api.design_files import ReportRecord, write_report
     from vctune.cli.printing.output import answer

@@ -13,11 +13,11 @@ KINDS = (
 @click.command(short_help="Print the JSON Schema of a kind of document.")
 @click.argument("kind", type=click.Choice(KINDS), default="problem")
 def schema(kind: str) -> None:
-    """Print the JSON Schema of the problem file, for completion in editors, or of another KIND of document.
+    """Print the JSON Schema of a KIND of document; the default is the problem file.
 
-    vctune reads these files: problem, gains, study, log. It writes these: design, region, rows (each line of
-    rows.jsonl), simulation, identification. The others are only printed, by --format json: check, sweep, front,
-    comparison, export, report, bench, explanation, example.
+    Editors use the schema of the problem file to complete keys. vctune reads the kinds problem, gains, study and log.
+    It writes the kinds design, region, rows (each line of rows.jsonl), simulation and identification. With --format
+    json it prints the kinds check, sweep, front, comparison, export, report, bench, explanation and example.
     """
     import json
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from vctune.model.gains import AnyCoupling, Gains
 
 IN_THE_LOOP = "in-the-loop"
-"""The folder of the results of a compiled controller, inside that of the design."""
+"""Folder for the results of a compiled controller, inside the design's folder."""
 
 
 @click.command(short_help="Simulate a design in the problem's experiments.")
@@ -26,13 +26,14 @@ IN_THE_LOOP = "in-the-loop"
 @click.option(
     "--controller",
     type=click.Path(path_type=Path),
-    help="A compiled controller of `vctune export`, or its folder, to run instead of the design's own.",
+    help="A compiled controller of `vctune export`, or its folder, to run instead of the simulated one.",
 )
 @click.option(
     "--tolerance",
     type=click.FloatRange(min=0.0),
     metavar="FORCE",
-    help="Greatest difference between its commands and the design's, N or N m.  [default: the effect of rounding]",
+    help="Greatest accepted difference between the commands of the compiled controller and those of the design, "
+    "N or N m.  [default: the effect of rounding]",
 )
 @output_options()
 def simulate(
@@ -45,15 +46,15 @@ def simulate(
     style: str,
     quiet: bool,
 ) -> int:
-    """Simulate the design in GAINS, or else the one that solving finds, in the [[experiment]] tables of PROBLEM.
+    """Simulate a design in the [[experiment]] tables of PROBLEM.
 
-    The command writes simulation.json, traces.npz and the figure `simulation`, which becomes part of the design's
-    report. The exit code is 1 if there is no design, or if it diverges or is unstable with an experiment's hand and
-    environment.
+    The design is in GAINS; without GAINS, vctune solves PROBLEM first. The command writes simulation.json, traces.npz
+    and the figure `simulation`, which becomes part of the design's report. The exit code is 1 if there is no design, or
+    if it diverges or is unstable with an experiment's hand and environment.
 
-    With --controller, a compiled firmware runs instead of the design's own. vctune compares its commands with the
-    design's on the same measurements; the exit code is 1 if they differ by more than the tolerance. The files are then
-    in the folder `in-the-loop` of the design's folder.
+    With --controller, a compiled firmware replaces the simulated controller. vctune compares the commands of both on
+    the same measurements, and the exit code is 1 if they differ by more than the tolerance. The files are then in the
+    folder `in-the-loop` of the design's folder.
     """
     if tolerance is not None and controller is None:
         raise click.UsageError("--tolerance applies to a firmware; name it with --controller")

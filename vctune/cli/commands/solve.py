@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 @problem_argument
 @out_option()
 @click.option("--no-report", is_flag=True, help="Write only gains.toml and design.json; remove an earlier report.")
-@click.option("--strict", is_flag=True, help="Exit code 1 if there is a warning.")
+@click.option("--strict", is_flag=True, help="Exit with code 1 if there is a warning.")
 @click.option("--watch", is_flag=True, help="Solve again each time PROBLEM is saved, until Ctrl-C.")
 @click.option(
     "--prove-gap",
     "gap",
     type=click.FloatRange(*GAPS),
     metavar="GAP",
-    help="Also prove that no design has an error lower by more than this share (0.03 is 3 %).",
+    help="Also prove that no design has an error that is lower by more than this share (0.03 is 3 %).",
 )
 @time_limit_option()
 @verbose_option
@@ -48,7 +48,8 @@ def solve(
     """Find the most transparent gains of PROBLEM and prove them stable.
 
     PROBLEM is a TOML file, or - for standard input. It requires only mass, damping and sample_time of [device]. If it
-    has several [[axis]] tables, each axis is solved, and its files are in OUT/NAME/AXIS/; the worst exit code wins.
+    has several [[axis]] tables, the command solves each axis and writes its files to OUT/NAME/AXIS/. The exit code is
+    then the worst of all axes.
     """
 
     def once() -> int:

@@ -9,7 +9,7 @@ import click
 from vctune.cli.printing.options import out_option, output_options, time_limit_option, worker_options
 
 MANY = 100_000
-"""From this many points on, a sweep requires --yes."""
+"""Number of points above which a sweep requires --yes."""
 
 
 @click.command(short_help="Solve a problem at many points.")
@@ -35,11 +35,12 @@ def sweep(
 ) -> int:
     """Solve a problem at every point of STUDY, a TOML file with a grid, a Latin hypercube or a list of points.
 
-    Each finished point becomes a line of OUT/STUDY/rows.jsonl; an interrupted sweep continues where it stopped. At the
-    end the command writes table.csv (and table.parquet if pyarrow is installed) and, for one or two axes, error.svg.
+    The command writes each finished point as a line of OUT/STUDY/rows.jsonl. If it is interrupted, the same command
+    continues where it stopped. At the end it writes table.csv (and table.parquet if pyarrow is installed) and, for one
+    or two axes, error.svg.
 
-    The exit code is 0 if there is a certified design and every point has an answer, 3 if the time limit cut a point
-    short, and 1 otherwise.
+    The exit code is 0 if there is a certified design and every point has an answer, 3 if a point reached the time
+    limit, and 1 otherwise.
     """
     from vctune.api.folders import folder_name
     from vctune.api.messages import InputError

@@ -1,1 +1,1 @@
-"""What commands share: options, tables, formats, progress, exit codes."""
+"""What all commands share: options, tables, formats, progress, exit codes."""

@@ -1,4 +1,4 @@
-"""The designs of several axes as one table for people."""
+"""Print the designs of several axes as one table."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 
 def print_axes(name: str, designs: Mapping[str, DesignRecord], folder: Path) -> None:
-    """Print the verdict on each axis in a line, the warnings, and where the files are.
+    """Print one line with the verdict for each axis, the warnings, and the place of the files.
 
     Parameters
     ----------
     name : name of the problem
     designs : designs by the name of the axis
-    folder : named at the end
+    folder : folder of the files, which the last line names
     """
     report = folder / REPORT
     with page(WIDE, folder, [f"open {report}"] if report.exists() else []) as console:

@@ -1,4 +1,4 @@
-"""A design as a table for people."""
+"""Print a design as a table."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ if TYPE_CHECKING:
     from vctune.model.numbers.units import Units
 
 LEAST_WIDTH = 80
-"""Columns below which the groups of a design's table have lines of their own."""
+"""Number of columns below which the groups of a design's table get lines of their own."""
 WIDE = 120
 WIDEST = 1000
-"""Width for tables that must not be wrapped."""
+"""Width of tables that must not be wrapped."""
 COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undecided": "yellow"}
 
 
 @contextmanager
 def page(least_width: int, folder: Path, steps: Sequence[str] = ()) -> Iterator[Console]:
-    """Print in this block; all of it or nothing, with the place of the files and the next steps at the end.
+    """Print in this block everything or nothing; the place of the files and the next steps follow at the end.
 
     Parameters
     ----------
     least_width : least width of a line, characters, even if the terminal is narrower
     folder : folder of the files
-    steps : what the user can do next
+    steps : next steps for the user
 
     Returns
     -------
     context manager of Console
-        What to print with.
+        Yields the console to print with.
     """
     console = Console(highlight=False)
     console.width = max(console.width, least_width)
@@ -56,9 +56,9 @@ def page(least_width: int, folder: Path, steps: Sequence[str] = ()) -> Iterator[
 
 
 def _linked(path: Path, console: Console) -> str:
-    """Return a path that a terminal which can open it does (OSC 8); elsewhere it is its text.
+    """Return a path as a link (OSC 8) if the terminal can open it; otherwise its text.
 
-    A notebook asks for colours as a terminal does, and would show the link's own characters.
+    A notebook asks for colours like a terminal, but would show the link's control characters.
     """
     text = escape(str(path))
     return f"[link={path.resolve().as_uri()}]{text}[/link]" if console.file.isatty() else text
@@ -75,16 +75,16 @@ def _write(console: Console, text: str) -> None:
 
 
 def print_design(record: DesignRecord, folder: Path, steps: Sequence[str] = (), *, verbose: bool = False) -> None:
-    """Print what is proved of a design, its gains, what limits it, and where its files are.
+    """Print the proved claims of a design, its gains, what limits it, and where its files are.
 
     Parameters
     ----------
     record : record of the design, or of the reason why there is none
-    folder : named at the end
-    steps : what the user can do next
-    verbose : whether to print what the search left out
+    folder : folder of the files, which the last lines name
+    steps : next steps for the user
+    verbose : whether to print the parts that the search omitted
     """
-    narrow = Console().is_terminal  # whose lines end at words; those of a file are as long as they are
+    narrow = Console().is_terminal  # lines of a terminal end at words; those of a file are as long as they are
     with page(0 if narrow else WIDE, folder, steps) as console:
 
         def say(text: str) -> None:
@@ -118,7 +118,7 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
     Parameters
     ----------
     record : record of the simulation
-    folder : named at the end
+    folder : folder of the files, which the last line names
     """
     from vctune.api.experiments import HEADINGS, measured_rows
 
@@ -175,7 +175,8 @@ def _least(least: LeastVirtualRecord, units: Units) -> str:
 
 
 def _repairs(repairs: list[RepairRecord]) -> str:
-    """Return a line for each repair: the new text in the file, the old value, its meaning, and the resulting error."""
+    """Return one line for each repair: the new text in the file, the old value, its meaning, and the resulting
+    error."""
     width = max(len(repair.needs) for repair in repairs)
     lines = []
     for repair in repairs:
@@ -188,7 +189,7 @@ def _repairs(repairs: list[RepairRecord]) -> str:
 
 
 def _table(record: DesignRecord, width: int) -> Table:
-    """Return the rows of a design, the name of their group before them or, where lines are short, above them."""
+    """Return the rows of a design, with the name of their group in front or, on a narrow terminal, above them."""
     groups, short = _ordered(record), width < LEAST_WIDTH
     rows: list[tuple[str, ...]] = []
     for group, found in groups.items():
@@ -198,7 +199,7 @@ def _table(record: DesignRecord, width: int) -> Table:
             rows += [(group if number == 0 else "", *row) for number, row in enumerate(found)]
     table = Table(show_header=False, box=None, pad_edge=False)
     for column, style in enumerate(("", "bold") if short else ("dim", "", "bold")):
-        # numbers are never cut: what comes behind them wraps
+        # numbers are never cut; the columns after them wrap
         least = max((len(row[column]) for row in rows), default=0)
         table.add_column(style=style, no_wrap=True, min_width=least, justify="right" if style == "bold" else "left")
     table.add_column(overflow="fold")
@@ -223,8 +224,8 @@ def print_sweep(found: SweepRecord, folder: Path) -> None:
 
     Parameters
     ----------
-    found : result in a few numbers
-    folder : named at the end
+    found : summary of the sweep
+    folder : folder of the files, which the last line names
     """
     with page(LEAST_WIDTH, folder) as console:
         idle = {"certified": f" ({found.idle} idle)" if found.idle else ""}
@@ -266,7 +267,7 @@ def print_comparison(found: ComparisonRecord) -> None:
 
     Parameters
     ----------
-    found : results of both designs, as `vctune compare --json` prints it
+    found : comparison, as `vctune compare --json` prints it
     """
     console = Console(highlight=False, width=WIDEST)
     table = Table(box=None, pad_edge=False)

@@ -1,4 +1,4 @@
-"""Verdicts as exit codes."""
+"""Map verdicts to exit codes."""
 
 from __future__ import annotations
 

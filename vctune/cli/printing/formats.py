@@ -1,4 +1,4 @@
-"""Checks as text, JSON, GitHub annotations, JUnit XML and SARIF 2.1.0."""
+"""Write checks as text, JSON, GitHub annotations, JUnit XML and SARIF 2.1.0."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WORDS = {
 
 
 def text(checks: list[Checked]) -> str:
-    """Return a line a check, and a summary when there are several."""
+    """Return one line for each check, and a summary if there are several checks."""
     lines = []
     for checked in checks:
         message = checked.message if checked.finding is None else printable(checked.message)
@@ -38,7 +38,7 @@ def text(checks: list[Checked]) -> str:
 
 
 def as_json(checks: list[Checked]) -> str:
-    """Return a list of the checks as objects: of design.json, of a region, or of the reason why there is none."""
+    """Return a list with one object for each check: of design.json, of a region, or of the reason for neither."""
     return json.dumps([check_object(checked) for checked in checks], indent=2, allow_nan=False)
 
 
@@ -68,7 +68,7 @@ def _property(value: str) -> str:
 
 
 def junit(checks: list[Checked]) -> str:
-    """Return JUnit XML with the elements and attributes of Jenkins' schema: a test case for each check."""
+    """Return JUnit XML with the elements and attributes of Jenkins' schema, with one test case for each check."""
     failed = [checked.result in (CheckVerdict.FAILED, CheckVerdict.UNDECIDED) for checked in checks]
     broken = [checked.result is CheckVerdict.BAD_INPUT for checked in checks]
     counts = {"tests": str(len(checks)), "failures": str(sum(failed)), "errors": str(sum(broken))}
@@ -127,14 +127,15 @@ RULES = {
         "Correct the key on the line that the message names.",
     ),
 }
-"""Rules of a warning and of a failed check: rule id, level, short description, full description, help."""
+"""Rules for warnings and for failed checks: rule id, level, short description, full description, help."""
 
 
 _RULES = [*RULES.values(), WARNING]
 
 
 def sarif(checks: list[Checked]) -> str:
-    """Return a SARIF 2.1.0 log with the fields that GitHub requires: a result for each refusal and each warning."""
+    """Return a SARIF 2.1.0 log with the fields that GitHub requires, with one result for each refusal and each
+    warning."""
     results = []
     for checked in checks:
         if rule := RULES.get(checked.verdict):
@@ -174,7 +175,7 @@ def _result(checked: Checked, rule: str, level: str, message: str) -> dict[str, 
 
 
 def _uri(path: Path) -> str:
-    """Return a URI reference (RFC 3986): relative for a file below the working folder, absolute for any other."""
+    """Return a URI reference (RFC 3986): relative for a file below the working folder, absolute for any other file."""
     here, absolute = Path.cwd(), Path(os.path.abspath(path))
     if absolute.is_relative_to(here):
         return quote(os.fsencode(absolute.relative_to(here).as_posix()))

@@ -1,4 +1,4 @@
-"""An identification as a table for people."""
+"""Print an identification as a table."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def print_identification(record: IdentificationRecord, folder: Path) -> None:
     Parameters
     ----------
     record : record of the identification
-    folder : named at the end
+    folder : folder of the files, which the last line names
     """
     console = Console(highlight=False)
     console.width = max(console.width, WIDTH)

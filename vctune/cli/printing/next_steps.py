@@ -1,4 +1,4 @@
-"""The last line of a command: what to do next with the design that it wrote."""
+"""The last lines of a command: what the user can do next with the design that it wrote."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 
 def after_design(record: DesignRecord, folder: Path, problem: Path) -> list[str]:
-    """Return the steps that a design allows: look at it, export it, hold its gains in CI; or repair the problem.
+    """Return the next steps for a design: view it, export it, check its gains in CI; without one, repair the problem.
 
     Parameters
     ----------
-    record : of the design, or of a problem without one
-    folder : of its files
+    record : record of the design, or of a problem without one
+    folder : folder of the design's files
     problem : path of the problem file, or - for standard input
     """
     report, design = folder / REPORT, quote(str(folder / DESIGN_FILE))
@@ -34,12 +34,12 @@ def after_design(record: DesignRecord, folder: Path, problem: Path) -> list[str]
 
 
 def after_bound(record: DesignRecord, design: Path, problem: Path) -> list[str]:
-    """Return the steps after a search for a bound: to go on with it where it has not ended, then as of the design.
+    """Return the next steps after a search for a bound: resume it if it has not ended, then the steps for the design.
 
     Parameters
     ----------
-    record : of the design, with the bound
-    design : path of its design.json
+    record : record of the design, including the bound
+    design : path of the design's design.json
     problem : path of the problem file, or - for standard input
     """
     found = record.optimality

@@ -15,7 +15,7 @@ from vctune.running import time_limit_of_command
 Added = Callable[[Any], Any]
 """A decorator that adds an argument or an option to a command."""
 SHORT = "vctune.json"
-"""Key under which click stores whether --json was given."""
+"""Key under which click records whether --json was given."""
 
 problem_argument: Added = click.argument("problem", type=click.Path(path_type=Path))
 
@@ -25,19 +25,20 @@ def out_option(holds: str = "NAME/", default: str | None = "results") -> Added:
 
     Parameters
     ----------
-    holds : content of the folder
-    default : the folder; None if the command determines it
+    holds : content of the folder, for the help text
+    default : default folder; None if the command determines it
     """
     path, text = click.Path(path_type=Path), f"Folder for OUT/{holds}." if holds else "Output folder."
     return click.option("--out", type=path, default=default, show_default=default is not None, help=text)
 
 
 def output_options(*more: str) -> Added:
-    """Return the options `--format`, `--json` and `--quiet` of a command, which is given `style` and `quiet`.
+    """Return a decorator that adds the options `--format`, `--json` and `--quiet`; the command receives `style` and
+    `quiet`.
 
     Parameters
     ----------
-    more : formats beside text and json
+    more : formats in addition to text and json
     """
     options = (
         click.option(
@@ -52,7 +53,9 @@ def output_options(*more: str) -> Added:
         click.option(
             "--json", is_flag=True, is_eager=True, expose_value=False, callback=_short, help="Short for --format json."
         ),
-        click.option("--quiet", is_flag=True, help="Print no progress and no text; --format still prints its output."),
+        click.option(
+            "--quiet", is_flag=True, help="Print no progress and no text. The output of --format still appears."
+        ),
     )
 
     def add(command: Any) -> Any:
@@ -76,13 +79,13 @@ def _style(context: click.Context, parameter: click.Parameter, value: str) -> st
 
 
 def time_limit_option(of: str = "") -> Added:
-    """Return the option `--time-limit`, given to a command as `time_limit`, inf if it is absent.
+    """Return a decorator that adds the option `--time-limit`; the command receives `time_limit`, inf by default.
 
     Parameters
     ----------
-    of : what ends, if it is not the command
+    of : name of the work that the limit ends, if it is not the whole command
     """
-    text = f"Stop{of} after S seconds; keep the result so far, exit code 3."
+    text = f"Stop{of} after S seconds, keep the result so far, and exit with code 3."
     return click.option(
         "--time-limit",
         type=click.FloatRange(0),
@@ -97,7 +100,7 @@ verbose_option: Added = click.option("--verbose", is_flag=True, help="Also print
 
 
 def time_limited(command: Any) -> Any:
-    """Add the option `--time-limit` to a command, whose code need not handle it."""
+    """Add the option `--time-limit` to a command whose code need not handle it."""
 
     @time_limit_option()
     @wraps(command)
@@ -109,14 +112,14 @@ def time_limited(command: Any) -> Any:
 
 
 def worker_options(command: Any) -> Any:
-    """Add the options of every command that has workers."""
+    """Add the options that every command with workers has."""
     for option in (
         click.option(
             "--executor",
             default="processes",
             show_default=True,
             metavar="processes|serial|dask|dask:ADDRESS",
-            help="Where points are solved: worker processes, this process, a local Dask cluster, or a running one.",
+            help="Where to solve the points: worker processes, this process, a local Dask cluster, or a running one.",
         ),
         click.option("--jobs", type=click.IntRange(1, 512), help="Number of workers.  [default: number of cores]"),
     ):

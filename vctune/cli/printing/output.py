@@ -1,4 +1,4 @@
-"""Output of data to stdout; a reader that goes away is not a failure of the command."""
+"""Print data to stdout. If the reader goes away, the command does not fail."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def reader_may_leave() -> Iterator[None]:
-    """Print in this block; when the pipe is closed from the other end the rest is dropped."""
+    """Print in this block. If the reader closes the pipe, the rest is dropped."""
     try:
         yield
         sys.stdout.flush()
@@ -37,8 +37,8 @@ def warn(code: Code, text: str) -> None:
 
     Parameters
     ----------
-    code : its code
-    text : the text
+    code : code of the warning
+    text : text of the warning
     """
     click.echo(coded(printable(text), code), err=True)
 
@@ -48,7 +48,7 @@ def warn_of_doubts(*problems: Problem | ProblemFile, quiet: bool) -> None:
 
     Parameters
     ----------
-    *problems : valid ones, or their files; what several have in common is reported once
+    *problems : valid problems or their files; a mistake that several share is reported once
     quiet : whether to print nothing for people
     """
     from vctune.api.messages import doubts
@@ -62,10 +62,10 @@ def answer(style: str, quiet: bool, data: Callable[[], Any], people: Callable[[]
 
     Parameters
     ----------
-    style : "json" for the object, "text" for people
-    quiet : whether to print nothing for people
+    style : "json" for the object, "text" for a text for people
+    quiet : whether to omit the text for people
     data : function that makes the object
-    people : prints it for them
+    people : function that prints the text for people
     """
     if style == "json":
         import json

@@ -1,4 +1,4 @@
-"""Progress on stderr, for people: only on a terminal, and erased when the work is done.
+"""Progress on stderr, only on a terminal, and erased when the work is done.
 
 The line shows the current stage, the result so far and, if the work reports it, the progress.
 """
@@ -21,12 +21,12 @@ def progress_on_stderr(title: str, *, shown: bool) -> Iterator[Callable[[str], N
     Parameters
     ----------
     title : text before the stage
-    shown : whether to show it, on a terminal
+    shown : whether to show the spinner if stderr is a terminal
 
     Returns
     -------
     context manager
-        Of the function, which takes the stage.
+        Yields the function that sets the stage.
     """
     if not (shown and sys.stderr.isatty()):
         yield lambda stage: None
@@ -50,13 +50,13 @@ def progress_on_stderr(title: str, *, shown: bool) -> Iterator[Callable[[str], N
 
 @contextmanager
 def bar_on_stderr(title: str, total: int, *, shown: bool) -> Iterator[Callable[[], None]]:
-    """Show a bar with the rate and the remaining time; yield a function that adds one.
+    """Show a bar with the rate and the remaining time; yield a function that adds one finished item.
 
     Parameters
     ----------
     title : text before the bar
     total : number of items
-    shown : whether to show it, on a terminal
+    shown : whether to show the bar if stderr is a terminal
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Running a command again each time a file is saved."""
+"""Run a command again each time a file is saved."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from typing import NoReturn
 import click
 
 PAUSE = 0.2
-"""Between two looks at the file, s."""
+"""Time between two checks of the file, s."""
 
 
 def on_every_save(path: Path, run: Callable[[], object]) -> NoReturn:
-    """Run at once, and again each time a file is saved, until Ctrl-C; show the mistakes of the file.
+    """Run a function now, and again each time a file is saved, until Ctrl-C. Print the mistakes of the file.
 
     Parameters
     ----------
     path : path of the file
-    run : is called
+    run : function to run
     """
     from vctune import InputError
 
@@ -35,7 +35,7 @@ def on_every_save(path: Path, run: Callable[[], object]) -> NoReturn:
 
 
 def _stamp(path: Path) -> tuple[int, int] | None:
-    """Return a value that changes when a file is saved; None while an editor has moved it away."""
+    """Return a value that changes when the file is saved; None while an editor has moved the file away."""
     try:
         found = path.stat()
     except OSError:

@@ -1,8 +1,8 @@
-"""The coupling of a display in the bound: its response, its greatest values, and what the hand feels of it.
+"""The coupling of a display in the bound: its response, its greatest values, and how much of it the hand feels.
 
-A coupling has two elements: more of each is safer, but the hand feels more of it. They are b_c and m_c, or for an
-impedance display 1/k_c and 1/b_c. Demands and bounds leave a least value of both to each box (design/bound/README.md,
-section 1).
+A coupling has two elements. More of each is safer, but the hand feels more of it. The elements are b_c and m_c, or
+1/k_c and 1/b_c for an impedance display. The constraints and the bounds of the variables leave a least value of both to
+each box (design/bound/README.md, section 1).
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 
 @dataclass(frozen=True, slots=True)
 class LeastCoupling:
-    """Lower bounds on the couplings of each box from the conditions; arrays of shape (boxes,).
+    """Lower bounds on the couplings of each box from the conditions, as arrays of shape (boxes,).
 
     Attributes
     ----------
-    first, second : the least b_c and m_c, or of an impedance display the least 1/k_c and 1/b_c
-    none : boxes whose conditions admit no coupling
+    first, second : the least b_c and m_c; for an impedance display the least 1/k_c and 1/b_c
+    none : boxes whose conditions permit no coupling
     """
 
     first: Floats
@@ -40,7 +40,7 @@ class LeastCoupling:
 
 
 class Offer(Protocol):
-    """The offer of couplings at some places."""
+    """The response that couplings offer at some places."""
 
     def least_elements(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
         """Return the least first and second element that offer 1 without drag, both of shape (boxes, places)."""
@@ -58,10 +58,10 @@ class Couplings(Protocol):
         """Bounds of the second element."""
 
     def ratio(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
-        """Return the least and the greatest ratio of the second to the first element in each box."""
+        """Return the least and the greatest ratio of the second element to the first in each box."""
 
     def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
-        """Return a lower bound of the coupling's share of the squared error, weighted, for any design of each box.
+        """Return a lower bound of the coupling's weighted share of the squared error, over all designs of each box.
 
         Parameters
         ----------
@@ -71,8 +71,9 @@ class Couplings(Protocol):
         Returns
         -------
         array of float
-            Dimensionless. For norm "rms" the mean over the band, shape (n, devices), or (n, 1) if it is the same for
-            all; for "peak" the share of the error at each frequency, shape (n, frequencies).
+            Dimensionless. For norm "rms", the mean over the band, shape (n, devices), or (n, 1) if all devices have the
+            same.
+                For "peak", the share of the error at each frequency, shape (n, frequencies).
         """
 
 
@@ -83,7 +84,7 @@ class SeriesCouplings:
     Attributes
     ----------
     problem : problem in SI units
-    omega : rad/s, at which the error is evaluated; None for its mean
+    omega : frequencies at which the error is evaluated, rad/s; None for its mean
     """
 
     problem: Problem
@@ -101,14 +102,14 @@ class SeriesCouplings:
 
     @staticmethod
     def ratio(boxes: DesignBoxes) -> tuple[Floats, Floats]:
-        """Return tau_c at both ends."""
+        """Return the least and the greatest tau_c."""
         return boxes.low[TAU_C], boxes.high[TAU_C]
 
     def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
         """Return a lower bound of |Z_c|^2 = b_0^2 + 2 b_0 b_c s + b_c^2 s, s = x^2/(1 + x^2) or its mean, weighted.
 
-        s grows with tau_c, and s/tau_c^2 falls. In terms of b_c the last term is therefore least at the least tau_c; in
-        terms of m_c it is least at the greatest. The bound is the larger of both.
+        The number s grows with tau_c, and s/tau_c^2 falls. Expressed by b_c, the last term is therefore least at the
+        least tau_c; expressed by m_c, it is least at the greatest tau_c. The bound is the larger of both.
 
         Parameters
         ----------
@@ -128,7 +129,7 @@ class SeriesCouplings:
         return np.asarray((wanted.weights.coupling / wanted.reference_impedance) ** 2 * (b_0 * b_0 + coupled))
 
     def _transmitted(self, tau_c: Floats) -> Floats:
-        """Return x^2/(1 + x^2), which is |Z_c/b_c|^2 and Re Z_c/b_c without drag, or its mean over log frequency."""
+        """Return x^2/(1 + x^2), or its mean over log frequency. Without drag it is |Z_c/b_c|^2 and Re Z_c/b_c."""
         if self.omega is not None:
             x2 = np.square(self.omega * tau_c)
             return np.asarray(x2 / (1 + x2))
@@ -139,19 +140,19 @@ class SeriesCouplings:
 
 @dataclass(frozen=True, slots=True)
 class SeriesOffer:
-    """Re Z_c at omega; in hands at (2/T) tan(theta/2).
+    """The offer Re Z_c at omega; in hands omega is (2/T) tan(theta/2).
 
     Attributes
     ----------
-    omega : rad/s
+    omega : frequencies, rad/s
     """
 
     omega: Floats
 
     def least_elements(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
-        """Return the least b_c = 1 + 1/x^2, of the greatest tau_c, and the least m_c = tau_c + 1/(omega^2 tau_c).
+        """Return the least b_c = 1 + 1/x^2, at the greatest tau_c, and the least m_c = tau_c + 1/(omega^2 tau_c).
 
-        The latter is that of the tau_c next to 1/omega.
+        The least m_c occurs at the tau_c next to 1/omega.
         """
         shortest, longest = (edge[TAU_C][:, None] for edge in (boxes.low, boxes.high))
         nearest = np.clip(1 / self.omega, shortest, longest)
@@ -160,13 +161,13 @@ class SeriesOffer:
 
 @dataclass(frozen=True, slots=True)
 class SpringDampers:
-    """The couplings of an impedance display, b_c F beside k_c T/(1 - z^-1).
+    """The couplings of an impedance display, b_c F in parallel with k_c T/(1 - z^-1).
 
     Attributes
     ----------
     problem : problem in SI units
-    compliance : |1/Z_c|^2 weighted, at frequencies or over intervals, over boxes of b_c and k_c
-    devices : number of devices whose intervals, one after another, the mean covers; None for frequencies
+    compliance : |1/Z_c|^2, weighted, as a function of boxes of b_c and k_c, at frequencies or over intervals
+    devices : number of devices whose intervals follow one another in the mean; None for frequencies
     """
 
     problem: Problem
@@ -185,12 +186,13 @@ class SpringDampers:
 
     @staticmethod
     def ratio(boxes: DesignBoxes) -> tuple[Floats, Floats]:
-        """Return k_c/b_c at both ends; inf without damping."""
+        """Return the least and the greatest k_c/b_c; inf without damping."""
         with np.errstate(divide="ignore"):
             return 1 / boxes.high[TAU_C], 1 / boxes.low[TAU_C]
 
     def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
-        """Return a lower bound of |1/Z_c|^2, weighted: |Z_c|^2 is convex, and greatest at a vertex of b_c and k_c.
+        """Return a lower bound of |1/Z_c|^2, weighted. |Z_c|^2 is convex and has its maximum at a vertex of b_c and
+        k_c.
 
         Parameters
         ----------
@@ -216,12 +218,12 @@ def _inverse(range_: Range) -> Range:
 
 @dataclass(frozen=True, slots=True)
 class SpringOffer:
-    """Re(1/Z_c)/s^2 at some angles: (a_0 + a_1 tau)/(b_0 + b_1 tau + b_2 tau^2) over k_c, tau = b_c/k_c.
+    """The offer Re(1/Z_c)/s^2 at some angles, (a_0 + a_1 tau)/(b_0 + b_1 tau + b_2 tau^2) per k_c, with tau = b_c/k_c.
 
     Attributes
     ----------
-    stiff, damped : 1/k_c and 1/b_c that offer 1, over boxes of tau
-    best_time_constant : tau of the least 1/k_c, s, shape (places,)
+    stiff, damped : the 1/k_c and the 1/b_c that offer 1, as functions of boxes of tau
+    best_time_constant : tau with the least 1/k_c, s, shape (places,)
     """
 
     stiff: LeastQuotient
@@ -244,17 +246,17 @@ class SpringOffer:
 
 
 def spring_offer(devices: Sequence[Device], angles: Sequence[Floats]) -> SpringOffer:
-    """Return Re(1/Z_c)/s^2 of spring-dampers as a function of tau = b_c/k_c, at angles of several devices.
+    """Return the offer Re(1/Z_c)/s^2 of spring-dampers as a function of tau = b_c/k_c, at angles of several devices.
 
     Parameters
     ----------
-    devices : known exactly, without uncertain numbers
+    devices : devices with exactly known numbers
     angles : theta = omega T of each device, rad, in [0, pi], shape (k,) each
 
     Returns
     -------
     SpringOffer
-        The offer at the angles of one device after another.
+        The offer at the angles of all devices, one device after another.
     """
     each = []
     for device, theta in zip(devices, angles, strict=True):
@@ -265,7 +267,7 @@ def spring_offer(devices: Sequence[Device], angles: Sequence[Floats]) -> SpringO
     above: Coefficients = (b_0, (b_1, zero), (b_2, zero), None)
     offered: tuple[Coefficients, ...] = (a_0, (a_1, zero), None, None), (zero, (a_0, zero), (a_1, zero), None)
     stiff, damped = (LeastQuotient(lower(above), upper(of), lower(of)) for of in offered)
-    with np.errstate(all="ignore"):  # where the slope of the quotient is 0: c_2 tau^2 + 2 c_1 tau - c_0 = 0
+    with np.errstate(all="ignore"):  # the slope of the quotient is 0 where c_2 tau^2 + 2 c_1 tau - c_0 = 0
         c_0, c_1, c_2 = a_1.mid * b_0.mid - a_0.mid * b_1.mid, a_0.mid * b_2.mid, a_1.mid * b_2.mid
         root = c_1 + np.sqrt(np.maximum(c_1 * c_1 + c_2 * c_0, 0.0))
         return SpringOffer(stiff, damped, np.where(c_0 > 0, c_0 / root, 0.0))

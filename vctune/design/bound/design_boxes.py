@@ -1,4 +1,4 @@
-"""Boxes of designs and how they are halved."""
+"""Boxes of designs, and how the search halves them."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from vctune.model.problem import Problem
 from vctune.proof.enclosures.array_intervals import Flags, Floats
 
 K_V, K_P, TAU_C, B_0 = range(4)
-"""Rows of `DesignBoxes`: K_v, K_p, tau_c = m_c/b_c, b_0; for an impedance display tau_c = b_c/k_c, and K_p = b_0 =
-0."""
+"""Rows of `DesignBoxes`: K_v, K_p, tau_c = m_c/b_c, b_0. For an impedance display tau_c = b_c/k_c and K_p = b_0 = 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,12 +33,12 @@ class DesignBoxes:
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """A variable in the coordinate in which it is halved, log(scale + x).
+    """A variable, with the coordinate log(scale + x) in which the search halves it.
 
     Attributes
     ----------
-    low, high : its range
-    scale : 0, or, for a number that may be 0, the size below which it hardly matters
+    low, high : range of the variable
+    scale : 0; or, for a variable that may be 0, the size below which it hardly matters
     """
 
     low: float
@@ -47,7 +46,7 @@ class Axis:
     scale: float
 
     def middle(self, low: Floats, high: Floats) -> Floats:
-        """Return where intervals are halved.
+        """Return the points where intervals are halved.
 
         Parameters
         ----------
@@ -56,7 +55,7 @@ class Axis:
         Returns
         -------
         array of float
-            In that unit, shape (n,).
+            In the unit of the variable, shape (n,).
         """
         if self.scale == 0:
             return np.clip(np.sqrt(low) * np.sqrt(high), low, high)
@@ -64,7 +63,7 @@ class Axis:
         return np.clip(self.scale * np.expm1(z), low, high)
 
     def share(self, low: Floats, high: Floats) -> Floats:
-        """Return which share of the axis intervals take.
+        """Return the share of the axis that each interval covers.
 
         Parameters
         ----------
@@ -73,7 +72,7 @@ class Axis:
         Returns
         -------
         array of float
-            From 0 to 1, in the coordinate, shape (n,); 0 for a variable that is fixed.
+            Shares from 0 to 1 in the coordinate, shape (n,); 0 for a fixed variable.
         """
         if self.low == self.high:
             return np.zeros_like(low)
@@ -82,7 +81,7 @@ class Axis:
 
 
 def axes_of(problem: Problem) -> tuple[Axis, Axis, Axis, Axis]:
-    """Return the axes K_v, K_p, tau_c and b_0 of a problem, SI units."""
+    """Return the axes K_v, K_p, tau_c and b_0 of a problem in SI units."""
     impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
     units = {"velocity": impedance, "position": impedance / time, "drag": impedance}
     scaled = coordinates(problem.in_units(impedance, time), integrator=True)
@@ -106,7 +105,7 @@ def _time_constants(problem: Problem) -> Axis:
 
 
 def all_designs(axes: tuple[Axis, ...]) -> DesignBoxes:
-    """Return the one box of all designs."""
+    """Return the single box of all designs."""
     return DesignBoxes(np.array([[axis.low] for axis in axes]), np.array([[axis.high] for axis in axes]))
 
 
@@ -115,14 +114,14 @@ def halves(axis: Axis, row: int, boxes: DesignBoxes) -> tuple[DesignBoxes, Desig
 
     Parameters
     ----------
-    axis : along which they are halved
-    row : its row in `DesignBoxes`
+    axis : axis along which the boxes are halved
+    row : row of the axis in `DesignBoxes`
     boxes : n boxes
 
     Returns
     -------
     tuple of DesignBoxes
-        n lower and n upper halves, in the boxes' order.
+        n lower and n upper halves, in the order of the boxes.
     """
     middle = axis.middle(boxes.low[row], boxes.high[row])
     low, high = boxes.low.copy(), boxes.high.copy()
@@ -131,5 +130,5 @@ def halves(axis: Axis, row: int, boxes: DesignBoxes) -> tuple[DesignBoxes, Desig
 
 
 def joined(parts: list[DesignBoxes]) -> DesignBoxes:
-    """Return several sets of boxes as one."""
+    """Return several sets of boxes as one set."""
     return DesignBoxes(np.hstack([part.low for part in parts]), np.hstack([part.high for part in parts]))

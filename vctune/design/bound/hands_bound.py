@@ -1,9 +1,10 @@
-"""The requirement of hands on the coupling in the sampled loop, bounded over boxes of gains (design/bound/README.md,
-section 1).
+"""Bound what hands require of the coupling in the sampled loop, over boxes of gains (design/bound/README.md, section
+1).
 
-In a hand F and P are affine in the gains with constants of the angle and the hand (`vctune.model.sampled.hand_loop`).
-So both sides of |F|^2 Re Z_c >= factor (-o/2) are quadratic in them; in any passive hand on an impedance display both
-sides are so of K_v (`vctune.model.sampled.any_hand`). Any set of places is valid.
+In a hand, F and P are affine in the gains; their constants depend on the angle and the hand
+(`vctune.model.sampled.hand_loop`). So both sides of |F|^2 Re Z_c >= factor (-o/2) are quadratic in the gains. In any
+passive hand on an impedance display both sides are quadratic in K_v (`vctune.model.sampled.any_hand`). The bound is
+valid for any set of places.
 """
 
 from __future__ import annotations
@@ -30,27 +31,27 @@ from vctune.proof.enclosures.array_intervals import Enclosure, Flags, Floats, de
 from vctune.proof.enclosures.jets import ENCLOSURES
 
 NO_GAINS = Gains(0.0, 0.0)
-"""The constraints of a device without a loop of its own."""
+"""Gains of a device without a loop of its own."""
 
 
 @dataclass(frozen=True, slots=True)
 class SampledConditions:
-    """The constraint on the coupling in the sampled loop at some places, those of one device after another.
+    """The constraint on the coupling in the sampled loop at some places of several devices, one device after another.
 
     Attributes
     ----------
-    offer : offer of the couplings there
-    required : R, for an impedance display R/s^2
+    offer : offer of the couplings at these places
+    required : R; for an impedance display R/s^2
     """
 
     offer: Offer
     required: LeastQuotient
 
     def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
-        """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes that admit no coupling.
+        """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes that permit no coupling.
 
-        At some place the denominator of R is negative throughout such a box: a passive hand makes the loop of K_v alone
-        unstable.
+        In such a box the denominator of R is negative throughout at some place: a passive hand makes the loop of K_v
+        alone unstable.
         """
         middle = 0.5 * (boxes.low + boxes.high)
         K_v, K_p = middle[K_V][:, None], middle[K_P][:, None]
@@ -60,17 +61,17 @@ class SampledConditions:
 
 
 def conditions_in_hands(devices: Sequence[Device], places: PlacesInHands) -> SampledConditions:
-    """Return the demand on the coupling in hands at some places, for each of several devices.
+    """Return the constraint on the coupling in hands at some places, for each of several devices.
 
     Parameters
     ----------
-    devices : d devices, known exactly
+    devices : d devices with exactly known numbers
     places : k frequencies omega, rad/s, in [0, pi/T], each with a hand
 
     Returns
     -------
     SampledConditions
-        The conditions at d k places, those of one device after another.
+        The conditions at d k places, one device after another.
     """
     angles = [_angles(device, places.at) for device in devices]
     each = [_in_hands(device, theta, places.hands) for device, theta in zip(devices, angles, strict=True)]
@@ -82,13 +83,13 @@ def conditions_in_any_hand(devices: Sequence[Device], omega: Floats) -> SampledC
 
     Parameters
     ----------
-    devices : d devices, known exactly
-    omega : rad/s, in [0, pi/T], shape (k,)
+    devices : d devices with exactly known numbers
+    omega : frequencies, rad/s, in [0, pi/T], shape (k,)
 
     Returns
     -------
     SampledConditions
-        The conditions at d k places, those of one device after another.
+        The conditions at d k places, one device after another.
     """
     angles = [_angles(device, omega) for device in devices]
     each = [_in_any_hand(device, theta) for device, theta in zip(devices, angles, strict=True)]
@@ -102,7 +103,7 @@ def _angles(device: Device, omega: Floats) -> Floats:
 def _conditions(
     devices: Sequence[Device], angles: list[Floats], each: list[tuple[Coefficients, Coefficients]]
 ) -> SampledConditions:
-    """Return the constraint from the coefficients of R's numerator and denominator on each device."""
+    """Return the constraint, given the coefficients of R's numerator and denominator for each device."""
     lost, size = (joined([coefficients[k] for coefficients in each]) for k in (0, 1))
     offer: Offer
     if devices[0].kind.inverse:
@@ -130,7 +131,7 @@ def _in_hands(device: Device, theta: Floats, hands: Hand) -> tuple[Coefficients,
         position = form(at.position) if isinstance(at, LoopInHand) else None
         return Affine(form(at.open), form(at.velocity), position)
 
-    # o of P conj F = e + j s o is Im(P conj F) with s = 1: `parts` leaves s out, `true` multiplies it in
+    # o in P conj F = e + j s o is Im(P conj F) with s = 1: `parts` omits s, `true` includes it
     split, whole = loop(parts), loop(true)
     if isinstance(at, LoopInHand):
         P = Affine(None, parts(at.seen_velocity), parts(at.seen_position))
@@ -141,7 +142,7 @@ def _in_hands(device: Device, theta: Floats, hands: Hand) -> tuple[Coefficients,
 
 
 def _in_any_hand(device: Device, theta: Floats) -> tuple[Coefficients, Coefficients]:
-    """Return the coefficients of R/s^2's numerator and denominator."""
+    """Return the coefficients of the numerator and the denominator of R/s^2."""
     delays, at = delays_of(device), Enclosure(theta)
     fractional = delays.loop_fractional
     of = any_hand(device.converted(decimal), delays.loop, at, ENCLOSURES, fractional=fractional).of_velocity

@@ -21,15 +21,15 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 
 @dataclass(frozen=True, slots=True)
 class LlewellynConditions:
-    """Llewellyn's conditions at some frequencies, those of one device after another.
+    """Llewellyn's conditions at some frequencies of several devices, one device after another.
 
     Attributes
     ----------
-    offer : offer of the couplings there
+    offer : offer of the couplings at these frequencies
     D2, C2, P, resistance : |D|^2, |C|^2, Re(C conj D) and the loop's resistance, rounded up
     operator_relief : 2 b_h Re(C conj N), rounded up; None without an operator
-    D2_low, C2_low : rounded down
-    im_low, im_high : Im(C conj D), rounded down and up
+    D2_low, C2_low : |D|^2 and |C|^2, rounded down
+    im_low, im_high : Im(C conj D), rounded down and rounded up
     """
 
     offer: SeriesOffer
@@ -44,9 +44,10 @@ class LlewellynConditions:
     im_high: Quadratic
 
     def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
-        """Return a lower bound of R where it is positive, shape (boxes, frequencies), and the boxes that admit no loop.
+        """Return a lower bound of R where it is positive, shape (boxes, frequencies), and the boxes that permit no
+        loop.
 
-        R is (excess - relief)/(2 r) with the loop's resistance r, which is nowhere positive in such a box.
+        R is (excess - relief)/(2 r) with the loop's resistance r. In such a box r is positive nowhere.
         """
         im = np.maximum(np.maximum(self.im_low.least(boxes), -self.im_high.greatest(boxes)), 0.0) * (1 - GUARD)
         resistance, P = self.resistance.greatest(boxes), self.P.greatest(boxes)
@@ -65,13 +66,13 @@ def llewellyn_conditions(devices: Sequence[Device], omega: Floats) -> LlewellynC
 
     Parameters
     ----------
-    devices : d devices, known exactly
-    omega : rad/s, > 0, shape (k,)
+    devices : d devices with exactly known numbers
+    omega : frequencies, rad/s, > 0, shape (k,)
 
     Returns
     -------
     LlewellynConditions
-        The conditions at d k frequencies, those of one device after another.
+        The conditions at d k frequencies, one device after another.
     """
     return _conditions(repeated(devices, len(omega)), np.tile(omega, len(devices)))
 
@@ -80,7 +81,7 @@ def _conditions(device: Device, omega: Floats) -> LlewellynConditions:
     at, crossed = loop_at(device, omega), device.velocity is not None
     C2, D2 = (quadratic(re_conj_product, part, part, crossed=crossed) for part in (at.C, at.D))
     im = quadratic(im_conj_product, at.C, at.D, crossed=crossed)
-    if device.ideal:  # C against itself contributes nothing, but rounding
+    if device.ideal:  # the product of C with itself contributes rounding errors only
         im = im[0], im[1], None, None
     return LlewellynConditions(
         SeriesOffer(omega),

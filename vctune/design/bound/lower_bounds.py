@@ -22,13 +22,13 @@ from vctune.proof.enclosures.array_intervals import Flags, Floats
 
 @dataclass(frozen=True, slots=True)
 class LowerBounds:
-    """Lower bounds on the error of the designs of each box; arrays of shape (boxes,).
+    """Lower bounds on the error of the designs of each box, as arrays of shape (boxes,).
 
     Attributes
     ----------
-    error : a lower bound on the error of the feasible designs; inf if there are none
+    error : a lower bound on the error of the feasible designs; inf if no design is feasible
     infeasibility : a lower bound of the greatest of |S| and the coupling's elements relative to their limits; above 1
-        nothing is feasible
+        no design is feasible
     """
 
     error: Floats
@@ -47,7 +47,7 @@ def lower_bounds(relaxed: Relaxation, boxes: DesignBoxes) -> LowerBounds:
     Returns
     -------
     LowerBounds
-        Both of shape (n,); inf if no design of a box is feasible.
+        Both arrays have shape (n,); the error is inf if no design of a box is feasible.
     """
     problem, objective = relaxed.problem, relaxed.objective
     couplings, least = objective.couplings, least_coupling(relaxed, boxes)
@@ -64,7 +64,7 @@ def lower_bounds(relaxed: Relaxation, boxes: DesignBoxes) -> LowerBounds:
 
 
 def _sensitivity_over_limit(relaxed: Relaxation, boxes: DesignBoxes) -> Floats:
-    """Return a lower bound of |S| relative to its limit."""
+    """Return a lower bound of |S| divided by its limit."""
     limit = relaxed.problem.stability.max_sensitivity
     S2: Floats = relaxed.sensitivity.least(boxes).max(axis=1)
     return np.sqrt(S2) / limit * (1 - GUARD)
@@ -73,8 +73,8 @@ def _sensitivity_over_limit(relaxed: Relaxation, boxes: DesignBoxes) -> Floats:
 def without_integrator(problem: Problem, boxes: DesignBoxes) -> Flags:
     """Return the boxes in which no feasible design has K_p > 0, because b_0 lies below R at omega = 0.
 
-    With k = K_v - tau K_p the limit of R is ((b + tau_s K_p)^2 - 4 b_h k)/(4 (b + b_h + k))
-    (`vctune.model.loop.limits`), if the device has no structure, and no operator unless it is ideal.
+    With k = K_v - tau K_p, the limit of R is ((b + tau_s K_p)^2 - 4 b_h k)/(4 (b + b_h + k))
+    (`vctune.model.loop.limits`). This holds if the device has no structure, and if it is ideal or has no operator.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def without_integrator(problem: Problem, boxes: DesignBoxes) -> Flags:
     Returns
     -------
     array of bool
-        Shape (n,); all False if the problem does not require the limit, or if it is not known.
+        Shape (n,). All False if the problem does not require the limit, or if the limit is not known.
     """
     device = problem.device
     beyond = device.structure is not None or (device.operator is not None and not device.ideal)
@@ -99,7 +99,7 @@ def without_integrator(problem: Problem, boxes: DesignBoxes) -> Flags:
 
 
 def least_coupling(relaxed: Relaxation, boxes: DesignBoxes) -> LeastCoupling:
-    """Return the least elements of the coupling that the conditions and the bounds leave to any design of a box.
+    """Return the least elements of the coupling that the conditions and the bounds permit in each box.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The open nodes of the branch and bound: boxes that may still hold a better design."""
+"""The open nodes of the branch and bound: boxes that may contain a better design."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from vctune.proof.enclosures.array_intervals import Flags, Floats
 
 @dataclass(frozen=True, slots=True)
 class OpenNodes:
-    """Boxes that are still open.
+    """Boxes that are not yet decided.
 
     Attributes
     ----------
     boxes : n boxes
-    bound : a lower bound on the error in each, shape (n,)
-    stable : whether all of its loops are proved stable, shape (n,)
+    bound : a lower bound on the error in each box, shape (n,)
+    stable : whether all loops of the box are proved stable, shape (n,)
     """
 
     boxes: DesignBoxes
@@ -45,7 +45,7 @@ def root(axes: tuple[Axis, ...]) -> OpenNodes:
 
 
 def joined(parts: list[OpenNodes]) -> OpenNodes:
-    """Return several sets of nodes as one."""
+    """Return several sets of nodes as one set."""
     boxes = joined_boxes([part.boxes for part in parts])
     return OpenNodes(
         boxes, np.concatenate([part.bound for part in parts]), np.concatenate([part.stable for part in parts])

@@ -1,8 +1,8 @@
 """The error of the designs of a box, term by term, bounded from below (design/bound/README.md, section 1).
 
-Every term is a quotient of expressions that are affine in two numbers: |X|^2/|Y|^2 in the gains and 1/|Z_c|^2 in b_c
-and k_c. Let X_0 be X without gains. The mean of |X|^2/|Y|^2 over an interval is at least |integral of X conj
-X_0|^2/(integral of |X_0|^2 |Y|^2) (Cauchy and Schwarz), where the integrals are of known functions, enclosed by Arb.
+Every term is a quotient of expressions that are affine in two numbers: |X|^2/|Y|^2 in the gains, and 1/|Z_c|^2 in b_c
+and k_c. Let X_0 be X without gains. By Cauchy and Schwarz, the mean of |X|^2/|Y|^2 over an interval is at least
+|integral of X conj X_0|^2/(integral of |X_0|^2 |Y|^2). Arb encloses these integrals of known functions.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.running import check_time
 
 PRECISION = 2.0**-44
-"""Relative precision of the integrals: 6e-14, of the size of `GUARD`. Half and twice it change the bound by as much,
-and the time by one of Gauss's nodes."""
+"""Relative precision of the integrals, 6e-14, about the size of `GUARD`. Half and twice this precision change the bound
+by as much, and the time by one node of Gauss's rule."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +52,10 @@ class Objective:
 
     Attributes
     ----------
-    admittance, tracking : those of the loop
-    couplings : couplings whose share is the third
-    omega : rad/s, at which the error is evaluated for norm "peak"; None for "rms"
-    devices : number of devices the greatest of whose errors is the objective; their terms follow one another
+    admittance, tracking : the two terms of the loop
+    couplings : couplings, whose share is the third term
+    omega : frequencies at which the error is evaluated for norm "peak", rad/s; None for "rms"
+    devices : number of devices; the objective is the greatest of their errors, and their terms follow one another
     """
 
     admittance: BoundedQuotient
@@ -71,13 +71,13 @@ def objective_of(problem: Problem, devices: Sequence[Device], intervals: int) ->
     Parameters
     ----------
     problem : problem in SI units
-    devices : known exactly; the objective is the greatest of their errors
+    devices : devices with exactly known numbers; the objective is the greatest of their errors
     intervals : number of intervals of the transparency band for norm "rms", or of frequencies for "peak"
 
     Returns
     -------
     Objective
-        The terms of one device after another.
+        The terms of all devices, one device after another.
     """
     wanted, kind, omega = problem.transparency, problem.device.kind, None
     weights, unit = wanted.weights, kind.reference(wanted.reference_impedance)
@@ -110,7 +110,7 @@ def _loop_terms(at: LoopConstants, device: Device) -> list[Term]:
 
 
 def _compliance(device: Device, omega: Number, ops: Arithmetic) -> Term:
-    """Return |1/Z_c|^2 of b_c and k_c as s^2/(s^2 |Z_c|^2)."""
+    """Return |1/Z_c|^2 as a function of b_c and k_c, in the form s^2/(s^2 |Z_c|^2)."""
     theta = omega * device.sample_time
     _, (damped, crossed, stiff) = spring_forms(device, theta, ops)
     sin = ops.sin(theta / 2)
@@ -121,7 +121,7 @@ def _compliance(device: Device, omega: Number, ops: Arithmetic) -> Term:
 def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) -> list[Term]:
     """Return the terms of the mean over log frequency, by Cauchy and Schwarz on each of several equal intervals.
 
-    Those that are not wanted are not computed: their numbers are 1.
+    The function does not compute the terms that are not wanted; it sets their numbers to 1.
     """
     exact, first = device_ball(device.bare), ball(band.min).log()
     length = ball(band.max).log() - first
@@ -140,7 +140,7 @@ def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) 
         throughout = integrand(acb(low.union(high)), True)
         if throughout == 0:
             return arb(0)
-        # relative to the integrand, not to its integral, which may be 0
+        # relative to the integrand, because the integral may be 0
         size = float(throughout.abs_upper())
         tolerance = size * float(high - low) * PRECISION if size < inf else 0.0
         return acb.integral(integrand, low, high, rel_tol=PRECISION, abs_tol=tolerance).real / length
@@ -156,5 +156,5 @@ def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) 
 
         return replaced(shape, [row(index) for index in range(len(listed(shape)))])
 
-    with ctx.workprec(64), interrupt_deferred():  # an exception within Arb's integrand becomes one of another name
+    with ctx.workprec(64), interrupt_deferred():  # Arb turns an exception within an integrand into one of another name
         return [integrated(term, counts) for term, counts in zip(terms, wanted, strict=True)]

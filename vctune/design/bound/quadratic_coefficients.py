@@ -22,7 +22,7 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 Coefficients = tuple[
     Enclosure, tuple[Enclosure, Enclosure] | None, tuple[Enclosure, Enclosure] | None, Enclosure | None
 ]
-"""Coefficients of a quadratic: constant, linear, square, cross."""
+"""Coefficients of a quadratic: constant, linear, square and cross."""
 
 
 class Term(NamedTuple):
@@ -44,13 +44,13 @@ def quadratic(of: Callable[[Pair, Pair], Number], a: Affine, b: Affine, *, cross
     Parameters
     ----------
     of : Re or Im of the first number times the conjugate of the second
-    a, b : at the same frequencies; a coefficient both of whose factors are None is None
-    crossed : whether K_v K_p has a coefficient; it has none if the shares of both gains are at right angles
+    a, b : two numbers at the same frequencies; if both factors of a coefficient are None, it is None
+    crossed : whether the product K_v K_p has a coefficient; it has none if the shares of both gains are at right angles
 
     Returns
     -------
     Coefficients
-        constant, linear, square and cross, enclosed, of the shape of the frequencies.
+        The enclosed coefficients constant, linear, square and cross, with the shape of the frequencies.
     """
 
     def product(*pairs: tuple[Pair | None, Pair | None]) -> Number:
@@ -80,7 +80,7 @@ def error_term(of: Quotient, *, crossed: bool) -> Term:
     Parameters
     ----------
     of : X and Y at some frequencies, affine in the gains; X_0 is X with both gains 0
-    crossed : whether K_v K_p has a coefficient in |Y|^2, as for `quadratic`
+    crossed : whether the product K_v K_p has a coefficient in |Y|^2, see `quadratic`
 
     Returns
     -------
@@ -104,12 +104,12 @@ def mapped(coefficients: Coefficients, f: Callable[[Number], Number]) -> Coeffic
     Parameters
     ----------
     coefficients : coefficients of a quadratic; a part that is None stays None
-    f : takes one coefficient; called in the order constant, linear, square, cross
+    f : function of one coefficient; called in the order constant, linear, square, cross
 
     Returns
     -------
     Coefficients
-        The results, in the same places.
+        The results in the same places.
     """
     constant, linear, square, cross = coefficients
     return (
@@ -121,7 +121,7 @@ def mapped(coefficients: Coefficients, f: Callable[[Number], Number]) -> Coeffic
 
 
 def listed(term: Term) -> list[Number]:
-    """Return the numbers of a term that are there."""
+    """Return the numbers of a term that are not None."""
     found: list[Number] = []
     for part in _pairs(term.along):
         found += [] if part is None else [part.re, part.im]
@@ -130,17 +130,17 @@ def listed(term: Term) -> list[Number]:
 
 
 def replaced(term: Term, numbers: Iterable[Number]) -> Term:
-    """Return a term with other numbers in the places of its own.
+    """Return a term with its numbers replaced.
 
     Parameters
     ----------
-    term : a term that has the same numbers; None stays None
+    term : a term of the same form; its None entries stay None
     numbers : numbers in the order of `listed`
 
     Returns
     -------
     Term
-        Of the same form.
+        A term of the same form.
     """
     found = iter(numbers)
     along = (None if part is None else Pair(next(found), next(found)) for part in _pairs(term.along))
@@ -156,7 +156,7 @@ def concatenated(parts: Sequence[Sequence[Number]]) -> list[Number]:
 
     Parameters
     ----------
-    parts : for each device its numbers, enclosed, in the same order
+    parts : the enclosed numbers of each device, in the same order
     """
     return [
         Enclosure(np.concatenate([x.mid for x in row]), np.concatenate([x.rad for x in row]))
@@ -174,7 +174,7 @@ def joined(parts: Sequence[Coefficients]) -> Coefficients:
 
 
 def repeated(devices: Sequence[Device], count: int) -> Device:
-    """Return several devices as one whose numbers are arrays, each device repeated for its places.
+    """Return several devices as one device with arrays of numbers, in which each device is repeated for its places.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def repeated(devices: Sequence[Device], count: int) -> Device:
     Returns
     -------
     Device
-        Numbers of shape (d count,); a single device stays as it is, with plain numbers.
+        Its numbers have shape (d count,). A single device stays as it is, with plain numbers.
     """
     if len(devices) == 1:
         return devices[0]
@@ -192,16 +192,17 @@ def repeated(devices: Sequence[Device], count: int) -> Device:
 
 
 def loop_at(device: Device, omega: Floats) -> LoopConstants:
-    """Return the constants of a device's loop, let go, as enclosures (model/README.md, section 2).
+    """Return the constants of a device's loop without a hand, as enclosures (model/README.md, section 2).
 
     Parameters
     ----------
-    device : plain numbers, taken as decimals, or arrays of the shape of omega
-    omega : rad/s, > 0
+    device : device with plain numbers, which stand for the decimals that they print as, or with arrays of the shape of
+        omega
+    omega : frequencies, rad/s, > 0
 
     Returns
     -------
     LoopConstants
-        Each number of the loop as an affine function of the gains, of the shape of omega.
+        Each number of the loop as an affine function of the gains, with the shape of omega.
     """
     return loop_constants(device_response(device.bare.converted(decimal), Enclosure(omega), ENCLOSURES))

@@ -1,4 +1,4 @@
-"""Quadratic functions of two numbers, the gains mostly, and their quotients, bounded over many boxes at once."""
+"""Quadratic functions of two numbers, usually the gains, and their quotients, bounded over many boxes at once."""
 
 from __future__ import annotations
 
@@ -11,18 +11,21 @@ from vctune.design.bound.quadratic_coefficients import Coefficients
 from vctune.proof.enclosures.array_intervals import Enclosure, Floats
 
 GUARD = 1e-14
-"""Covers the rounding of a quadratic in the gains and of the operations after it, relative to their moduli.
+"""Allowance for the rounding of a quadratic in the gains and of the operations after it, relative to their moduli.
 
-It is 90 units of u = 2^-53. A coefficient of such a quadratic is rounded at most 3 times: in `less` by the product, the
-difference and the sum with its share of `GUARD`, in `rounded_up` by two sums. A square's term has at most 6 further
-roundings, 3 in gain (linear + gain square) and 3 in the sum of the terms; the others have fewer. So the value is off by
-at most 9 u times the sum of the moduli of its terms, except for products of roundings (Higham 2002, section 3.1), and
-since no gain is negative, coefficients raised by `GUARD` of their modulus each raise it by ten times that. The minimum
-of a convex quadratic is attained where its slope is 0, so that the rounding of that point has only a second-order
-effect: with curvatures from l to h over gains up to w the point is off by at most w, and by h u/l of w, which lowers
-the value by at most min(l, h^2 u^2/l) w^2 <= h u w^2. In `lower_bounds.py` a factor 1 - 10 `GUARD` covers 900 u, of
-some 30 operations, and a logarithm of 8 units in the last place. Half and twice it change the bound by as many units of
-its fourteenth digit.
+It is 90 u with u = 2^-53. A coefficient of such a quadratic has at most 3 roundings. In `less` these are the product,
+the difference, and the sum with its share of `GUARD`; in `rounded_up` they are two sums. A square's term has at most 6
+further roundings: 3 in gain (linear + gain square), and 3 in the sum of the terms. The other terms have fewer. So the
+value is wrong by at most 9 u times the sum of the moduli of its terms, except for products of roundings (Higham 2002,
+section 3.1). Since no gain is negative, raising each coefficient by `GUARD` of its modulus raises the value by ten
+times that.
+
+The minimum of a convex quadratic is attained where its slope is 0, so that the rounding of that point has only a
+second-order effect. With curvatures from l to h over gains up to w, the point is wrong by at most w and by h u/l of w.
+This lowers the value by at most min(l, h^2 u^2/l) w^2 <= h u w^2.
+
+In `lower_bounds.py` a factor 1 - 10 `GUARD` covers 900 u, which includes some 30 operations and a logarithm with 8
+units in the last place. Half and twice this allowance change the bound only in its fourteenth digit.
 """
 
 
@@ -33,8 +36,8 @@ class Quadratic:
     Attributes
     ----------
     constant : shape (points,)
-    linear, square : of K_v and of K_p, each of that shape; None for 0
-    cross : mixed coefficient, of the same shape; None if the contributions of K_v and K_p are at right angles to each
+    linear, square : coefficients of K_v and of K_p, each of shape (points,); None for 0
+    cross : mixed coefficient, shape (points,); None if the contributions of K_v and K_p are at right angles to each
         other
     """
 
@@ -44,7 +47,7 @@ class Quadratic:
     cross: Floats | None = None
 
     def at(self, K_v: Floats, K_p: Floats) -> Floats:
-        """Return the value for some gains; the rounding of the sum has no certain direction.
+        """Return the value for given gains. The rounding error of the sum may have either sign.
 
         Parameters
         ----------
@@ -59,10 +62,10 @@ class Quadratic:
         return np.asarray(self.constant + self._part(K_V, K_v) + self._part(K_P, K_p) + crossed)
 
     def greatest(self, boxes: DesignBoxes) -> Floats:
-        """Return a number that no value over a box of gains exceeds, shape (boxes, points).
+        """Return an upper bound of the values over each box of gains, shape (boxes, points).
 
-        It is the greatest value, at a vertex, if no square is negative or there is no cross term. Otherwise it is the
-        sum of the greatest values of the terms.
+        If no square is negative or there is no cross term, it is the greatest value, which occurs at a vertex.
+        Otherwise it is the sum of the greatest values of the terms.
         """
         if self.cross is not None and self.square is not None and all(np.all(square >= 0) for square in self.square):
             vertices = [(K_v, K_p) for K_v in self._ends(K_V, boxes) for K_p in self._ends(K_P, boxes)]
@@ -72,9 +75,9 @@ class Quadratic:
         return total if self.cross is None else total + np.maximum(*self._crossed(boxes))
 
     def least(self, boxes: DesignBoxes) -> Floats:
-        """Return a number that no value over a box of gains falls below, shape (boxes, points): the least value.
+        """Return a lower bound of the values over each box of gains, shape (boxes, points). It is the least value.
 
-        With a cross term it is on an edge, or where both slopes are 0.
+        With a cross term the least value lies on an edge, or where both slopes are 0.
         """
         if self.cross is not None:
             return np.minimum(self._least_on_edges(boxes), self._least_inside(boxes))
@@ -92,7 +95,7 @@ class Quadratic:
         return np.minimum.reduce(least)
 
     def _least_inside(self, boxes: DesignBoxes) -> Floats:
-        """Return the value where both slopes are 0, if that is a minimum inside; else inf."""
+        """Return the value where both slopes are 0 if this is a minimum inside the box; else inf."""
         if self.square is None or self.linear is None or self.cross is None:
             return np.full((1, 1), np.inf)
         (v, p), (vv, pp), cross = self.linear, self.square, self.cross
@@ -110,7 +113,7 @@ class Quadratic:
         return boxes.low[axis][:, None], boxes.high[axis][:, None]
 
     def _extremes(self, axis: int, boxes: DesignBoxes) -> list[Floats]:
-        """Return a gain's contribution at both ends of the boxes, and where its slope is 0."""
+        """Return a gain's contribution at both ends of the boxes, and at the point where its slope is 0."""
         low, high = self._ends(axis, boxes)
         ends = [self._part(axis, low), self._part(axis, high)]
         if self.square is None or self.linear is None or not np.any(self.square[axis]):
@@ -129,17 +132,17 @@ class Quadratic:
 
 
 def less(a: Quadratic, factor: Floats, b: Quadratic) -> Quadratic:
-    """Return a quadratic that nowhere exceeds a - factor b for gains >= 0.
+    """Return a quadratic that exceeds a - factor b nowhere for gains >= 0.
 
     Parameters
     ----------
-    a, b : with coefficients of shape (points,)
-    factor : >= 0, shape (boxes, points)
+    a, b : quadratics with coefficients of shape (points,)
+    factor : numbers >= 0, shape (boxes, points)
 
     Returns
     -------
     Quadratic
-        With coefficients of shape (boxes, points).
+        Its coefficients have shape (boxes, points).
     """
 
     def difference(x: Floats | float, y: Floats | float) -> Floats:
@@ -166,9 +169,9 @@ class BoundedQuotient:
 
     Attributes
     ----------
-    above : rounded down
-    below : rounded up
-    scale : scale of the quotient, rounded down
+    above : numerator, rounded down
+    below : denominator, rounded up
+    scale : factor of the quotient, rounded down
     """
 
     above: Quadratic
@@ -184,12 +187,12 @@ class BoundedQuotient:
 
 @dataclass(frozen=True, slots=True)
 class LeastQuotient:
-    """A quotient of quadratics, bounded from below over boxes where the lower one is positive.
+    """A quotient of quadratics, bounded from below over boxes where its denominator is positive.
 
     Attributes
     ----------
-    above : rounded down
-    below, below_low : rounded up and down
+    above : numerator, rounded down
+    below, below_low : denominator, rounded up and rounded down
     """
 
     above: Quadratic
@@ -199,13 +202,14 @@ class LeastQuotient:
     def least(self, boxes: DesignBoxes, guess: Floats) -> Floats:
         """Return a lower bound of the quotient over each box where it is positive, else 0.
 
-        If m is the least value of above - r below, the quotient is at least r + m/below, for any r. The bound is the
-        closer the better r is: one evaluation starts from 0, another from the guess, a third from the better of both.
+        If m is the least value of above - r below, the quotient is at least r + m/below, for any r. The better r is,
+        the tighter is the bound. The function evaluates it for 0, for the guess, and then for the better of the two
+        results.
 
         Parameters
         ----------
         boxes : n boxes of designs
-        guess : a first r, of shape (n, points); any number is valid
+        guess : a first r, shape (n, points); any number is valid
 
         Returns
         -------
@@ -225,17 +229,17 @@ class LeastQuotient:
 
 
 def upper(coefficients: Coefficients, factor: int = 1) -> Quadratic:
-    """Return a quadratic that is nowhere less than one with the enclosed coefficients, for gains >= 0.
+    """Return a quadratic with coefficients that are nowhere less than the enclosed ones, for gains >= 0.
 
     Parameters
     ----------
-    coefficients : enclosed, of shape (points,)
-    factor : multiplies it; a power of 2, so that the product is not rounded
+    coefficients : enclosed coefficients, shape (points,)
+    factor : factor of the quadratic; a power of 2, so that the product is not rounded
 
     Returns
     -------
     Quadratic
-        With coefficients of shape (points,).
+        Its coefficients have shape (points,).
     """
     constant, linear, square, cross = coefficients
 
@@ -251,7 +255,7 @@ def upper(coefficients: Coefficients, factor: int = 1) -> Quadratic:
 
 
 def lower(coefficients: Coefficients) -> Quadratic:
-    """Return a quadratic that is nowhere more than one with the coefficients enclosed."""
+    """Return a quadratic whose coefficients are nowhere more than the enclosed ones."""
     constant, linear, square, cross = coefficients
     return Quadratic(
         rounded_down(constant),
@@ -262,10 +266,10 @@ def lower(coefficients: Coefficients) -> Quadratic:
 
 
 def rounded_up(x: Enclosure) -> Floats:
-    """Return coefficients that are no less than any number enclosed, and more by `GUARD`."""
+    """Return coefficients that exceed every enclosed number by `GUARD`."""
     return np.asarray(x.mid + x.rad + GUARD * (np.abs(x.mid) + x.rad))
 
 
 def rounded_down(x: Enclosure) -> Floats:
-    """Return coefficients that are no more than any number enclosed, and less by `GUARD`."""
+    """Return coefficients that are below every enclosed number by `GUARD`."""
     return np.asarray(x.mid - x.rad - GUARD * (np.abs(x.mid) + x.rad))

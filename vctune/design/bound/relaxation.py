@@ -1,10 +1,10 @@
-"""A relaxed design problem, so that boxes of designs can be judged at once.
+"""A relaxed design problem, with which boxes of designs can be judged at once.
 
 See model/README.md, section 8; design/bound/README.md, section 1.
 
-The relaxation imposes the constraints at some frequencies, angles and hands; at all of them they can only be harder.
-There their constants are known, and only the gains are not (`llewellyn.py`, `hands.py`); the error is bounded term by
-term (`objective.py`).
+The relaxation imposes the constraints only at some frequencies, angles and hands; all of them together are harder to
+meet. At these places all constants are known, and only the gains are not (`llewellyn_bound.py`, `hands_bound.py`). The
+error is bounded term by term (`objective.py`).
 """
 
 from __future__ import annotations
@@ -32,27 +32,27 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 
 
 class Conditions(Protocol):
-    """A constraint on the coupling at some places, those of one device after another."""
+    """A constraint on the coupling at some places of several devices, one device after another."""
 
     @property
     def offer(self) -> Offer:
-        """The offer of couplings there."""
+        """The offer of couplings at these places."""
 
     def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
-        """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes that satisfy none."""
+        """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes with no feasible
+        coupling."""
 
 
 @dataclass(frozen=True, slots=True)
 class Relaxation:
-    """A design problem made easier: fewer frequencies, and bounds in place of values.
+    """A relaxed design problem: fewer frequencies, and bounds instead of values.
 
     Attributes
     ----------
     problem : the problem
-    devices, places : at which the constraints are imposed
+    devices, places : devices and places at which the constraints are imposed
     conditions : conditions on the coupling
-    sensitivity : |S|^2 of the sampled loop; for an uncertain device the constraints are imposed at each vertex of its
-        box too
+    sensitivity : |S|^2 of the sampled loop; for an uncertain device it is bounded at each vertex of the box, too
     objective : the terms of the squared error
     """
 
@@ -70,10 +70,10 @@ class Places:
 
     Attributes
     ----------
-    omega : rad/s, frequencies of the stability band
-    sensitivity : rad/s, frequencies up to Nyquist
-    in_hands : those, each with a hand
-    any_hand : those at which any passive hand is met on an impedance display
+    omega : frequencies in the stability band, rad/s
+    sensitivity : frequencies up to Nyquist for |S|, rad/s
+    in_hands : frequencies, each with a hand
+    any_hand : frequencies for any passive hand on an impedance display
     """
 
     omega: Floats
@@ -83,16 +83,16 @@ class Places:
 
     @property
     def most(self) -> int:
-        """How many there are of the demand on the coupling that has most."""
+        """The greatest number of places for one of the constraints on the coupling."""
         return max(len(self.omega), len(self.in_hands), len(self.any_hand))
 
     @property
     def number(self) -> int:
-        """How many there are."""
+        """The total number of places."""
         return len(self.omega) + len(self.sensitivity) + len(self.in_hands) + len(self.any_hand)
 
     def joined(self, more: Places) -> Places:
-        """Return these and others, each once and in order."""
+        """Return these and other places in order, without duplicates."""
         return Places(
             np.union1d(self.omega, more.omega),
             np.union1d(self.sensitivity, more.sensitivity),
@@ -104,14 +104,14 @@ class Places:
 def relaxation(
     problem: Problem, devices: list[Device], objective: list[Device], places: Places, intervals: int
 ) -> Relaxation:
-    """Relax a problem: pose its constraints at some places only, and bound the terms of its error from below.
+    """Relax a problem: impose its constraints at some places only, and bound the terms of its error from below.
 
     See design/bound/README.md, section 1.
 
     Parameters
     ----------
     problem : problem in SI units
-    devices : d devices at which the constraints are imposed, known exactly
+    devices : d devices with exactly known numbers, at which the constraints are imposed
     objective : the devices among them whose greatest error is the objective
     places : frequencies, angles and hands at which the constraints are imposed
     intervals : number of intervals of the transparency band for norm "rms", or of frequencies for "peak"
@@ -119,7 +119,7 @@ def relaxation(
     Returns
     -------
     Relaxation
-        Each feasible design of the problem is feasible for it, with an error that is no greater.
+        Each feasible design of the problem is feasible for the relaxation, with an error that is not greater.
     """
     terms = objective_of(problem, objective, intervals)
     return Relaxation(
@@ -133,17 +133,17 @@ def relaxation(
 
 
 def at_places(relaxed: Relaxation, places: Places) -> Relaxation:
-    """Return the relaxation with its constraints at other places; the terms of the error stay.
+    """Return the relaxation with its constraints at other places. The terms of the error stay.
 
     Parameters
     ----------
     relaxed : the relaxed problem
-    places : frequencies, angles and hands at which the constraints are imposed, on each device
+    places : frequencies, angles and hands at which the constraints are imposed on each device
 
     Returns
     -------
     Relaxation
-        Tighter if the places contain the former ones.
+        It is tighter if the places include the previous ones.
     """
     problem, devices = relaxed.problem, relaxed.devices
     return replace(
@@ -166,7 +166,7 @@ def _conditions(problem: Problem, devices: list[Device], places: Places) -> list
 
 
 def _sensitivity(devices: list[Device], upto: Floats) -> BoundedQuotient:
-    """Return |F_0|^2/|F|^2 of the sampled loop; F is affine in the gains, so that |F|^2 is convex in them."""
+    """Return |F_0|^2/|F|^2 of the sampled loop. F is affine in the gains, so |F|^2 is convex in them."""
     device, omega = repeated(devices, len(upto)), np.tile(upto, len(devices))
     whole, fraction = split_delay(device.delay, device.sample_time)
     exact = device.bare.converted(decimal)

@@ -1,4 +1,4 @@
-"""The state that a search for a bound needs to continue, and its file."""
+"""The state from which a search for a bound continues, and its file."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from vctune.version import __version__
 
 @dataclass(frozen=True, slots=True)
 class ResumeState:
-    """The state that a search needs to continue.
+    """The state from which a search continues.
 
     Attributes
     ----------
     nodes : nodes that are still open
-    pruned_bound : the least lower bound of the boxes that were pruned
-    boxes : lower bounds computed so far
+    pruned_bound : the least lower bound of the pruned boxes
+    boxes : number of lower bounds computed so far
     """
 
     nodes: OpenNodes
@@ -68,7 +68,7 @@ def read_resume(path: Path, sha256: str) -> ResumeState | None:
     Returns
     -------
     ResumeState or None
-        None if the file is absent, damaged, or of another problem or version.
+        None if the file is absent or damaged, or belongs to another problem or version.
     """
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:

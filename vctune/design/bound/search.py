@@ -2,9 +2,9 @@
 
 See design/bound/README.md.
 
-The search halves boxes of (K_v, K_p, tau_c, b_0), for an impedance display of (K_v, tau_c), the most promising first.
-It prunes them if even their lower bound is within the gap of the best known design, if no design in them meets the
-constraints, or if their loops are unstable.
+The search halves boxes of (K_v, K_p, tau_c, b_0), or of (K_v, tau_c) for an impedance display, the most promising box
+first. It prunes a box if its lower bound is within the gap of the best known design, if no design in it meets the
+constraints, or if its loops are unstable.
 """
 
 from __future__ import annotations
@@ -38,38 +38,39 @@ from vctune.model.transparency import TermName
 from vctune.running import OutOfTimeError, out_of_time
 
 FREQUENCIES, INTERVALS = 40, 48
-"""Frequencies to begin with, of the conditions and of |S|; intervals of the transparency band. They cost time in
-proportion; fewer make the bounds weaker, so that more boxes are needed."""
+"""Number of the first frequencies for the conditions and for |S|, and of intervals of the transparency band. The time
+grows in proportion to both. Fewer of them give weaker bounds, so that the search needs more boxes."""
 MOST_FREQUENCIES = 160
-"""Frequencies up to which those that a box's middle violates are added: four times the first, and four times the cost
-of a bound. Near the end of a search no other constraint is broken than those that are known."""
+"""Number of frequencies up to which the search adds those that the middle of a box violates: four times the first
+number, at four times the cost of a bound. Near the end of a search no new constraint is violated."""
 LOWEST_ANGLE = 1e-3
-"""Least first angle for any passive hand beside 0, relative to pi: below it R is at its limit to 1e-5."""
+"""Least angle above 0 for any passive hand, relative to pi. Below it R equals its limit to 1e-5."""
 SHARES_IN_HANDS, ANGLES_IN_HANDS = (0.0, 0.1, 1.0), 12
-"""Shares of the ranges of hands, and angles per decade, of the first places in hands."""
+"""Shares of the ranges of hands, and number of angles per decade, for the first places in hands."""
 LITTLE = 1e-3
-"""Stand-in for a gain of 0, relative to its upper bound, where a design in the middle of a box is tried first."""
+"""Substitute for a gain of 0, relative to its upper bound, when the search tries the design in the middle of a box."""
 CHUNK = 1024
-"""Boxes halved together: enough that NumPy's calls cost little, few enough that the bounds of all halves (4 axes, 2
-halves, 160 frequencies) take tens of MB. Half as many are chosen a little better and take a
-little more time each; twice as many the other way round."""
+"""Number of boxes halved together. It is large enough that NumPy's calls cost little, and small enough that the bounds
+of all halves (4 axes, 2 halves, 160 frequencies) take tens of MB. With half this number the search chooses boxes
+slightly better, but each takes slightly more time; with twice this number it is the other way round."""
 TRY_EVERY = 8
-"""Number of rounds after which the best box is tried: for frequencies that it violates, for a better design. Half finds
-better designs earlier, twice wastes less."""
+"""Number of rounds after which the search tries the best box: it looks for violated frequencies and for a better
+design. Half as many rounds find better designs earlier; twice as many waste less."""
 VIOLATED = 1e-4
-"""Relative violation of a constraint from which on its frequency is added; less would not raise a bound that matters.
-"""
+"""Relative violation of a constraint above which its frequency is added. Smaller violations would not raise a bound
+that matters."""
 BETTER = 1e-3
-"""A design is better than the incumbent if its error is lower by this share. It is below a usual gap of 1 %, and above
-the difference between polishing one optimum from two starts."""
+"""Share by which a design's error must be lower to count as better than the incumbent. It is less than a usual gap of 1
+%, and more than the difference between polishing one optimum from two starts."""
 
 Improve = Callable[[Gains, float], Judgement | None]
-"""Return a certified design found from given gains with an error below a limit, or None."""
+"""Function that returns a certified design found from given gains with an error below a limit, or None."""
 
 
 @dataclass(frozen=True, slots=True)
 class SearchState:
-    """State of the search: boxes computed, lower bound, error of the best known design, open boxes."""
+    """State of the search: number of computed boxes, lower bound, error of the best known design, number of open
+    boxes."""
 
     boxes: int
     bound: float
@@ -78,7 +79,7 @@ class SearchState:
 
     @property
     def gap(self) -> float:
-        """Greatest share by which the incumbent's error is above the bound."""
+        """Greatest share by which the incumbent's error exceeds the bound."""
         return self.incumbent / self.bound - 1 if 0 < self.bound < inf else inf
 
     def __str__(self) -> str:
@@ -89,17 +90,17 @@ class SearchState:
 class Optimality:
     """The proved bound on the error of every feasible design.
 
-    The error has only the terms that can differ between designs, mostly all of them.
+    The error has only the terms that can differ between designs, which are usually all terms.
 
     Attributes
     ----------
-    bound : no feasible design has a lower error; inf if there is none
-    incumbent : error of the best design known, inf if none is
-    proved : whether the bound is within the gap that was required
-    improved : a better design than the given one, if the search has found one
-    terms : terms of the error that it counts; empty if it counts all
-    history : history of the search, the last entry now
-    resume : the remaining work; no open node if it is proved
+    bound : no feasible design has a lower error; inf if no design is feasible
+    incumbent : error of the best known design; inf without one
+    proved : whether the bound is within the required gap
+    improved : a better design than the given one; None if the search found none
+    terms : terms of the error that the bound covers; empty if it covers all
+    history : states of the search; the last entry is the current one
+    resume : the remaining work; it has no open node if the gap is proved
     """
 
     bound: float
@@ -112,7 +113,7 @@ class Optimality:
 
     @property
     def gap(self) -> float:
-        """Greatest share by which the incumbent's error is above the bound."""
+        """Greatest share by which the incumbent's error exceeds the bound."""
         return self.history[-1].gap
 
 
@@ -122,13 +123,13 @@ class _Search:
 
     Attributes
     ----------
-    relaxed : the relaxation, with the frequencies known so far
-    incumbent : error of the best design known
-    improved : that design, if the search has found it
-    pruned_bound : the least lower bound of the boxes that were pruned
-    boxes : lower bounds computed
+    relaxed : the relaxation with the frequencies known so far
+    incumbent : error of the best known design
+    improved : that design, if the search found it
+    pruned_bound : the least lower bound of the pruned boxes
+    boxes : number of lower bounds computed
     history : states so far
-    stability_boxes : boxes of frequency and gains that it took to prove loops stable
+    stability_boxes : number of boxes of frequency and gains in the proofs of stable loops
     """
 
     relaxed: Relaxation
@@ -158,25 +159,25 @@ def bound(
     Parameters
     ----------
     posed : a problem in SI units in which some variable is free
-    best : the best design known; None if there is none
-    improve : looks for a design with a lower error near given gains
-    gap : the search stops when the incumbent's error is at most 1 + gap times the bound
+    best : the best known design; None without one
+    improve : function that looks for a design with a lower error near given gains
+    gap : the search ends when the incumbent's error is at most 1 + gap times the bound
     most_boxes : number of lower bounds after which the search gives up
-    most_stability_boxes : number of boxes that prove loops stable or unstable after which it gives up
+    most_stability_boxes : number of boxes in the proofs of stable or unstable loops after which the search gives up
     jobs : number of threads
     resume : state of an earlier search of the same problem; ignored if that search pruned boxes that this gap must keep
-    stopped : whether to give up now
-    progress : function that receives the state of the search, every round
+    stopped : function that returns whether to end the search now
+    progress : function that receives the state of the search in every round
 
     Returns
     -------
     Optimality
-        The bound is valid however the search ends, at the time limit too.
+        The bound is valid however the search ends, including at the time limit.
 
     Raises
     ------
     OutOfTimeError
-        If the time limit ends it before it has imposed its relaxation.
+        If the time limit ends the search before the relaxation is set up.
     """
     given, posed = posed, compared(posed)
     axes = axes_of(posed.problem)
@@ -186,7 +187,7 @@ def bound(
         nodes, pruned_bound, boxes = resume.nodes, resume.pruned_bound, resume.boxes
     search = _Search(_relaxed(posed, best), incumbent, None, pruned_bound, boxes, [])
     with suppress(OutOfTimeError):
-        if all(axis.low == axis.high for axis in axes[:TAU_C]):  # gains that are fixed are never halved
+        if all(axis.low == axis.high for axis in axes[:TAU_C]):  # fixed gains are never halved
             nodes = _with_stability(posed, search, Halved(nodes, np.ones(len(nodes), bool), 0))
     rounds, single = 0, all(axis.low == axis.high for axis in axes)
     with ThreadPoolExecutor(jobs) as pool, np.errstate(all="ignore"):
@@ -198,7 +199,7 @@ def bound(
             stop |= search.boxes > most_boxes or search.stability_boxes > most_stability_boxes
             if not len(nodes) or stop or (single and _stands(search)):
                 break
-            with suppress(OutOfTimeError):  # the nodes stay as they are
+            with suppress(OutOfTimeError):  # on a time limit the nodes stay as they are
                 if single or rounds % TRY_EVERY == 0:
                     _try_best_node(posed, search, nodes, improve)
                 promising, others = _most_promising(nodes)
@@ -220,12 +221,12 @@ def bound(
 
 
 def _stands(search: _Search) -> bool:
-    """Return whether the last round has raised no bound; if there is only one box, no further round will."""
+    """Return whether the last round raised no bound. With a single box, no further round would."""
     return len(search.history) > 2 and search.history[-1].bound == search.history[-2].bound
 
 
 def _relaxed(posed: Posed, best: Judgement | None) -> Relaxation:
-    """Relax the problem to a grid of frequencies, and those at which the best design known is at its limits."""
+    """Relax the problem to a grid of frequencies and those at which the best known design reaches its limits."""
     problem = posed.problem
     band = np.geomspace(*posed.span, FREQUENCIES) if problem.passive else np.zeros(0)
     slowest = slowest_resonance(problem, problem.bounds.velocity.min)
@@ -239,7 +240,7 @@ def _relaxed(posed: Posed, best: Judgement | None) -> Relaxation:
 
 
 def _in_worst_hands(problem: Problem, best: Judgement | None) -> PlacesInHands:
-    """Return some angles with the hand that is worst for the best design known, or for one in the middle."""
+    """Return some angles, each with the hand that is worst for the best known design, or for a design in the middle."""
     if problem.hands_met is None:
         return PlacesInHands.of(())
     at, bounds = loops_in_hands(problem.device, problem.hands_met, SHARES_IN_HANDS, ANGLES_IN_HANDS), problem.bounds
@@ -250,7 +251,7 @@ def _in_worst_hands(problem: Problem, best: Judgement | None) -> PlacesInHands:
 
 
 def _tight_places(problem: Problem, gains: Gains, coupling: AnyCoupling, *, broken: bool = False) -> Places:
-    """Return the places at which the constraints are hardest for a design, or violated."""
+    """Return the places at which the constraints are tightest for a design, or violated."""
     stability, omega = problem.stability, np.zeros(0)
     least = stability.safety_factor * (1 - VIOLATED) if broken else inf
     if problem.passive:
@@ -266,7 +267,7 @@ def _tight_places(problem: Problem, gains: Gains, coupling: AnyCoupling, *, brok
 
 
 def _devices(cases: tuple[Problem, ...]) -> list[Device]:
-    """Return the devices with their own responses: with any other the constraints can only be harder."""
+    """Return the devices with their nominal responses. With any other response the constraints can only be harder."""
     return list(dict.fromkeys(case.device.modelled for case in cases))
 
 
@@ -283,7 +284,7 @@ def _state(search: _Search, nodes: OpenNodes) -> SearchState:
 
 
 def _most_promising(nodes: OpenNodes) -> tuple[OpenNodes, OpenNodes]:
-    """Return the nodes with the least bounds, and the others."""
+    """Return the nodes with the least bounds, and the other nodes."""
     chosen = np.zeros(len(nodes), bool)
     chosen[np.argsort(nodes.bound, kind="stable")[:CHUNK]] = True
     return nodes.subset(chosen), nodes.subset(~chosen)
@@ -302,13 +303,14 @@ def _with_stability(posed: Posed, search: _Search, young: Halved) -> OpenNodes:
 
 
 def _try_best_node(posed: Posed, search: _Search, nodes: OpenNodes, improve: Improve) -> None:
-    """Look at the middle of the most promising box: which constraints does it break, and is there a better design?"""
+    """Evaluate the middle of the most promising box: find the constraints that it violates, and look for a better
+    design."""
     axes, first = axes_of(posed.problem), int(np.argmin(nodes.bound))
     low, high = nodes.boxes.low[:, [first]], nodes.boxes.high[:, [first]]
     middle = np.array([axis.middle(low[row], high[row]) for row, axis in enumerate(axes)])
     least = least_coupling(search.relaxed, DesignBoxes(middle, middle))
     K_v, K_p, tau_c, b_0 = (float(middle[row, 0]) for row in (K_V, K_P, TAU_C, B_0))
-    if high[K_P, 0] <= axes[K_P].scale:  # so little position gain is none
+    if high[K_P, 0] <= axes[K_P].scale:  # so small a position gain counts as 0
         K_p = 0.0
     _add_places(posed, search, Gains(K_v, K_p), coupling_of(posed.problem, float(least.first[0]), tau_c, b_0))
     better = improve(Gains(K_v, K_p), search.incumbent * (1 - BETTER))

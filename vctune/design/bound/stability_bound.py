@@ -1,4 +1,4 @@
-"""Boxes of designs that have only stable loops, and boxes that have none: proved, many at once."""
+"""Prove for many boxes of designs at once that all of their loops, or none of them, are stable."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class Stability:
 
     Attributes
     ----------
-    stable : whether all of them are stable, shape (n,)
-    unstable : whether no loop is stable; both are False if nothing is proved
-    boxes : number of boxes of frequency and gains
+    stable : whether all loops of the box are stable, shape (n,)
+    unstable : whether no loop of the box is stable; both are False if nothing is proved
+    boxes : number of boxes of frequency and gains in the proofs
     """
 
     stable: Flags
@@ -31,21 +31,21 @@ class Stability:
 
 
 def proved_stability(posed: Posed, boxes: DesignBoxes) -> Stability:
-    """Return the boxes all of whose designs have stable loops, and those none of whose designs has.
+    """Return the boxes whose designs all have stable loops, and those whose designs all have an unstable loop.
 
-    K_p = 0 takes the position out of the loop. A box whose K_p starts at 0 contains this face, which gets a proof of
-    its own.
+    With K_p = 0 the loop does not contain the position. A box whose K_p starts at 0 includes this face, which has its
+    own proof.
 
     Parameters
     ----------
-    posed : the problem; its constraints decide which loops must be stable: the sampled loop let go, in a hand, the
-        frequency model
+    posed : the problem; its constraints decide which loops must be stable: the sampled loop without a hand, the sampled
+        loop in a hand, the frequency model
     boxes : n boxes; only their gains matter
 
     Returns
     -------
     Stability
-        Its flags have the shape (n,).
+        Its flags have shape (n,).
     """
     gains = np.concatenate((boxes.low[: K_P + 1], boxes.high[: K_P + 1]))
     rectangles, rectangle_of = np.unique(gains, axis=1, return_inverse=True)  # boxes often share their gains
@@ -64,7 +64,7 @@ def proved_stability(posed: Posed, boxes: DesignBoxes) -> Stability:
 
 
 def _of_rectangles(posed: Posed, low: Floats, high: Floats) -> Stability:
-    """Return the stability of rectangles of K_v and K_p, whose edges have the shape (2, n)."""
+    """Return the stability of rectangles of K_v and K_p, whose edges have shape (2, n)."""
     count, boxes = low.shape[1], 0
     cells = Cells(*(np.concatenate((end, np.ones((3, count)))) for end in (low, high)))  # any coupling will do
     stable, unstable = np.zeros(count, bool), np.zeros(count, bool)
@@ -80,7 +80,7 @@ def _of_rectangles(posed: Posed, low: Floats, high: Floats) -> Stability:
 
 
 def _turns(demands: Demands, cells: Cells) -> tuple[Floats, int]:
-    """Return how often each required curve goes around 0, nan if undecided, and the number of boxes."""
+    """Return how often each required curve goes around 0 (nan if undecided), and the number of boxes."""
     found = encirclements(demands, cells)
     boxes = int(found.boxes.sum() + found.throughout.sum())
     if demands.hands is None:

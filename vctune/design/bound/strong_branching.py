@@ -1,12 +1,12 @@
-"""Strong branching: it halves boxes along every axis and keeps the halves of the axis that gains most.
+"""Strong branching: halve boxes along every axis on trial, and keep the halves of the axis that gains the most.
 
-The rule is that of Achterberg, Koch, Martin (2005), section 2: the score of an axis is a weighted sum of the gains of
+The rule is that of Achterberg, Koch, Martin (2005), section 2. The score of an axis is a weighted sum of the gains of
 its worse and its better half,
 
     score = min(gain_1, gain_2) + BETTER_HALF max(gain_1, gain_2),
 
-the worse half first, since it becomes the bound of the box. The code compares bounds instead of gains, because those of
-a box are the same for all of its axes.
+with the worse half first, because it becomes the bound of the box. The code compares bounds instead of gains, since all
+axes of a box start from the same bound.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ from vctune.model.problem import Problem
 from vctune.proof.enclosures.array_intervals import Flags, Floats
 
 BETTER_HALF = 0.1
-"""Weight of the better half against the worse, 0.2 in the paper's mixed-integer programs (mu = 1/6)."""
+"""Weight of the better half relative to the worse. It is 0.2 in the paper's mixed-integer programs (mu = 1/6)."""
 LENGTH = 1e-2
-"""Weight of the share of its axis that a box spans, against the incumbent's error. It decides while no axis gains
-anything, as at the root, and is less than a gain that matters. With 0 a search without gain might halve one axis for
-ever."""
+"""Weight of the share of its axis that a box spans, relative to the incumbent's error. It decides while no axis gains
+anything, as at the root, and it is less than a gain that matters. With 0, a search without gain might halve one axis
+forever."""
 DIGITS = 9
-"""Beyond which scores are the same, so that rounding, which differs between machines, does not choose an axis."""
+"""Number of digits after which scores count as equal, so that rounding errors, which differ between machines, do not
+choose an axis."""
 
 
 @dataclass(frozen=True, slots=True)
 class Halved:
-    """Boxes halved along the axis that was best for each.
+    """Boxes after halving each along its best axis.
 
     Attributes
     ----------
-    nodes : two for each box
-    along_gains : whether each was halved along K_v or K_p, so that their loops may have become
-        provably stable
-    worked_out : lower bounds that it took
+    nodes : two nodes for each box
+    along_gains : whether each box was halved along K_v or K_p, so that its loops may have become provably stable
+    worked_out : number of lower bounds computed
     """
 
     nodes: OpenNodes
@@ -55,7 +55,7 @@ class Halved:
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """An axis along which all boxes are halved on trial, and the bounds of the lower and upper halves."""
+    """An axis along which all boxes are halved on trial, with the bounds of the lower and upper halves."""
 
     row: int
     halves: tuple[DesignBoxes, DesignBoxes]
@@ -65,22 +65,24 @@ class _Candidate:
 def halved(
     relaxed: Relaxation, axes: Sequence[Axis], parents: OpenNodes, incumbent: float, pool: ThreadPoolExecutor
 ) -> Halved:
-    """Halve each box along the axis that raises its lower bound most; bound it again if no axis has an extent.
+    """Halve each box along the axis that raises its lower bound the most.
+
+    If no axis has an extent, bound the box again.
 
     While no design is known, the greatest infeasibility of a box replaces its bound.
 
     Parameters
     ----------
     relaxed : the relaxed problem
-    axes : axes of its designs, in the order of the rows of `DesignBoxes`
+    axes : axes of the designs, in the order of the rows of `DesignBoxes`
     parents : n open boxes
-    incumbent : error of the best design known; inf if there is none
+    incumbent : error of the best known design; inf without one
     pool : threads that share the lower bounds
 
     Returns
     -------
     Halved
-        2 n boxes, or the same n if no axis has an extent.
+        2 n boxes, or the same n boxes if no axis has an extent.
     """
     candidates = _candidates(relaxed, axes, parents.boxes, pool)
     if not candidates:
@@ -114,8 +116,8 @@ def _candidates(
 def _best_axis(
     axes: Sequence[Axis], candidates: list[_Candidate], parents: OpenNodes, incumbent: float
 ) -> NDArray[np.intp]:
-    """Return which candidate is best for each box."""
-    most = 2 * incumbent if incumbent < inf else 1.0  # a half beyond is pruned, by however much
+    """Return the best candidate for each box."""
+    most = 2 * incumbent if incumbent < inf else 1.0  # a half beyond this is pruned, by however much it exceeds it
     scores = []
     for candidate in candidates:
         one, two = (np.minimum(_worth(bounds, parents, incumbent), most) for bounds in candidate.bounds)
@@ -131,7 +133,7 @@ def _worth(bounds: LowerBounds, parents: OpenNodes, incumbent: float) -> Floats:
 
 
 def _without_idle_position(problem: Problem, boxes: DesignBoxes) -> DesignBoxes:
-    """Return the boxes without the K_p > 0 that no feasible design in them has, if they contain K_p = 0."""
+    """Return the boxes, reduced to K_p = 0 where they include it and no feasible design in them has K_p > 0."""
     high = boxes.high.copy()
     high[K_P, (boxes.low[K_P] == 0) & without_integrator(problem, boxes)] = 0.0
     return DesignBoxes(boxes.low, high)

@@ -1,1 +1,1 @@
-"""The NLP of a working set: its structure, its parameters, CasADi, IPOPT."""
+"""The NLP of a working set: its structure, its parameters, its form in CasADi, and IPOPT."""

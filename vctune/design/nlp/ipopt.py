@@ -1,4 +1,4 @@
-"""IPOPT on a compiled NLP: sets its parameters and bounds, and returns its answer as plain data."""
+"""Run IPOPT on a compiled NLP: set its parameters and bounds, and return its answer as plain data."""
 
 from __future__ import annotations
 
@@ -48,15 +48,16 @@ from vctune.model.transparency import TERMS, log_quadrature
 from vctune.model.worlds import WorldsMet
 
 NEAR_SIDE = 1e-2
-"""Distance at which a point is taken to be on a side of a box: where the error is flat IPOPT's barrier keeps it off the
-side. Counting as on a side costs a round; half takes some for optima that are on one, twice takes a round more."""
+"""Distance at which a point counts as lying on a side of the box. Where the error is flat, IPOPT's barrier keeps a
+point off the side. If a point counts as on a side, the exchange takes another round. Half this distance misses some
+optima that lie on a side; twice this distance takes another round."""
 TRACKING_REACH = 0.5
-"""How far the NLP may move a tracked peak of |S|, in log frequency: less than the distance of two peaks, which a delay
-puts a factor of two or so apart. Half takes more rounds, since an answer at the reach is not settled; with twice it may
-come down on another stationary point of |S|."""
+"""Distance in log frequency by which the NLP may move a tracked peak of |S|. It is less than the distance of two peaks,
+which a delay separates by about a factor of two. Half this distance takes more rounds, because an answer at the limit
+is not settled. With twice this distance the NLP may end at another stationary point of |S|."""
 KEPT = 4096
-"""Loops in hands that are kept: each round of a search poses those of the rounds before again. Half and twice as many
-are as fast."""
+"""Number of loops in hands that are cached, because each round of a search needs the loops of earlier rounds again.
+Half and twice as many are as fast."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,9 +66,9 @@ class NlpNumbers:
 
     Attributes
     ----------
-    guess, low, high : where to start, and bounds of the variables
+    guess, low, high : start and bounds of the variables
     parameters : parameters in the order of `nlp_parameters.tables`
-    least, most : bounds of the constraints; -inf for one that is not used
+    least, most : bounds of the constraints; least is -inf for an unused constraint
     """
 
     guess: Floats
@@ -91,10 +92,10 @@ def numbers_of(
 
     Parameters
     ----------
-    posed : dimensionless
+    posed : prepared problem, dimensionless
     structure : structure of the NLP
-    free : its n variables
-    start : the five numbers to start from; those that are not free stay
+    free : the n free variables of the NLP
+    start : the numbers of the design to start from; those of fixed variables stay
     box : least and greatest coordinates, each of shape (n,)
     working_set : points at which the constraints are imposed
     tightening : relative tightening of the constraints, which leaves room for rounding the result
@@ -118,12 +119,12 @@ def solve(structure: NlpStructure, given: NlpNumbers) -> Solution:
     Parameters
     ----------
     structure : structure of the NLP
-    given : its numbers, of `numbers_of` for the same structure
+    given : numbers of the NLP, from `numbers_of` for the same structure
 
     Returns
     -------
     Solution
-        Where IPOPT stopped, converged or not.
+        The point at which IPOPT stopped, converged or not.
     """
     with interrupt_deferred():
         solver = compiled(structure)
@@ -149,18 +150,18 @@ def solve(structure: NlpStructure, given: NlpNumbers) -> Solution:
 def lagrangian(structure: NlpStructure, given: NlpNumbers, solution: Solution) -> float:
     """Return the Lagrangian of an NLP at a guess, with the multipliers and the other unknowns of a solution.
 
-    Its derivative with respect to the numbers is that of the least objective (the envelope theorem, Fiacco 1983).
+    By the envelope theorem (Fiacco 1983), its derivative with respect to the numbers is that of the least objective.
 
     Parameters
     ----------
     structure : structure of the NLP
-    given : its numbers; the free variables are those of the guess
-    solution : solution of an NLP of the same structure, with as many constraints in use
+    given : numbers of the NLP; the guess holds the free variables
+    solution : solution of an NLP of the same structure, with the same number of used constraints
 
     Returns
     -------
     float
-        Without the constant product of multipliers and constraint bounds.
+        It omits the constant product of multipliers and constraint bounds.
     """
     unknowns = np.concatenate((given.guess[: len(structure.free)], solution.others))
     multipliers = np.zeros(given.least.shape)
@@ -219,13 +220,13 @@ def unmodelled_radius(posed: Posed, point: ConstraintPoint) -> float:
 
     Parameters
     ----------
-    posed : dimensionless, with an unmodelled disc
-    point : only its frequency matters, rad per sample time
+    posed : prepared problem, dimensionless, with a disc of unmodelled dynamics
+    point : point; only its frequency matters, rad per sample time
 
     Returns
     -------
     float
-        r, relative to the response.
+        The radius r, relative to the response.
     """
     assert posed.problem.uncertainty is not None
     return float(FLOATS.interpolated(point.omega / (2 * pi), posed.problem.uncertainty.unmodelled))
@@ -260,13 +261,13 @@ def _pulse_transfer(points: Sequence[ConstraintPoint], *, position: bool) -> dic
 
 
 def _firmware_filter(device: Device, omega: Any) -> dict[str, Any]:
-    """Return F by the names of `FIRMWARE_FILTER`; dimensionless, so that theta = omega."""
+    """Return F by the names of `FIRMWARE_FILTER`. Omega is dimensionless, so that theta = omega."""
     low_pass = firmware_filter(device, omega, FLOATS) or Pair(1.0, 0.0)
     return {"low_pass_re": low_pass.re, "low_pass_im": low_pass.im}
 
 
 def _in_hands(points: Sequence[ConstraintPoint]) -> dict[str, Any]:
-    """Return the loop in hands by the names of `IN_HAND`; dimensionless: theta = omega."""
+    """Return the loop in hands by the names of `IN_HAND`. Omega is dimensionless, so that theta = omega."""
     found = [_HELD[at.device.kind.name](at) for at in points]
     return {name: np.array([each[name] for each in found]).T for name in found[0]}
 
@@ -282,7 +283,7 @@ def _loop_in_hand(at: ConstraintPoint) -> dict[str, Any]:
 
 
 def _force_in_hand(at: ConstraintPoint) -> dict[str, Any]:
-    """Return R of an impedance display from its values at K_v of 0, 1 and -1, which its polynomials follow from."""
+    """Return the polynomials of R of an impedance display, from its values at K_v = 0, 1 and -1."""
     theta = min(at.omega, pi)
     without, plus, minus = (_required(at, Gains(K_v, 0.0), theta) for K_v in (0.0, 1.0, -1.0))
     lost = without.lost, (plus.lost - minus.lost) / 2
@@ -298,7 +299,7 @@ def _command_in_hand(at: ConstraintPoint) -> dict[str, Any]:
 
 
 def _in_worlds(count: int, met: WorldsMet, spare: float) -> dict[str, Any]:
-    """Return the environments of some points by the names of `WORLDS_IN_HAND`; a limit that is infinite is 0."""
+    """Return the environments of some points by the names of `WORLDS_IN_HAND`. An infinite limit becomes 0."""
     ends, names = {"low": met.worlds.low, "high": met.worlds.high}, posed_in(met.worlds, met.factor)
     numbers = {f"environment_{end}_{name}": x for end, world in ends.items() for name, x in asdict(world).items()}
     numbers = {name: x if x < inf else 0.0 for name, x in numbers.items()} | {"reserve": met.factor, "spare": spare}
@@ -315,7 +316,7 @@ def _in_time(points: Sequence[ConstraintPoint], met: WorldsMet, spare: float) ->
 
 
 def _in_walls(points: Sequence[ConstraintPoint]) -> dict[str, Any]:
-    """Return which points are those of walls, by the names of `WALLS_IN_HAND`."""
+    """Return which points belong to walls, by the names of `WALLS_IN_HAND`."""
     walls = [at.wall or AtWall(1.0, 0.0) for at in points]
     walled = np.array([1.0 * (at.wall is not None) for at in points])
     return {"walled": walled, **{name: np.array([getattr(each, name) for each in walls]) for name in AtWall._fields}}
@@ -341,7 +342,7 @@ def _required(at: ConstraintPoint, gains: Gains, theta: float) -> Required:
 
 
 def _by_name(layout: Layout, objects: Sequence[Any]) -> dict[str, Any]:
-    """Return the fields of objects, a column for each."""
+    """Return the fields of objects by name, with one column for each object."""
     return {name: np.array([getattr(each, name) for each in objects]).T for name in layout}
 
 

@@ -1,6 +1,7 @@
 """The design problem on a finite set of frequencies as a CasADi NLP (design/README.md, section 7).
 
-Device, hold and delay enter as numbers per frequency, so that one compiled NLP serves every problem of its structure.
+Device, hold and delay enter as numbers for each frequency, so that one compiled NLP serves every problem of its
+structure.
 """
 
 from __future__ import annotations
@@ -64,12 +65,13 @@ OPTIONS: dict[str, Any] = {
     "ipopt.min_refinement_steps": 0,
     "ipopt.max_refinement_steps": 1,
 }
-"""The multipliers of the parameters are not needed, and CasADi warns on stderr if one is not finite. The last six are
-for speed: some thirty well scaled equations need no scaling, and no exact barrier problems."""
+"""Options of IPOPT. The multipliers of the parameters are not needed, and CasADi warns on stderr if one is not finite.
+The last six options are for speed: some thirty well scaled equations need neither scaling nor exact barrier
+problems."""
 
 
 class _SymbolArithmetic:
-    """CasADi symbols."""
+    """Arithmetic of CasADi symbols."""
 
     pi = pi
     precision = 2.0**-53
@@ -131,12 +133,13 @@ SYMBOLS: Arithmetic = _SymbolArithmetic()
 
 @dataclass(frozen=True, slots=True)
 class _AtOneFrequency:
-    """The NLP's building blocks as symbols: one frequency each, to be mapped over all of them.
+    """The NLP's building blocks as symbols at one frequency, to be mapped over all frequencies.
 
     Attributes
     ----------
     z, common, epigraph : free variables, parameters common to all frequencies, epigraph variable
-    inputs, values : per kind of frequency, its parameters and the objective's share or the constraint's value
+    inputs, values : for each kind of frequency, its parameters, and its share of the objective or value of the
+        constraint
     """
 
     z: ca.SX
@@ -164,7 +167,7 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
     weights = dict(zip(TERMS, ca.vertsplit(common["weights"]), strict=True))
     error2 = sum((weights[term] ** 2 * getattr(squares, term) for term in structure.terms), start=ca.SX(0))
     offered = 2 * loop.resistance * response.re
-    if loop.operator_relief is not None:  # R may be negative and has no logarithm then
+    if loop.operator_relief is not None:  # R may then be negative and has no logarithm
         offered += common["safety_factor"] * loop.operator_relief
     L, perturbed_L = _loop_gain(structure, gains, pulse), _loop_gain(structure, gains, perturbed)
     sampled = plant_of(structure, {name: ca.vertsplit(column) for name, column in plant.items()})
@@ -204,17 +207,17 @@ def _loop_gain(structure: NlpStructure, gains: Gains, pulse: dict[str, ca.SX]) -
 
 
 def _room(L: Pair) -> Number:
-    """Return -log |1 - S|: the logarithm of the allowed radius of the device's response."""
+    """Return -log |1 - S|, the logarithm of the permitted radius of the device's response."""
     return (ca.log(Pair(1 + L.re, L.im).abs2()) - ca.log(L.abs2())) / 2
 
 
 SCALE_IN_HAND = 0.05
-"""Re Z_c, in Z_0, above which the constraint in a hand is one of logarithms, and below one of differences: R may be 0
-or negative there. Half and twice it take as many iterations."""
+"""Re Z_c, in units of Z_0, above which the constraint in a hand compares logarithms. Below it the constraint compares
+the numbers themselves, because R may be 0 or negative there. Half and twice this number take as many iterations."""
 
 
 def _coupling_response(coupling: AnyCoupling, frequency: dict[str, ca.SX]) -> Pair:
-    """Return Z_c, or of an impedance display 1/Z_c; dimensionless, so that theta = omega."""
+    """Return Z_c, or 1/Z_c for an impedance display. Omega is dimensionless, so that theta = omega."""
     if isinstance(coupling, SpringDamper):
         return spring_damper_admittance(coupling, 1.0, _low_pass(frequency), frequency["omega"], SYMBOLS)
     return coupling_impedance(series_coupling(coupling), frequency["omega"])
@@ -225,11 +228,11 @@ def _low_pass(numbers: dict[str, ca.SX]) -> Pair:
 
 
 def _margin_in_hand(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
-    """Return a function of Re Z_c that rises, less that of factor R; for an impedance display of Re(1/Z_c)/s^2."""
+    """Return f(Re Z_c) - f(factor R) with a rising function f; for an impedance display with Re(1/Z_c)/s^2."""
     if isinstance(coupling, SpringDamper):
         (l_0, l_1), (q_0, q_1, q_2), K_v = ca.vertsplit(held["lost"]), ca.vertsplit(held["size"]), gains.velocity
         required = (l_0 + l_1 * K_v) / (q_0 + K_v * (q_1 + q_2 * K_v))
-        wanted = ca.fmax(held["factor"] * required, required)  # no multiple of a negative R does
+        wanted = ca.fmax(held["factor"] * required, required)  # a multiple of a negative R requires nothing
         offered = offered_by_spring(coupling, 1.0, _low_pass(held), held["theta"], SYMBOLS).quotient
         return ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)
     offered = sampled_resistance(series_coupling(coupling), 1.0, held["theta"], SYMBOLS)
@@ -238,11 +241,11 @@ def _margin_in_hand(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling)
 
 
 UNPOSED = 1e3
-"""Amount subtracted from a margin that can never be positive."""
+"""Amount subtracted from a margin that can never be positive, so that it is never the greatest."""
 BLUNT = 1e-2
-"""Smoothing of the greatest of several margins where two are alike, so that IPOPT can move from one to the other. At a
-frequency at which an optimum needs two of them the coupling is 0.7 of it greater than necessary. With a tenth of it
-exchanges do not converge; with three tenths they take twice as many rounds."""
+"""Smoothing of the greatest of several margins where two are nearly equal, so that IPOPT can move from one to the
+other. At a frequency at which an optimum needs two of them, it makes the coupling too large by 0.7 of this number. With
+a tenth of it exchanges do not converge; with three tenths they take twice as many rounds."""
 
 
 def _demanded_in_hand(
@@ -272,7 +275,7 @@ def _margin_in_time(structure: NlpStructure, held: dict[str, ca.SX], gains: Gain
 
 
 def _margin_in_worlds(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
-    """Return the smoothed greatest of the margins, a lower bound; one of them must be positive."""
+    """Return a smooth lower bound of the greatest of the margins, one of which must be positive."""
     low, high, seen = *_box_of(held), _seen(held, gains)
     theta, factor = held["theta"], held["reserve"]
     at = offered_at(series_coupling(coupling), 1.0, theta, SYMBOLS)
@@ -285,11 +288,12 @@ def _margin_in_worlds(held: dict[str, ca.SX], gains: Gains, coupling: AnyCouplin
 
 
 ENDLESS = 1e12
-"""A mass that stands for one without limit, in Z_0 T; with walls the numbers of an NLP have no infinity."""
+"""Mass, in units of Z_0 T, that represents a mass without limit. With walls the numbers of an NLP cannot be
+infinite."""
 
 
 def _margin_with_walls(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, corner: ca.SX) -> Number:
-    """Return the margin of walls, or at a point of linear environments that of these."""
+    """Return the margin of walls, or the margin of linear environments at a point that belongs to these."""
     theta, (low, high), T = held["theta"], _box_of(held), 1.0
     at = offered_at(series_coupling(coupling), T, theta, SYMBOLS)
     high = replace(high, mass=high.mass + ENDLESS * (1 - held["by_above"]))
@@ -302,14 +306,14 @@ def _margin_with_walls(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupli
 
 
 def _greatest(margins: list[Number], alike: int = 2) -> Number:
-    """Return the greatest of some margins, rounded off from below where so many of them are alike."""
+    """Return a smooth lower bound of the greatest of some margins, of which at most so many are alike."""
     greatest = reduce(ca.fmax, margins)
     others = sum(ca.exp((margin - greatest) / BLUNT) for margin in margins)
     return greatest + BLUNT * (ca.log(others) - log(alike))
 
 
 def _box_of(held: dict[str, ca.SX]) -> tuple[World, World]:
-    """Return the least and the greatest environment."""
+    """Return the least and the greatest environment of the box."""
     numbers = ("mass", "damping", "stiffness")
     low, high = (World(*(held[f"environment_{end}_{name}"] for name in numbers)) for end in ("low", "high"))
     return low, high
@@ -351,7 +355,7 @@ def _design(structure: NlpStructure, z: ca.SX, common: dict[str, ca.SX]) -> tupl
 
 @lru_cache(maxsize=16)
 def compiled(structure: NlpStructure) -> ca.Function:
-    """Return the solver of a structure."""
+    """Return the compiled solver of a structure."""
     return ca.nlpsol("design", "ipopt", assembled(structure), OPTIONS)
 
 
@@ -361,9 +365,10 @@ def assembled(structure: NlpStructure) -> dict[str, ca.MX]:
     Returns
     -------
     dict
-        x, f, g and p for `casadi.nlpsol`: the free coordinates, log frequencies of tracked peaks and the epigraph
-        variable; log(error); constraints in the order of `DEMANDS`, then those of tracked peaks, then those of the mean
-        errors; parameters in the layout of `nlp_parameters.packed`.
+        x, f, g and p for `casadi.nlpsol`. x has the free coordinates, the log frequencies of tracked peaks and the
+        epigraph
+            variable; f is log(error); g has the constraints in the order of `DEMANDS`, then those of tracked peaks,
+            then those of the mean errors; p has the parameters in the layout of `nlp_parameters.packed`.
     """
     one = _at_one_frequency(structure)
     columns = {name: ca.MX.sym(name, table.rows, table.columns) for name, table in tables(structure).items()}
@@ -389,7 +394,7 @@ def assembled(structure: NlpStructure) -> dict[str, ca.MX]:
 
 
 def _mean_errors(structure: NlpStructure, squares: ca.MX) -> ca.MX:
-    """Return the logarithm of the mean error for each device of the objective, from the squares at all nodes."""
+    """Return the logarithm of the mean error on each device of the objective, from the squares at all nodes."""
     devices = structure.objective_devices
     if devices > 1:
         squares = ca.reshape(squares, PANEL_NODES * structure.panels, devices)

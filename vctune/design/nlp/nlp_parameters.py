@@ -1,7 +1,7 @@
 """The parameters of an NLP by name: one layout for CasADi's symbols and for the numbers.
 
-The parameters are tables, one after another, each column by column: `common` with one column, and one table for each
-kind of frequency with a column for each. A layout gives the rows of a table their names.
+The parameters are tables, stored one after another and column by column. The table `common` has one column; each kind
+of frequency has a table with one column for each frequency. A layout names the rows of a table.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from vctune.model.sampled.velocity_loop import SampledPlant
 from vctune.model.transparency import PANEL_NODES, TERMS
 
 PARTS: dict[str, Any] = {"estimate": FilterResponse, "sensor": FilterResponse, "spring": Spring, "factor": Pair}
-"""Optional parts of a `DeviceResponse`, by its fields."""
+"""Types of the optional parts of a `DeviceResponse`, by its fields."""
 Layout = dict[str, int]
-"""Number of rows of each name, in order."""
+"""Number of rows for each name, in order."""
 
 PULSE_TRANSFER: Layout = {"re_G_v": 1, "im_G_v": 1, "re_G_x": 1, "im_G_x": 1}
-"""Responses from force to velocity and to position in the sampled loop, at a frequency of |S|."""
+"""Responses of velocity and position to force in the sampled loop, at a frequency for |S|."""
 PERTURBED_LOOP: Layout = {**PULSE_TRANSFER, "log_radius": 1}
-"""The same, and the radius of the device's response there."""
+"""The same responses, and the radius of the device's response."""
 LOOP_IN_HAND: Layout = {"theta": 1, "factor": 1} | {
     f"{part}_{side}": 1 for part in LoopInHand._fields for side in ("even", "odd")
 }
-"""The loop in a hand at an angle, and the least Re Z_c / R."""
+"""The loop in a hand at an angle, and the least permitted Re Z_c / R."""
 FIRMWARE_FILTER: Layout = {"low_pass_re": 1, "low_pass_im": 1}
 """F, the firmware's low-passes, through which the coupling of an impedance display acts."""
 FORCE_IN_HAND: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER, "lost": 2, "size": 3}
-"""Parameters of an impedance display, in one hand or in any: R/s^2 = (l_0 + l_1 K_v)/(q_0 + q_1 K_v + q_2 K_v^2)."""
+"""The loop of an impedance display, in one hand or in any: R/s^2 = (l_0 + l_1 K_v)/(q_0 + q_1 K_v + q_2 K_v^2)."""
 COMMAND_IN_HAND: Layout = {"theta": 1, "factor": 1, "required": 1, "swing": 1}
-"""R and -s Im Z_seen of a servo in a hand, which no gain is in."""
+"""R and -s Im Z_seen of a servo in a hand. Neither depends on a gain."""
 IN_HAND: dict[DisplayName, Layout] = {
     "admittance": LOOP_IN_HAND,
     "impedance": FORCE_IN_HAND,
@@ -55,28 +55,28 @@ WORLDS_IN_HAND: Layout = {
     "reserve": 1,
     "spare": 1,
 }
-"""Beside the loop in a hand, the environments, the margins that may be positive, g and the tightening of a room."""
+"""Rows in addition to the loop in a hand: the environments, the margins that may be positive, g, and the tightening."""
 SIDES_IN_HAND: Layout = {f"side_{k}_{part}": 1 for k in range(SIDES) for part in HalfPlane._fields} | {"spare": 1}
 """Beside the loop in a hand, the sides of environments that run late or by Euler's rules, and the tightening of a
 room."""
 WALLS_IN_HAND: Layout = {"walled": 1, "share": 1, "lead": 1}
-"""Whether the condition of walls is posed, 1, or that of linear environments, 0; the fields of `AtWall`."""
+"""Whether the condition of walls (1) or of linear environments (0) is imposed, and the fields of `AtWall`."""
 STABILITY_CUT: Layout = {"open": 1, "velocity": 1, "position": 1}
-"""The fields of `Cut`."""
+"""Rows of a tangent of the stability boundary: the fields of `Cut`."""
 
 
 def in_hand_layout(structure: NlpStructure) -> Layout:
-    """Return the rows of a loop in a hand."""
+    """Return the layout of a loop in a hand."""
     worlds, walls = WORLDS_IN_HAND if structure.worlds else {}, WALLS_IN_HAND if structure.walls else {}
     worlds = SIDES_IN_HAND if structure.shares else worlds
     return IN_HAND[structure.kind.name] | worlds | walls
 
 
 def common_layout(structure: NlpStructure) -> Layout:
-    """Return the rows of the parameters that all frequencies share.
+    """Return the layout of the parameters that all frequencies share.
 
-    The device's mass and damping, the variables' scales, the values of fixed variables, the weights and, if an operator
-    eases the conditions, its damping and the safety factor.
+    They are the device's mass and damping, the variables' scales, the values of fixed variables, and the weights. If an
+    operator eases the conditions, its damping and the safety factor are included.
     """
     numbers = len(structure.kind.keys) + structure.walls
     layout = {"mass": 1, "damping": 1, "scales": numbers, "fixed": numbers, "weights": len(TERMS)}
@@ -84,7 +84,8 @@ def common_layout(structure: NlpStructure) -> Layout:
 
 
 def frequency_layout(structure: NlpStructure) -> Layout:
-    """Return the rows of a frequency: omega, the drive, the device's parts and, where devices differ, its numbers."""
+    """Return the layout of a frequency: omega, the drive, the device's parts and, if devices differ, the device's
+    numbers."""
     layout = {"omega": 1, "drive_re": 1, "drive_lag": 1}
     layout |= {f"{part}_{field.name}": 1 for part in structure.parts for field in fields(PARTS[part])}
     layout |= {"mass": 1, "damping": 1} if structure.uncertain else {}
@@ -92,7 +93,7 @@ def frequency_layout(structure: NlpStructure) -> Layout:
 
 
 def plant_layout(structure: NlpStructure) -> Layout:
-    """Return the rows of a sampled plant, for a tracked peak of |S|, whose frequency is not known beforehand."""
+    """Return the layout of a sampled plant, for a tracked peak of |S| whose frequency is not known beforehand."""
     order = structure.order
     velocity = order + 1 if structure.differenced else order
     taps = {"velocity_newer": velocity, "velocity_older": velocity}
@@ -103,7 +104,7 @@ def plant_layout(structure: NlpStructure) -> Layout:
 def device_numbers(at: DeviceResponse) -> dict[str, Any]:
     """Return a device's constants at frequencies by the names of `frequency_layout`, without those of absent parts.
 
-    A handle's own damping is 0, since no device at which constraints are imposed has a hand as a part of it.
+    The handle's own damping is 0, because no device at which constraints are imposed includes a hand.
     """
     numbers = {"omega": at.omega, "drive_re": at.drive.re, "drive_lag": at.drive.lag}
     numbers |= {"mass": at.mass, "damping": at.damping}
@@ -116,12 +117,12 @@ def device_numbers(at: DeviceResponse) -> dict[str, Any]:
 
 
 def device_of(structure: NlpStructure, numbers: dict[str, Any], operator: Any) -> DeviceResponse:
-    """Return the device at a frequency from symbols by name, the other way round.
+    """Return the device at a frequency from symbols by name, the inverse of `device_numbers`.
 
     Parameters
     ----------
     structure : structure of the NLP
-    numbers : numbers by the names of `common_layout` and, of more weight, of `frequency_layout`
+    numbers : numbers by the names of `common_layout` and `frequency_layout`; the latter take precedence
     operator : damping of the least operator; None without one
     """
     parts = {
@@ -142,7 +143,7 @@ def plant_numbers(plant: SampledPlant) -> dict[str, Any]:
 
 
 def plant_of(structure: NlpStructure, rows: dict[str, Sequence[Any]]) -> SampledPlant:
-    """Return a sampled plant from symbols by name, those of a name in order, the other way round.
+    """Return a sampled plant from symbols by name, the inverse of `plant_numbers`.
 
     Parameters
     ----------
@@ -162,7 +163,7 @@ def plant_of(structure: NlpStructure, rows: dict[str, Sequence[Any]]) -> Sampled
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A part of the parameters.
+    """A table of the parameters.
 
     Attributes
     ----------
@@ -175,12 +176,12 @@ class Table:
 
     @property
     def rows(self) -> int:
-        """Number of its rows."""
+        """Number of the table's rows."""
         return sum(self.layout.values())
 
 
 def tables(structure: NlpStructure) -> dict[str, Table]:
-    """Return the parts of an NLP's parameters by name, in their order."""
+    """Return the tables of an NLP's parameters by name, in their order."""
     frequency = frequency_layout(structure)
     kinds = (frequency, PULSE_TRANSFER, STABILITY_CUT, frequency, PERTURBED_LOOP, in_hand_layout(structure))
     demands = {
@@ -196,26 +197,25 @@ def tables(structure: NlpStructure) -> dict[str, Table]:
 
 
 def unpacked(layout: Layout, column: Any) -> dict[str, Any]:
-    """Return the parts of a column, numbers or symbols, by name.
+    """Return the parts of a column of numbers or symbols, by name.
 
     Parameters
     ----------
     layout : layout of the column's table
-    column : column with a row for each of the layout's
+    column : column that has the rows of the layout
     """
     ends = np.cumsum([*layout.values()]).tolist()
     return {name: column[end - count : end] for (name, count), end in zip(layout.items(), ends, strict=True)}
 
 
 def packed(parts: dict[str, Table], numbers: dict[str, dict[str, Any]]) -> Floats:
-    """Return the parameters as one array.
+    """Return all parameters as one array.
 
     Parameters
     ----------
-    parts : parts of `tables`
-    numbers : for each table that has columns, and each of its names, an array of shape (columns,) or (rows,
-        columns);
-        columns that are not used repeat the last one, those of a table without numbers are 0
+    parts : the tables, from `tables`
+    numbers : for each table with columns, arrays of shape (columns,) or (rows, columns) by the names of its rows.
+        Unused columns repeat the last one; the columns of a table without numbers are 0
     """
     return np.concatenate([_packed(table, numbers.get(name)) for name, table in parts.items()])
 

@@ -1,4 +1,4 @@
-"""The structure of the NLP of a problem: plain data that does not need CasADi."""
+"""The structure of a problem's NLP as plain data that does not need CasADi."""
 
 from __future__ import annotations
 
@@ -19,40 +19,41 @@ from vctune.model.problem import Norm
 from vctune.model.transparency import TERMS, TermName
 
 DEMANDS = ("ratio", "sensitivity", "stability", "peak", "unmodelled", "in_hand")
-"""Kinds of constraint, in the order of `NlpStructure.capacities`."""
+"""Names of the kinds of constraint, in the order of `NlpStructure.capacities`."""
 CAPACITY_STEPS = (12, 12, 4, 12, 12, 12)
-"""Room for each kind of constraint comes in multiples of this, and open bounds switch off unused constraints, so that a
-growing working set rarely needs another solver. Compiling one takes tens of milliseconds, an unused constraint some
-microseconds. Half means more compiling, twice slower iterations; the answers are the same."""
+"""Steps in which the number of slots for each kind of constraint grows. Open bounds switch off unused slots, so that a
+growing working set rarely needs another solver. Compiling a solver takes tens of milliseconds, an unused constraint
+some microseconds. Half these steps cause more compiling, twice these steps slower iterations; the answers are the
+same."""
 IN_WORLDS = 36
-"""The same for the loops in hands with a box of environments, which join by windows of frequencies. Half of it compiles
-twice; twice makes every iteration slower."""
+"""Step for the loops in hands with a box of environments, whose points join in windows of frequencies. Half this step
+compiles twice; twice this step makes every iteration slower."""
 
 
 @dataclass(frozen=True, slots=True)
 class NlpStructure:
-    """The content of an NLP; two problems of one structure share one compiled solver.
+    """The content of an NLP. Two problems with the same structure share one compiled solver.
 
     Attributes
     ----------
     kind : kind of the device
     rigid : whether b_c is infinite
-    worlds : whether the environments are those of a box
-    walls : whether walls are among these, and the corner of their multiplier a number of the design
+    worlds : whether the environments form a box
+    walls : whether the environments include walls, so that the corner of the multiplier is a number of the design
     shares : of the coupling at which environments that run late or by Euler's rules are looked at; empty without them
-    free : (index among a design's numbers, whether it may be 0) for each variable
-    integrator : whether the law has its K_p/s term
+    free : (index among a design's numbers, whether it may be 0) for each free variable
+    integrator : whether the law has its term K_p/s
     terms : terms of the error with a positive weight
-    norm : "rms" or "peak" (an epigraph variable is added)
-    panels : panels of the quadrature, 0 for "peak"
-    capacities : number of slots for each kind of `DEMANDS`
+    norm : "rms", or "peak", which adds an epigraph variable
+    panels : number of panels of the quadrature; 0 for "peak"
+    capacities : number of slots for each kind of constraint in `DEMANDS`
     tracked_peaks : number of peaks of |S| whose frequencies are variables
     operator_damping : whether the damping of an operator eases the conditions
-    parts : parts of the device that an ideal one lacks, fields of `DeviceResponse`
-    order : order of the sampled device, 1 if ideal
+    parts : fields of `DeviceResponse` that an ideal device lacks
+    order : order of the sampled device; 1 for an ideal device
     differenced, low_passes : whether the velocity is a difference of positions; number of its low-passes
-    uncertain : whether the constraints are imposed at several devices, whose numbers then come with each frequency
-    objective_devices : number of devices the greatest of whose errors is the objective, for "rms"
+    uncertain : whether the constraints are imposed on several devices, whose numbers then come with each frequency
+    objective_devices : number of devices whose greatest error is the objective, for "rms"
     """
 
     kind: Display
@@ -82,26 +83,26 @@ class NlpStructure:
 
     @property
     def mean_errors(self) -> int:
-        """Number of constraints that keep a device's error in the mean below the epigraph."""
+        """Number of constraints that keep the mean error on a device below the epigraph variable."""
         return self.objective_devices if self.objective_devices > 1 else 0
 
     @property
     def variables(self) -> int:
-        """Number of variables: free gains, frequencies of tracked peaks, epigraph."""
+        """Number of variables: free numbers of the design, frequencies of tracked peaks, epigraph."""
         return len(self.free) + self.tracked_peaks + self.epigraph
 
 
 def nlp_structure(
     posed: Posed, free: tuple[Coordinate, ...], working_set: WorkingSet, panels: int, *, integrator: bool
 ) -> NlpStructure:
-    """Return the structure of the NLP of a problem on a working set; it omits parts that cannot act.
+    """Return the structure of the NLP of a problem on a working set. It omits parts that have no effect.
 
     Parameters
     ----------
-    posed : dimensionless
-    free : its variables
+    posed : prepared problem, dimensionless
+    free : the free variables
     working_set : points at which the constraints are imposed
-    panels : panels of the quadrature of the error
+    panels : number of panels of the error's quadrature
     integrator : whether K_p > 0
     """
     problem, weights = posed.problem, posed.problem.transparency.weights
@@ -111,7 +112,7 @@ def nlp_structure(
     ratio, sensitivity, stability, *others = (
         -(-used // step) * step for used, step in zip(working_set.sizes(), steps, strict=True)
     )
-    if sensitivity > 0:  # where |S| can bind the stability boundary is near
+    if sensitivity > 0:  # where |S| can bind, the stability boundary is near
         stability = max(stability, CAPACITY_STEPS[DEMANDS.index("stability")])
     return NlpStructure(
         kind=problem.device.kind,
@@ -137,6 +138,6 @@ def nlp_structure(
 
 
 def _parts(device: Device) -> tuple[str, ...]:
-    """Return the fields of `DeviceResponse` that a device has beside an ideal one."""
+    """Return the fields of `DeviceResponse` that a device has and an ideal device lacks."""
     at = device_response(device, 1.0, FLOATS)
     return tuple(name for name in ("estimate", "sensor", "spring", "factor") if getattr(at, name) is not None)

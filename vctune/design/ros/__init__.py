@@ -1,1 +1,1 @@
-"""ROS 2 parameter files: their content, their stability, and repairs."""
+"""ROS 2 parameter files: their meaning, their check, and their repairs."""

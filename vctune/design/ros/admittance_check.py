@@ -1,6 +1,4 @@
-"""The check of a ROS 2 parameter file: is each selected axis stable in every hand of the box, and if not, how to repair
-it?
-"""
+"""Check a ROS 2 parameter file: prove each selected axis stable in every hand of the box, or find a repair."""
 
 from __future__ import annotations
 
@@ -40,8 +38,8 @@ from vctune.simulation.mechanics.scene_stability import Mode, fastest_mode
 from vctune.simulation.scene import designed_scene
 
 SLOW = 0.1
-"""A filter whose corner is below this share of the Nyquist frequency is named. Half names none of the usual 0.05 at 500
-Hz and less, twice names some that a hand cannot decide from none."""
+"""Share of the Nyquist frequency below which a warning names a filter's corner. Half this share names none of the usual
+filters of 0.05 at 500 Hz and less; twice this share names some that a hand cannot tell from no filter."""
 
 
 def check_admittance(
@@ -51,27 +49,29 @@ def check_admittance(
     only: Sequence[str] = (),
     progress: Progress = lambda stage: None,
 ) -> list[Checked]:
-    """Check the selected axes of a parameter file, those with the same numbers once.
+    """Check the selected axes of a parameter file. Axes with the same numbers are checked once.
 
     Parameters
     ----------
-    problem : the device, with its velocity loop: the gains are fixed
+    problem : the device with its velocity loop, whose gains are fixed
     path : path of the parameter file
-    given : its selected axes
+    given : the parameter file
     only : names of the axes to check; empty for all
     progress : function that receives the current stage
 
     Returns
     -------
     list of Checked
-        One for each axis, in the file's order. An axis that does not move as the device does, a rotation or a
-        translation, is undecided: it is skipped.
+        One check for each axis, in the file's order. If an axis rotates and the device moves along a line, or the other
+        way
+            round, it is skipped and its check is undecided.
 
     Raises
     ------
     InputError
         If the problem is an impedance display, lacks gains, or has a filter of its own; if `only` names an axis that
-        the file does not select, or that does not move as the device does; or if no axis does.
+        the
+            file does not select or whose motion is of the other kind; or if no axis has the device's kind of motion.
     """
     tables, axes = _device(problem, given), _chosen(problem, path, given, only)
     fitting = " ".join(f"--axis {axis.axis}" for axis in axes if _moves_as(axis, problem))
@@ -92,17 +92,34 @@ def check_admittance(
 
 
 def _chosen(problem: ProblemFile, path: Path, given: AdmittanceFile, only: Sequence[str]) -> list[Admittance]:
-    """Return the axes to look at and those to name as skipped."""
-    selected = [axis.axis for axis in given.axes]
-    if unknown := [name for name in only if name not in selected]:
-        message = f"selects {', '.join(selected)}, and --axis asks for {', '.join(unknown)}; name axes that it selects"
-        raise InputError.of(str(path), "contradiction", message, key="admittance.selected_axes", line=given.line)
-    axes = [axis for axis in given.axes if not only or axis.axis in only]
+    """Return the axes to check, including those that a message names as skipped."""
+    axes = axes_asked_for(path, given, only)
     others = [axis for axis in axes if not _moves_as(axis, problem)]
     if others and (only or len(others) == len(axes)):
         message = f"{', '.join(axis.axis for axis in others)} cannot be looked at: {_misfit(others, problem)}"
         raise InputError.of(str(path), "ros-rotation", message, key="admittance.selected_axes", line=given.line)
     return axes
+
+
+def axes_asked_for(path: Path, given: AdmittanceFile, only: Sequence[str]) -> list[Admittance]:
+    """Return the axes of a parameter file that are to be checked, in the file's order.
+
+    Parameters
+    ----------
+    path : path of the file, for messages
+    given : its selected axes
+    only : names of the axes to check; empty for all
+
+    Raises
+    ------
+    InputError
+        If `only` names an axis that the file does not select.
+    """
+    selected = [axis.axis for axis in given.axes]
+    if unknown := [name for name in only if name not in selected]:
+        message = f"selects {', '.join(selected)}, and --axis asks for {', '.join(unknown)}; name axes that it selects"
+        raise InputError.of(str(path), "contradiction", message, key="admittance.selected_axes", line=given.line)
+    return [axis for axis in given.axes if not only or axis.axis in only]
 
 
 def _moves_as(axis: Admittance, problem: ProblemFile) -> bool:
@@ -122,12 +139,12 @@ def _misfit(axes: list[Admittance], problem: ProblemFile) -> str:
 
 
 def _unproved(verdict: CheckVerdict, code: Code, message: str, axis: Admittance) -> Checked:
-    """Return a check that ends before there is anything to judge."""
+    """Return a check that ends before there is a design to judge."""
     return Checked(Path(), "", verdict, Note(code, message).line, axis.line, None)
 
 
 def _of_axis(checked: Checked, problem: ProblemFile, path: Path, axis: Admittance) -> Checked:
-    """Return a check as that of an axis with the same numbers."""
+    """Return a check of one axis as the check of another axis with the same numbers."""
     name, message, finding = f"{problem.problem.name} {axis.axis}", f"{axis.axis}: {checked.message}", checked.finding
     if isinstance(finding, DesignFinding):
         named = replace(finding.file, problem=replace(finding.file.problem, name=name))
@@ -138,7 +155,7 @@ def _of_axis(checked: Checked, problem: ProblemFile, path: Path, axis: Admittanc
 
 
 def _device(problem: ProblemFile, given: AdmittanceFile) -> dict[str, Any]:
-    """Return the problem's tables with the criterion of hands, and the gains of a loop of its own."""
+    """Return the problem's tables with the criterion "hands", and with the gains of a loop of its own."""
     bounds, sensor = problem.problem.bounds, problem.problem.device.sensing
     if not problem.problem.device.kind.senses_force:
         message = '"impedance", and an admittance_controller makes an admittance display; name a problem of one'
@@ -161,12 +178,12 @@ def _device(problem: ProblemFile, given: AdmittanceFile) -> dict[str, Any]:
 def _checked(
     problem: ProblemFile, tables: dict[str, Any], given: AdmittanceFile, axis: Admittance, progress: Progress
 ) -> Checked:
-    """Check an axis; its name does not matter."""
+    """Check one axis, whatever its name is."""
     began, T = perf_counter(), problem.problem.device.sample_time
     looped = problem.problem.device.kind.own_loop
     coupling = coupling_of_admittance(axis, T, servo=not looped)
     if coupling.mass <= 0 or coupling.drag < 0:
-        # before a servo the step is looked at alone, and grows by itself only where D T is above 2 M
+        # in front of a servo the step alone is considered; it grows by itself only where D T is above 2 M
         grows = looped or axis.damping * T > 2 * axis.mass
         verdict = CheckVerdict.FAILED if grows else CheckVerdict.UNDECIDED
         return _unproved(verdict, "ros-step", _explicit(axis, T, problem.problem.units), axis)
@@ -208,7 +225,7 @@ def _explicit(axis: Admittance, T: float, units: Units) -> str:
 
 
 def _traps(axis: Admittance, coefficient: float, device: Device) -> list[Note]:
-    """Return warnings of common traps in such a file."""
+    """Return warnings of common mistakes in such a file."""
     found, T = [], device.sample_time
     if axis.damping == 0:
         said = (
@@ -230,7 +247,7 @@ def _traps(axis: Admittance, coefficient: float, device: Device) -> list[Note]:
 
 
 def _with_its_spring(file: ProblemFile, axis: Admittance, finding: DesignFinding) -> str:
-    """Return whether it is with the file's own stiffness that it grows."""
+    """Return words on whether the axis grows because of the stiffness in the file."""
     hands = file.problem.hands_met
     assert hands is not None, "the criterion is that of hands"
     held = finding.judgement.in_hand

@@ -1,8 +1,9 @@
-"""A design before a servo as parameters of a ROS 2 admittance_controller.
+"""Write a design for a servo as parameters of a ROS 2 admittance_controller.
 
-The controller's law is a coupling with b_c = 2 m_c/T, m_c = M - D T and b_0 = D (see `admittance_problem`): M = m_c + D
-T and D = b_0 render mass and drag of a design. There is no damper in a row with the mass to set. The file states D as a
-damping ratio of M and S, and as joint_damping, which all axes share and which alone damps without a stiffness.
+The controller's law is a coupling with b_c = 2 m_c/T, m_c = M - D T and b_0 = D (see `admittance_problem`). So M = m_c
++ D T and D = b_0 render the mass and drag of a design. The controller has no damper in series with the mass. The file
+states D as a damping ratio of M and S, and as joint_damping. All axes share joint_damping, and without a stiffness it
+damps alone.
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ from vctune.model.gains import Coupling
 from vctune.model.problem import Problem
 
 DIGITS = 7
-"""Digits of a damping, rounded up. With half of them a damping is a hundredth of a per cent greater; nobody reads twice
-as many."""
+"""Number of digits of a damping, which is rounded up. With half as many digits the damping is a hundredth of a per cent
+greater; nobody reads twice as many."""
 RETURN = 1e4
-"""Seconds in which a spring that is there for the sake of its damping ratio alone pulls an axis back. Half and twice it
-cost a millionth of a damping."""
+"""Time constant, s, of a spring that is present only to define a damping ratio. Half and twice this time change the
+damping by a millionth."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +33,8 @@ class RenderedAxis:
 
     Attributes
     ----------
-    axis : one of `AXES`
-    device : a servo
+    axis : name of the axis, one of `AXES`
+    device : device of the axis, a servo
     coupling : coupling of the design, without its damping
     """
 
@@ -43,40 +44,40 @@ class RenderedAxis:
 
     @property
     def stiffness(self) -> float:
-        """S, N/m."""
+        """The stiffness S, N/m."""
         servo = self.device.servo
         return 0.0 if servo is None or servo.stiffness is None else float(servo.stiffness)
 
     @property
     def filter_coefficient(self) -> float:
-        """Share of each new sample in the filter of the force; 1 without one."""
+        """Weight of each new sample in the filter of the force; 1 without a filter."""
         coefficient = self.device.sensing.filter_coefficient
         return 1.0 if coefficient is None else float(coefficient)
 
     @property
     def mass(self) -> float:
-        """M, kg."""
+        """The mass M, kg."""
         return float(self.coupling.mass + self.coupling.drag * self.device.sample_time)
 
 
 def axes_of(problem: Problem) -> tuple[str, ...]:
-    """Return the axes that move as a device does."""
+    """Return the names of the axes that have the device's kind of motion."""
     turns = problem.device.units == "rotary"
     return tuple(axis for axis in AXES if axis.startswith("r") == turns)
 
 
 def parameters_of(designs: Sequence[RenderedAxis], source: str) -> AdmittanceFile:
-    """Return the parameters that render designs, one for each selected axis.
+    """Return the parameters that render designs, one design for each selected axis.
 
     Parameters
     ----------
-    designs : at least one
+    designs : designs, at least one
     source : name of the problem in messages
 
     Raises
     ------
     InputError
-        If the axes have different sample times or filters, which the controller cannot.
+        If the axes have different sample times or filters, which one controller cannot have.
     """
     for key, values in (
         ("device.sample_time", {design.device.sample_time for design in designs}),

@@ -1,12 +1,12 @@
-"""A ROS 2 admittance in place of the coupling: the problem of a device and a parameter file together.
+"""The problem of a device whose coupling is a ROS 2 admittance: problem file and parameter file together.
 
-The controller steps M dv/dt + D v + S x = f explicitly: (M/T) (v - v_before) + D v_before + S x_before = f. That is a
-mass M - D T by backward Euler, a drag D - S T/2 and a lossless spring S. The first is the coupling of the trapezoidal
-rule with b_c = 2 (M - D T)/T and m_c = M - D T, and its proof covers every passive environment, including the spring.
+The controller steps M dv/dt + D v + S x = f explicitly: (M/T) (v - v_before) + D v_before + S x_before = f. This equals
+a mass M - D T by backward Euler, a drag D - S T/2 and a lossless spring S. The mass is the coupling of the trapezoidal
+rule with b_c = 2 (M - D T)/T and m_c = M - D T. The proof covers every passive environment, and thus the spring.
 
-Before a servo there is no approximation. S pulls the measured position, which is as late as the servo: it is the
-servo's own spring, and takes nothing more from the drag. The filter of the samples is one of the samples. A position
-that is commanded is the sum of T v, between which the servo interpolates: it moves as if v were commanded.
+For a servo nothing is approximated. S pulls the measured position, which lags as the servo does. So S is the servo's
+own spring and takes nothing more from the drag. The controller's filter filters samples, as the servo's does. A
+commanded position is the sum of T v; since the servo interpolates between commands, it moves as if v were commanded.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from vctune.document.ros import Admittance, AdmittanceFile
 from vctune.model.gains import Coupling
 
 OF_FILE = ("admittance", "ft_sensor")
-"""The tables of a parameter file, which stand beside those of the problem in a document of both."""
+"""Tables of a parameter file. In a document of both files they stand next to the problem's tables."""
 FILTER_OF_SAMPLES, FILTER_AS_CORNER = "force_sensor.filter_coefficient", "force_sensor.bandwidth_hz"
-"""The numbers of a device in whose place the controller's filter stands: of a servo, and of any other device."""
+"""Keys of the device's number that the controller's filter replaces: for a servo, and for any other device."""
 
 
 def device_tables(document: dict[str, Any]) -> dict[str, Any]:
-    """Return the tables of a problem that are about its device and hands, with the criterion of hands.
+    """Return the tables of a problem that describe its device and hands, with the criterion "hands".
 
     Parameters
     ----------
@@ -35,12 +35,12 @@ def device_tables(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def document_of_both(device: dict[str, Any], given: AdmittanceFile, axis: Admittance) -> dict[str, Any]:
-    """Return the tables of a device with those of a parameter file that are about one axis.
+    """Return the tables of a device together with the tables of a parameter file for one axis.
 
     Parameters
     ----------
     device : tables of the problem file
-    given, axis : the parameter file, and its axis
+    given, axis : the parameter file, and one of its axes
     """
     rendered = {
         "mass": axis.mass,
@@ -52,7 +52,7 @@ def document_of_both(device: dict[str, Any], given: AdmittanceFile, axis: Admitt
 
 
 def as_problem(document: dict[str, Any]) -> dict[str, Any]:
-    """Return the tables of the problem that a document of both states, as the controller steps it.
+    """Return the tables of the problem that a document of both files states, as the controller computes it.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def as_problem(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def _as_servo(device: dict[str, Any], axis: Admittance, coefficient: float) -> dict[str, Any]:
-    """Return the table of a servo with the parts that the controller adds to it."""
+    """Return the table of a servo with the parts that the controller adds."""
     servo = {key: value for key, value in device["servo"].items() if key != "command"}
     if axis.stiffness > 0:
         servo["stiffness"] = axis.stiffness
@@ -84,29 +84,29 @@ def _with_filter(device: dict[str, Any], key: str, number: float) -> dict[str, A
 
 
 def corner_hz(coefficient: float, sample_time: float) -> float:
-    """Return the corner of the filter y += coefficient (x - y), Hz.
+    """Return the corner frequency of the filter y += coefficient (x - y), Hz.
 
     Parameters
     ----------
-    coefficient : in (0, 1)
+    coefficient : weight of a new sample, in (0, 1)
     sample_time : T, s
     """
     return -log(1 - coefficient) / (2 * pi * sample_time)
 
 
 def coupling_of_admittance(axis: Admittance, sample_time: float, *, servo: bool = False) -> Coupling:
-    """Return the coupling that is an admittance, its spring apart, as the controller steps it.
+    """Return the coupling that equals an admittance without its spring, as the controller computes it.
 
     Parameters
     ----------
     axis : the rendered environment
     sample_time : T, s
-    servo : whether a servo follows, whose measured position the spring pulls; else the spring is lossless
+    servo : whether the device is a servo, whose measured position the spring pulls; otherwise the spring is lossless
 
     Returns
     -------
     Coupling
-        The mass or the drag is below 0 if the explicit step is not passive.
+        Its mass or its drag is negative if the explicit step is not passive.
     """
     mass = axis.mass - axis.damping * sample_time
     taken = 0.0 if servo else axis.stiffness * sample_time / 2

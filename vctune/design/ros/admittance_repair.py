@@ -1,6 +1,6 @@
-"""Repairs of a refuted axis of a ROS 2 parameter file: first of its own numbers, then of the problem's.
+"""Find repairs of a refuted axis of a ROS 2 parameter file: first of its own numbers, then of the problem's.
 
-The file has no coupling. Each change is one that its user can make, and is tried as the file would then state it.
+The file states no coupling. So each change is one that the user can make in the file, and is tested in that form.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from vctune.model.problem import Problem
 def repairs_of_axis(
     document: dict[str, Any], problem: Problem, judgement: Judgement, progress: Progress
 ) -> list[Repair] | None:
-    """Return the changes of one number after which an axis passes, or is no longer idle; None if it needs none.
+    """Return the changes of one number after which an axis passes, or uses its loop; None if the axis needs none.
 
     Parameters
     ----------
     document : the tables of the device and of the parameter file (`document_of_both`)
-    problem : problem that they state
+    problem : problem that the tables state
     judgement : judgement of the axis
     progress : function that receives the current stage
 
     Returns
     -------
     list of Repair
-        Those of the parameter file first; the least error first in either part.
+        Repairs of the parameter file first, then those of the problem; in each part the least error comes first.
     """
     tables = as_problem(document)
     if judgement.idle:
@@ -51,12 +51,12 @@ def repairs_of_axis(
 
 
 def remedy(repairs: Sequence[Repair], source: str) -> str:
-    """Return the repair in words.
+    """Return the best repair in words.
 
     Parameters
     ----------
     repairs : repairs of an axis
-    source : the problem file
+    source : path of the problem file
     """
     words = [
         f"{place}{', or '.join(map(str, found))} would pass"
@@ -78,13 +78,13 @@ def _in_yaml(repair: Repair) -> Repair:
 
 
 def _of_file(document: dict[str, Any]) -> Iterator[ParameterChange]:
-    """Yield the possible changes of the axis, as far as its explicit step stays passive."""
+    """Yield the possible changes of the axis that keep its explicit step passive."""
     axis = Admittance(axis="", line=0, **document["admittance"])
     T, coefficient = float(document["device"]["sample_time"]), document["ft_sensor"]["filter_coefficient"]
     yield ParameterChange(("admittance", "mass"), "a heavier axis", axis.mass, HEAVIEST)
     yield ParameterChange(("admittance", "mass"), "a lighter axis", axis.mass, LIGHTEST)
     per_ratio, rate = 2 * sqrt(axis.stiffness / axis.mass), axis.damping / axis.mass
-    spare = 1 / T - rate  # of D/M, at which nothing is left of the mass
+    spare = 1 / T - rate  # the D/M at which nothing of the mass is left
     if per_ratio > 0:
         most = axis.damping_ratio + spare / per_ratio
         yield ParameterChange(("admittance", "damping_ratio"), "a greater damping ratio", axis.damping_ratio, most)

@@ -1,1 +1,1 @@
-"""From a problem to a local optimum: theorems, scan, starts, exchange."""
+"""From a problem to a local optimum: theorems, scan, starts and exchange."""

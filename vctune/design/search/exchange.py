@@ -1,8 +1,8 @@
-"""The exchange method: IPOPT on a few frequencies, to which it adds those where the answer fails (design/README.md,
-section 6).
+"""The exchange method: IPOPT on a few frequencies, to which the exchange adds those where the answer fails.
 
-The exchange is local to a start: each NLP is confined to a box in log coordinates around the last point whose loop is
-stable, because unstable loops beyond |S| = inf also satisfy the constraints at single frequencies.
+See design/README.md, section 6. The exchange stays near its start. Each NLP is confined to a box in log coordinates
+around the last point with a stable loop, because unstable loops beyond |S| = inf also satisfy the constraints at single
+frequencies.
 """
 
 from __future__ import annotations
@@ -33,36 +33,40 @@ from vctune.running import OutOfTimeError, check_time
 # tests/design/test_search_constants.py solves references and basins with each constant halved and doubled.
 
 TIGHTENING = 1e-6
-"""Relative tightening of the constraints. It covers the rounding to eight digits and IPOPT's tolerance, 1e-9. The error
-grows by about as much; if it is too little, the proof's witness tightens tenfold."""
+"""Relative tightening of the constraints. It covers the rounding to eight digits and IPOPT's tolerance of 1e-9. The
+error grows by about as much. If the tightening is too small, the exchange tightens tenfold at the proof's witness."""
 ROUNDS = 40
-"""NLPs in an exchange at most; one to three are usual. Half cuts off creeps along a boundary, twice waits for them."""
+"""Greatest number of NLPs in an exchange; one to three are usual. Half as many cut off an exchange that creeps along a
+boundary; twice as many wait for it."""
 RADIUS = 2.0
-"""Half widths of the first and of the widest trust box in log coordinates: a factor of 7 about the start, which is near
-a local minimum. Twice as wide IPOPT comes down beyond |S| = inf more often, half as wide it takes another round."""
+"""Half-widths of the first and of the widest trust box in log coordinates: a factor of 7 around the start, which is
+near a local minimum. With twice this width IPOPT ends beyond |S| = inf more often; with half this width it needs
+another round."""
 GROWTH = 2.0
-"""Growth of the box after a useful answer; any other answer halves it."""
+"""Factor by which the box grows after a useful answer. Any other answer halves the box."""
 NEARER = 0.8
-"""An answer is useful if its violation is less than this share of the last one's. The box then contains no feasible
-design yet, for example because the scan has missed a sharp resonance. Half stops on the way to such a design of a
-display with hardly any damping; 0.9 finds it in as many rounds."""
+"""Ratio of successive violations below which an answer is useful although the box contains no feasible design yet, for
+example because the scan has missed a sharp resonance. With half this ratio the exchange stops on the way to such a
+design of a display with hardly any damping; with 0.9 it finds the design in as many rounds."""
 LEAST_RADIUS = 1e-3
-"""Size of the box, 0.1 %, at which the exchange ends: basins are told apart to that. Half or twice is a round."""
+"""Size of the box, 0.1 %, at which the exchange ends; basins are distinguished to that. Half this size costs another
+round, and twice this size saves one."""
 FIRST_FREQUENCIES = 9
-"""Log-spaced frequencies of each constraint to begin with, enough that the first answer violates no constraint grossly.
-Missing ones join later. Half takes a round or two more; twice makes every round slower."""
+"""Number of log-spaced frequencies at which the exchange first imposes each constraint, enough that the first answer
+violates no constraint grossly. Missing frequencies join later. Half as many take a round or two more; twice as many
+make every round slower."""
 PANELS = 4
 MAX_PANELS = 256
-"""Panels of eight nodes of the error's quadrature at first and at most; they are doubled until the NLP's error is
-accurate to `OBJECTIVE_TOLERANCE`. Half to begin with is another round, half at most is too few for an undamped
-resonance."""
+"""First and greatest number of panels of the error's quadrature, with eight nodes each. The exchange doubles them until
+the NLP's error is accurate to `OBJECTIVE_TOLERANCE`. Half the first number costs another round; half the greatest is
+too few for an undamped resonance."""
 OBJECTIVE_TOLERANCE = {"rms": 1e-7, "peak": 1e-4}
-"""Relative difference that is allowed between the NLP's objective and the error of its answer. With norm "peak" every
-round gains a factor of only three or four, because the greatest error moves with the gains; 1e-5 would cost 5 % of all
-time. Half or twice is that much of error."""
+"""Permitted relative difference between the NLP's objective and the error of its answer. With norm "peak" every round
+gains a factor of only three or four, because the greatest error moves with the gains; 1e-5 would cost 5 % of the total
+time. Half or twice this number changes the error by as much."""
 UPHILL = 1e-4
-"""Share by which an answer must be worse than a known design to be in another basin. It is beyond the effect of the
-tightening and of IPOPT's tolerance, and well below 0.1 %, the resolution of basins."""
+"""Share by which an answer must be worse than a known design to count as in another basin. It exceeds the effect of the
+tightening and of IPOPT's tolerance, and is well below 0.1 %, the resolution of basins."""
 
 
 def polish(
@@ -75,26 +79,27 @@ def polish(
     witnesses: WorkingSet | None = None,
     demands: WorkingSet | None = None,
 ) -> Polished | None:
-    """Improve a start to a local optimum of the semi-infinite problem; None if nothing feasible is found.
+    """Improve a start to a local optimum of the semi-infinite problem; return None if nothing feasible is found.
 
     With environments late or by Euler's rules the real part alone has to suffice at first. Their polygons are thin,
     and an exchange that begins between them finds no way out.
 
     Parameters
     ----------
-    posed : dimensionless
+    posed : prepared problem, dimensionless
     start : start from the scan
-    scanned : result of the scan, which decides with which constraints the NLP begins
-    incumbent : give up once the error cannot get below this: more frequencies only raise it
+    scanned : result of the scan, which decides which constraints the first NLP has
+    incumbent : error at which to give up; once the NLP's error exceeds it, more frequencies only raise the error
     tightening : relative tightening of the constraints
-    witnesses : points that a proof has refuted, to begin with
-    demands : to begin with instead of the local extrema at the start: those of an optimum that it is
+    witnesses : points that a proof has refuted, which the first NLP includes
+    demands : points of the first NLP if the start is a known optimum; None for the local extrema at the start
 
     Returns
     -------
     Polished or None
-        Dimensionless; feasible in double precision, with the constraints tightened, and not proved. At the end of the
-        time limit it is the best answer so far.
+        Dimensionless. It is feasible in double precision with the constraints tightened, but not proved. At the end of
+        the
+            time limit it is the best answer so far.
 
     Raises
     ------
@@ -165,15 +170,15 @@ class _Search:
 
     Attributes
     ----------
-    cases : the devices at which the constraints are imposed
+    cases : problems of the devices at which the constraints are imposed
     witnesses : points in hands that a proof has refuted
-    reference : the last point with sound loops, centre of the box
+    reference : the last point with sound loops, the centre of the box
     warm_start : start of IPOPT
-    radius : half the box's width in log coordinates
-    known, known_error : the best feasible design that is known, an answer or the start
+    radius : half-width of the box in log coordinates
+    known, known_error : the best known feasible design, an answer or the start, and its error
     missed : greatest violation of the last answer
-    start_examined : whether the start was evaluated for that
-    unstable : whether the last answer was: one cut may do, after two in a row the box is too wide
+    start_examined : whether the start was evaluated as a known design
+    unstable : whether the last answer was unstable; after one a cut may suffice, after two in a row the box is too wide
     """
 
     start: Start
@@ -245,9 +250,9 @@ def _step(posed: Posed, search: _Search) -> None:
 
 
 def _examine_start(posed: Posed, search: _Search, error: float) -> None:
-    """Evaluate the start, its coupling scaled up by what it lacks, if it may be better than a feasible answer.
+    """Evaluate the start with its coupling scaled up to be feasible, if it may be better than a feasible answer.
 
-    IPOPT begins by moving away from bounds, and from a start on one it may come down in another basin, above the start.
+    IPOPT first moves away from bounds. From a start on a bound it may thus end in another basin, above the start.
     """
     if search.start_examined or not (1 + UPHILL) * search.start.error < error:
         return
@@ -261,7 +266,7 @@ def _examine_start(posed: Posed, search: _Search, error: float) -> None:
     at_raised = (*point(gains, raised), *corner)
     bounded = all(each.min <= x <= each.max for each, x in zip(ranges(posed.problem), at_raised, strict=False))
     sound = all(stable(case, gains) for case in of_own_loops(search.cases))
-    if posed.problem.worlds is not None:  # more of a coupling is not always better then
+    if posed.problem.worlds is not None:  # more of a coupling is then not always better
         sound &= violations(posed, search.cases, at_raised, search.tightening, search.witnesses).greatest == 0
     if sound and demands.positive and not demands.sensitivity and bounded:
         _remember(search, at_raised, posed.error(gains, raised))
@@ -273,10 +278,10 @@ def _remember(search: _Search, values: Point, error: float) -> None:
 
 
 def _sharper_objective(problem: Problem, search: _Search, design: Polished, *, joined: bool) -> bool:
-    """Return whether the next NLP needs a sharper objective, because its objective misses its answer's error.
+    """Refine the next NLP's objective if it misses the error of the last answer; return whether that was possible.
 
-    For norm "rms" it has more panels of its quadrature. For norm "peak" it has the frequencies of the greatest errors,
-    if any was new: an NLP without them understates the error, and its optimum is not one.
+    With norm "rms" the quadrature gets more panels. With norm "peak" the NLP gets the frequencies of the greatest
+    errors, if any of them is new: without them the NLP understates the error, and its optimum is not an optimum.
     """
     norm = problem.transparency.norm
     error = min(design.error, search.best.error) if norm == "peak" and search.best else design.error
@@ -289,8 +294,10 @@ def _sharper_objective(problem: Problem, search: _Search, design: Polished, *, j
 
 
 def _first_working_set(posed: Posed, start: Start, scanned: ScanResult) -> WorkingSet:
-    """Return a coarse set with the local extrema at the start, without constraints that nothing in the scan came
-    near."""
+    """Return a coarse working set with the local extrema at the start.
+
+    It omits constraints that the scan did not come near.
+    """
     problem, coarse = posed.problem, np.geomspace(*posed.span, FIRST_FREQUENCIES)
     first = WorkingSet()
     if problem.passive and (problem.bounds.velocity.max > 0 or start.gains.position > 0):
@@ -332,12 +339,12 @@ def _values(free: tuple[Coordinate, ...], z: Floats, fixed: Point) -> Point:
 
 
 def _track_peak(working_set: WorkingSet, peak: ConstraintPoint | None) -> None:
-    """Track the peak of |S| while it is near its limit: a fixed frequency is soon left by the peak."""
+    """Track the peak of |S| while it is near its limit, because the peak soon leaves a fixed frequency."""
     working_set.tracked_peaks[:] = [] if peak is None else [peak]
 
 
 def _add_violated(working_set: WorkingSet, demands: Violations) -> bool:
-    """Add violated points to the working set; return whether any was new."""
+    """Add violated points to the working set; return whether any of them was new."""
     added = [
         _add(working_set.ratio, demands.ratio),
         _add(working_set.sensitivity, demands.sensitivity),

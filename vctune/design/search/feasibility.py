@@ -1,4 +1,4 @@
-"""Estimated quality of velocity loops without a coupling, on fixed frequencies."""
+"""Estimate the quality of velocity loops without a coupling, on fixed frequencies."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Problem
 
 Kinds = NDArray[np.int8]
-"""Values of `Missed`."""
+"""Array of values of `Missed`."""
 
 
 @dataclass(frozen=True, slots=True)
 class LoopFeasibility:
-    """Violations by loops of constraints that do not depend on the coupling.
+    """How loops violate the constraints that do not depend on the coupling.
 
     Attributes
     ----------
-    missed : the most serious one, on the device on which it is most serious
-    violation : amount of the violation: log(|S|/max_sensitivity), or how negative Re(D + Z_h) gets relative to the
-        loop's impedance, or, for unstable loops, how strong they are, since the weaker ones are nearer to stability
+    missed : the most serious violated constraint, over all devices
+    violation : amount of that violation: log(|S|/max_sensitivity), or how negative Re(D + Z_h) is relative to the
+        loop's impedance, or for an unstable loop the magnitude of its gains, since weaker unstable loops are nearer to
+        stability
     peak_sensitivity : greatest |S| up to Nyquist on any device
     """
 
@@ -38,7 +39,7 @@ class LoopFeasibility:
 
     @property
     def feasible(self) -> NDArray[np.bool_]:
-        """Loops without a violation."""
+        """Flags of the loops without a violation."""
         feasible: NDArray[np.bool_] = self.missed == Missed.NOTHING
         return feasible
 
@@ -48,10 +49,10 @@ def loop_feasibility(problem: Problem, samples: Samples, gains: Gains, bands: li
 
     Parameters
     ----------
-    problem : dimensionless
+    problem : problem, dimensionless
     samples : samples of the scan
-    gains : arrays that fit each other
-    bands : the loops' responses on the stability band, device by device (`grid.responses`)
+    gains : gains, arrays that broadcast against each other
+    bands : the loops' responses on the stability band, one for each device (`grid.responses`)
     """
     worst, *others = (
         _on_one_device(problem, there, gains, band) for there, band in zip(samples.everywhere, bands, strict=True)
@@ -67,7 +68,7 @@ def loop_feasibility(problem: Problem, samples: Samples, gains: Gains, bands: li
 
 
 def spread(gains: Gains) -> Gains:
-    """Return gains in a shape that broadcasts with frequencies along a last axis."""
+    """Return gains in a shape that broadcasts with frequencies along a new last axis."""
     return Gains(gains.velocity[..., None], gains.position[..., None])
 
 
@@ -88,7 +89,7 @@ def _on_one_device(problem: Problem, samples: Samples, gains: Gains, band: LoopR
         loop = Pair(F.re - open_loop.re, F.im - open_loop.im)
         off = (samples.radius * np.sqrt(loop.abs2() / F.abs2())).max(axis=-1)
         too_sensitive = np.maximum(too_sensitive, np.log(np.maximum(off, 1.0)))
-    tests = (~stable, deficit > 0, too_sensitive > 0)  # gravest first: `select` takes the first
+    tests = (~stable, deficit > 0, too_sensitive > 0)  # most serious first, because `select` takes the first
     missed = np.select(tests, (Missed.STABILITY, Missed.RESISTANCE, Missed.SENSITIVITY), Missed.NOTHING)
     violation = np.select(tests, (strength, deficit, too_sensitive), 0.0)
     return LoopFeasibility(missed.astype(np.int8), violation, greatest)

@@ -1,4 +1,4 @@
-"""The greatest feasible K_v at each corner frequency, where most good designs lie.
+"""Find the greatest feasible K_v at each corner frequency, where most good designs lie.
 
     K_v |     infeasible
         |  _____
@@ -6,8 +6,9 @@
         |/  feasible   `-.
         +----------------- corner K_p/(b + K_v)
 
-The error falls with K_v up to the limit; half a step of the grid below it, it may be a third higher than on it. So the
-limit is found first, by dividing the step that it lies in, and is then a grid of its own over the other three axes.
+The error falls with K_v up to the limit. Half a step of the grid below the limit, the error may be a third higher than
+on the limit. So the scan first finds the limit by dividing the step that contains it. The limit then forms a grid of
+its own over the other three axes.
 """
 
 from __future__ import annotations
@@ -27,21 +28,21 @@ from vctune.model.problem import Problem
 from vctune.running import check_time
 
 ROUNDS, PARTS = 3, 4
-"""How often the step that contains the limit is divided, and into how many parts: 64 parts of a step, 1 % of K_v."""
+"""Number of times that the step with the limit is divided, and number of parts: 64 parts of a step, 1 % of K_v."""
 BELOW, ABOVE = 0.93, 1.03
-"""Between which factors of a limit its neighbours lie: below it the best design for the coupling, which may need some
-gain less; above it little, since the limit is known to 1 % on the scan's frequencies."""
+"""Factors of a limit between which its neighbours lie. The best design for the coupling lies below the limit and may
+need a slightly smaller gain. Little lies above, because the scan's frequencies determine the limit to 1 %."""
 
 
 @dataclass(frozen=True, slots=True)
 class GainLimits:
-    """The greatest K_v of each corner below the least whose loop is infeasible; only of corners that have one.
+    """The least infeasible K_v of each corner, approached from below, for the corners that have one.
 
     Attributes
     ----------
-    corner, below : index of the grid's corner, and its last K_v below the limit there
-    velocity : the limits
-    scores : scores of the designs there, shape (corners, 1, time constants, drags)
+    corner, below : index of the corner in the grid, and index of its last K_v below the limit
+    velocity : limits of K_v
+    scores : scores of the designs at the limits, shape (corners, 1, time constants, drags)
     """
 
     corner: NDArray[np.intp]
@@ -50,18 +51,18 @@ class GainLimits:
     scores: Scores
 
     def places(self, problem: Problem, grid: Axes, minima: list[tuple[int, ...]]) -> Axes:
-        """Return designs at limits, by their indices in the scores, between their neighbours.
+        """Return designs at limits, each between its neighbours, given their indices in the scores.
 
         Parameters
         ----------
-        problem : dimensionless
-        grid : grid whose limits these are
+        problem : problem, dimensionless
+        grid : grid to which the limits belong
         minima : indices of designs in `scores`
 
         Returns
         -------
         Axes
-            Of shape (minima, 3).
+            It has shape (minima, 3).
         """
         near = between_neighbours(
             grid, [(int(self.below[k]), int(self.corner[k]), tau, drag) for k, _, tau, drag in minima]
@@ -72,19 +73,19 @@ class GainLimits:
 
 
 def gain_limits(problem: Problem, samples: Samples, grid: Axes, loops: LoopFeasibility) -> GainLimits:
-    """Find the limits between a grid's loops, corner by corner, all at once, and score the designs there.
+    """Find the limits between a grid's loops for all corners at once, and score the designs at the limits.
 
     Parameters
     ----------
-    problem : dimensionless
+    problem : problem, dimensionless
     samples : samples of the scan
     grid : one grid of designs
-    loops : violations of its loops, shape (velocities, corners)
+    loops : violations of the grid's loops, shape (velocities, corners)
 
     Returns
     -------
     GainLimits
-        The limits and the scores of their designs; empty if no corner has one.
+        The limits and the scores of their designs; empty if no corner has a limit.
     """
     last = loops.feasible[:-1] & ~loops.feasible[1:]
     corner = np.flatnonzero(last.any(axis=0))

@@ -1,12 +1,12 @@
-"""The constraints and the error over a grid of designs, with the coupling in closed form.
+"""Evaluate the constraints and the error over a grid of designs, with the coupling in closed form.
 
-For given K_v, K_p, b_0 and tau_c = m_c/b_c the least feasible b_c is a maximum over frequency,
+For given K_v, K_p, b_0 and tau_c = m_c/b_c, the least feasible b_c is a maximum over frequency,
 
     b_c >= (safety_factor R - b_0) (1 + 1/(omega tau_c)^2),
 
-and the error grows with b_c: designs are points (K_v, corner, tau_c, b_0), with corner = K_p/(b + K_v), the frequency
-below which the integral action outweighs the rest. Everything here is dimensionless (Z_0 = T = 1), on a fixed set of
-frequencies, and an estimate.
+and the error grows with b_c. So a design is a point (K_v, corner, tau_c, b_0), where corner = K_p/(b + K_v) is the
+frequency below which the integral action outweighs the rest. Everything in this module is dimensionless (Z_0 = T = 1),
+on a fixed set of frequencies, and an estimate.
 """
 
 from __future__ import annotations
@@ -35,23 +35,23 @@ from vctune.model.transparency import loop_terms
 from vctune.running import check_time
 
 COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}
-"""Least number of points of each axis.
+"""Least number of points on each axis.
 
-A basin only has to show as a local minimum; the limits of the gains and the refinement find its place. Half as many
-K_v, corners or time constants cost no reference problem and no basin of the tests more than 0.1 %, so there is a
-reserve of a factor of two; with half as many drags one problem has twice the error. Twice as many of any find no better
-design.
+A basin only has to appear as a local minimum; the limits of the gains and the refinement then locate it. Half as many
+K_v, corners or time constants lose no reference problem and no basin of the tests by more than 0.1 %, so there is a
+reserve of a factor of two. With half as many drags one problem has twice the error. Twice as many points on any axis
+find no better design.
 """
 PER_DECADE = 3.5
-"""Least number of corners, and of time constants, in a decade: as many as `COUNTS` give on usual bounds, kept on wide
-ones."""
+"""Least number of corners, and of time constants, in a decade. Usual bounds give as many with `COUNTS`; wide bounds
+keep this density."""
 LOOPS_AT_ONCE = 160
-"""Loops whose arrays, a hundred frequencies each, stay in the processor's cache; of no consequence but speed."""
+"""Number of loops whose arrays, a hundred frequencies each, fit into the processor's cache. It only affects speed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Axes:
-    """The grid's axes: K_v, corner of the integral action, tau_c, b_0; several grids at once along leading axes."""
+    """The axes of a grid: K_v, corner of the integral action, tau_c, b_0. Leading axes hold several grids at once."""
 
     velocity: Floats
     corner: Floats
@@ -67,14 +67,14 @@ class Axes:
 class Scores:
     """The scores of designs in lexicographic order: violated constraint, violation, error, coupling.
 
-    Arrays of one shape; on a grid the axes are K_v, corner, tau_c, b_0.
+    All arrays have one shape. On a grid the axes are K_v, corner, tau_c and b_0.
 
     Attributes
     ----------
-    missed : most serious constraint that is missed
-    violation : amount of the violation, 0 if there is none
+    missed : most serious violated constraint
+    violation : amount of the violation; 0 without one
     error : transparency error if nothing is violated, else inf
-    damping : least scale within the bounds, which decides between equals if the coupling costs nothing
+    damping : least scale within the bounds, which decides between equal designs if the coupling costs nothing
     """
 
     missed: Kinds
@@ -91,7 +91,7 @@ class Scores:
         return int(self.missed[at]), float(self.violation[at]), float(self.error[at])
 
     def lowest(self) -> tuple[NDArray[np.intp], ...]:
-        """Return the index of the best design for each entry of the first axis, an array for each axis."""
+        """Return the index of the best design for each entry of the first axis, as one array for each axis."""
         shape = len(self.error), prod(self.error.shape[1:])
         missed, *others = (v.reshape(shape) for v in (self.missed, self.violation, self.error, self.damping))
         among = missed == missed.min(axis=1, keepdims=True)
@@ -101,7 +101,7 @@ class Scores:
         return np.arange(len(missed)), *np.unravel_index(among.argmax(axis=1), self.error.shape[1:])
 
     def ranks(self) -> Floats:
-        """Return one number for each design: its error or, if nothing is feasible, its place in the order."""
+        """Return one number for each design: its error or, if no design is feasible, its rank."""
         if np.isfinite(self.error).any():
             return self.error
         missed, violation = self.missed.ravel(), self.violation.ravel()
@@ -118,13 +118,13 @@ def axes(posed: Posed, *, integral: bool) -> Axes:
 
     Parameters
     ----------
-    posed : dimensionless
-    integral : whether K_p > 0; without it the one corner is 0
+    posed : prepared problem, dimensionless
+    integral : whether K_p > 0; if not, the only corner is 0
 
     Returns
     -------
     Axes
-        Of one grid, each increasing.
+        The axes of one grid, each in ascending order.
     """
     problem, (low, high) = posed.problem, posed.span
     device, bounds = problem.device, problem.bounds
@@ -133,7 +133,8 @@ def axes(posed: Posed, *, integral: bool) -> Axes:
     if integral and bounds.position.fixed:
         corner = np.array([1 / device.loop_lag])
     elif integral:
-        # far below the band there is no integral action in it; above 1/lag Re D < 0 at low frequency: b + K_v < lag K_p
+        # far below the band the integral action has no effect in it; above 1/lag, Re D < 0 at low frequency: b + K_v <
+        # lag K_p
         slowest, fastest = 1e-2 * problem.transparency.band.min, 2 / device.loop_lag
         corner = np.geomspace(slowest, fastest, _count("position", slowest, fastest))
     shortest, longest = time_constants(problem, low, high)
@@ -142,7 +143,8 @@ def axes(posed: Posed, *, integral: bool) -> Axes:
         tau_c = np.geomspace(shortest, longest, _count("time_constant", shortest, longest))
     if device.kind.inverse and bounds.damping.min == 0 < longest:
         tau_c = np.append(0.0, tau_c)  # a spring alone
-    # below, K_v is hardly a loop and the drag no error: the next point is the least there may be, if not 0 itself
+    # below this point K_v hardly acts and the drag causes no error, so the grid jumps from here to the least value,
+    # maybe 0
     K_v = _axis(bounds.velocity, COUNTS["velocity"], 1e-5 * loop_impedance)
     return Axes(K_v, corner, tau_c, _axis(bounds.drag, COUNTS["drag"], 1e-3))
 
@@ -152,9 +154,9 @@ def _count(name: str, low: float, high: float) -> int:
 
 
 def _axis(bounds: Range, count: int, floor: float) -> Floats:
-    """Return a logarithmic grid over the bounds; a range from 0 or far below `floor` starts with its end and `floor`.
+    """Return a logarithmic grid over the bounds. A range from 0 or far below `floor` starts with its end and `floor`.
 
-    A low end other than 0 comes on top of the count, so that the grid above is as fine as before.
+    A low end other than 0 is an additional point, so that the grid above it is as fine as otherwise.
     """
     if bounds.fixed:
         return np.array([bounds.min])
@@ -165,18 +167,18 @@ def _axis(bounds: Range, count: int, floor: float) -> Floats:
 
 
 def position_gain(problem: Problem, K_v: Floats, corner: Floats) -> Floats:
-    """Return K_p of a corner frequency, within its bounds; 0 without an integrator.
+    """Return K_p for a corner frequency, within its bounds; 0 without an integrator.
 
     Parameters
     ----------
-    problem : dimensionless
+    problem : problem, dimensionless
     K_v : velocity gains, in the optimiser's units, an array of any shape
     corner : K_p/(b + K_v), an array that broadcasts against K_v
 
     Returns
     -------
     array of float
-        Of the shape of both.
+        It has the shape of both.
     """
     bounds = problem.bounds.position
     K_p = np.clip((problem.device.damping + K_v) * corner, bounds.min, bounds.max)
@@ -184,18 +186,18 @@ def position_gain(problem: Problem, K_v: Floats, corner: Floats) -> Floats:
 
 
 def evaluated(problem: Problem, samples: Samples, at: Axes) -> tuple[Scores, LoopFeasibility]:
-    """Score every design of a grid, or of several grids along leading axes, and the loops behind them.
+    """Score every design of a grid, or of several grids along leading axes, and the loops of these designs.
 
     Parameters
     ----------
-    problem : dimensionless
+    problem : problem, dimensionless
     samples : samples of the scan
     at : the axes of the grids
 
     Returns
     -------
     tuple of Scores and LoopFeasibility
-        Of shape (..., K_v, corner, tau_c, b_0), and (..., K_v, corner).
+        Scores of shape (..., K_v, corner, tau_c, b_0), and violations of shape (..., K_v, corner).
     """
     rows = max(1, LOOPS_AT_ONCE // at.corner.shape[-1])
     if at.velocity.ndim > 1 or at.velocity.size <= rows:
@@ -207,7 +209,7 @@ def evaluated(problem: Problem, samples: Samples, at: Axes) -> tuple[Scores, Loo
 
 
 def _joined(parts: tuple[Any, ...]) -> list[Any]:
-    """Return the arrays of parts of a grid, each as one along the first axis."""
+    """Return the arrays of parts of a grid, each joined along the first axis."""
     return [np.concatenate([getattr(part, name) for part in parts]) for name in parts[0].__slots__]
 
 
@@ -221,11 +223,11 @@ def _evaluated(problem: Problem, samples: Samples, at: Axes) -> tuple[Scores, Lo
 
 
 def least_errors(posed: Posed, gains: Gains) -> Floats:
-    """Return the least error of any feasible coupling, inf if there is none.
+    """Return the least error over all feasible couplings; inf if no coupling is feasible.
 
     Parameters
     ----------
-    posed : dimensionless
+    posed : prepared problem, dimensionless
     gains : K_v and K_p, arrays of two dimensions
     """
     problem, samples = posed.problem, samples_of(posed, integrator=bool(np.any(gains.position)))
@@ -248,25 +250,26 @@ def _scores(
 
 
 def responses(samples: Samples, gains: Gains) -> list[LoopResponse]:
-    """Return the response of loops at the samples of the stability band, on each device.
+    """Return the responses of loops at the samples of the stability band, for each device.
 
     Parameters
     ----------
     samples : samples of the scan
-    gains : dimensionless arrays that fit each other
+    gains : gains, dimensionless arrays that broadcast against each other
 
     Returns
     -------
     list of LoopResponse
-        One for each device of `samples.everywhere`, of the gains' shape with the frequencies as last axis.
+        One response for each device of `samples.everywhere`, with the gains' shape and the frequencies as last axis.
     """
     return [there.band.response(spread(gains)) for there in samples.everywhere]
 
 
 def _required(samples: Samples, gains: Gains, bands: list[LoopResponse]) -> tuple[Floats, Floats]:
-    """Return the places at which a Re Z_c is required, and the greatest R there.
+    """Return the places at which a Re Z_c is required, and the greatest R at each.
 
-    They are the frequencies of the coupling as it runs, or for an impedance display theta, and its R is R/s^2.
+    The places are frequencies of the coupling as the firmware runs it, or angles for an impedance display, whose R is
+    R/s^2.
     """
     places = []
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -274,7 +277,7 @@ def _required(samples: Samples, gains: Gains, bands: list[LoopResponse]) -> tupl
             needs = [np.where(band.resistance > 0, required_resistance(band, FLOATS), 0.0) for band in bands]
             places.append((samples.band.omega, np.maximum.reduce(needs)))
         each = Gains(gains.velocity[..., None, None], gains.position[..., None, None])
-        at_angles: dict[bytes, tuple[Floats, list[Floats]]] = {}  # a structure is looked at where it resonates
+        at_angles: dict[bytes, tuple[Floats, list[Floats]]] = {}  # a structure is evaluated near its resonance
         for held in (hands for there in samples.everywhere for hands in there.in_hand):
             need = np.nan_to_num(held.required(each), nan=0.0).max(axis=-2)
             at_angles.setdefault(held.theta.tobytes(), (held.theta, []))[1].append(need)
@@ -287,7 +290,7 @@ def _required(samples: Samples, gains: Gains, bands: list[LoopResponse]) -> tupl
 
 
 def _least_damping(problem: Problem, samples: Samples, gains: Gains, bands: list[LoopResponse], at: Axes) -> Floats:
-    """Return the least scale, b_c or 1/k_c, that meets the constraint."""
+    """Return the least scale, b_c or 1/k_c, that meets the constraint on the coupling."""
     if problem.worlds_met is not None:
         return least_scale_in_worlds(problem.worlds_met, samples, gains, at.time_constant, at.drag)
     factor = problem.stability.safety_factor
@@ -302,7 +305,7 @@ def _least_damping(problem: Problem, samples: Samples, gains: Gains, bands: list
 
 
 def _within_bounds(problem: Problem, scale: Floats, at: Axes) -> tuple[Floats, Floats]:
-    """Return a scale raised to the least within the bounds, and log of its ratio to the upper bound."""
+    """Return a scale raised to the least value within the bounds, and the log of its ratio to the upper bound."""
     least, most = scale_limits(problem, at.time_constant[..., None, None, :, None])
     b_c = np.maximum(scale, least)
     slack = 1 + 1e-9
@@ -310,7 +313,7 @@ def _within_bounds(problem: Problem, scale: Floats, at: Axes) -> tuple[Floats, F
 
 
 def _error(problem: Problem, samples: Samples, gains: Gains, damping: Floats, at: Axes) -> Floats:
-    """Return the transparency error; |Z_c|^2 = (b_0 + b_c u)^2 + (b_c v)^2, or |1/Z_c|^2 without b_0."""
+    """Return the transparency error, with |Z_c|^2 = (b_0 + b_c u)^2 + (b_c v)^2, or |1/Z_c|^2 without b_0."""
     averages, weights = samples.averages, problem.transparency.weights
     counted = samples.everywhere[: samples.objective]
     loops = [there.nodes.response(spread(gains)) for there in counted]
@@ -331,6 +334,6 @@ def _error(problem: Problem, samples: Samples, gains: Gains, damping: Floats, at
 
 
 def _mean(values: Floats, averages: Floats) -> Floats:
-    """Return averages over the last axis, without BLAS, whose sums depend on its number of threads."""
+    """Return averages over the last axis without BLAS, whose sums depend on its number of threads."""
     mean: Floats = np.einsum("...k,k->...", values, averages)
     return mean

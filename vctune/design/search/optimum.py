@@ -1,5 +1,6 @@
-"""The best proved design that the optimiser finds: it polishes starts, rounds and proves them (design/README.md,
-section 8).
+"""The best proved design that the optimiser finds: it polishes starts, rounds the optima, and proves them.
+
+See design/README.md, section 8.
 """
 
 from __future__ import annotations
@@ -33,35 +34,38 @@ from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.running import OutOfTimeError, check_time, out_of_time, seconds_left, time_limit
 
 WORTH_POLISHING = 1.05
-"""A start is polished if its scanned error is at most this much above the best polished one, which is about the error
-of the refined grid at a local minimum. Less skips a start that polishing would have made the best; more polishes starts
-that do not win."""
+"""Factor by which a start's scanned error may exceed the best polished error for the start to be polished. It is about
+the accuracy of the refined grid at a local minimum. A smaller factor skips a start that polishing would make the best;
+a greater factor polishes starts that do not win."""
 PROOF_ROUNDS, MORE_DIGITS = 4, 2
-"""How often a refuted optimum is polished again, and how many more digits are then written. With 4 rounds the
-tightening reaches 1e-3, which makes a design 0.1 % worse. Half gives up designs that a third round proves; twice tries
-designs that cost more than another start."""
+"""Number of times that a refuted optimum is polished again, and number of digits added to it. With 4 rounds the
+tightening reaches 1e-3, which makes a design 0.1 % worse. Half as many rounds give up designs that a third round
+proves; twice as many try designs that cost more than another start."""
 LONG_SHOTS = 2
-"""Number of starts that are polished if none is feasible: the nearest misses may be feasible between the points of the
-grid. One would bet on the scan's order, more cost time before the search of every box begins, which finds them too."""
+"""Number of starts to polish if none is feasible, since the nearest misses may be feasible between the points of the
+grid. One start would rely on the scan's order. More starts take time, and the search of every box that follows finds
+the same designs."""
 NEARLY = 0.1
-"""A start that misses a constraint by more than this share is not polished where only an opinion is wanted: the grid's
-refined spacing is half of that. Half misses existing repairs; twice polishes in vain."""
+"""Greatest share by which a start may miss a constraint to be polished for an estimate; the grid's refined spacing is
+half of that. Half this share misses existing repairs; twice this share polishes in vain."""
 PROOF_BOXES = 300_000
-"""Boxes of undecided proofs after which the design stays undecided and the search tries no sharper one and no other
-start: hands that resonate far above Nyquist are never resolved. Half tries once; twice waits for a third failure."""
+"""Number of boxes in undecided proofs after which the design stays undecided and the search tries no sharper design and
+no other start: a proof never resolves hands that resonate far above Nyquist. With half as many boxes the search tries
+only once; with twice as many it waits for a third failure."""
 NEW_HANDS = 12
 """Number of hands known only to the proof with which an optimum is polished: a resonance above Nyquist occurs in a few
-hands of the box alone. Half and twice as many: the same designs; with none, a device sampled at 20 Hz has no design."""
+hands of the box alone. Half and twice as many give the same designs. With none, a device sampled at 20 Hz has no
+design."""
 SHARPENING, DECIDABLE = 10.0, 1e-3
-"""Factor by which the constraints are tightened again if a proof refutes a design, and the least tightening if the
-proof is undecided. The number of boxes grows with the inverse of the remaining reserve. Twice costs error, at most in
-proportion; half costs proofs."""
+"""Factor by which the constraints are tightened again if a proof refutes a design, and least tightening if a proof is
+undecided. The number of boxes grows with the inverse of the remaining reserve. Twice these numbers increase the error,
+at most in proportion; with half of them some proofs fail."""
 
 SEARCH, PROOF = "the search", "the proof"
-"""Stages that a time limit may cut short."""
+"""Names of stages that a time limit may cut short."""
 SEARCHING = 0.6
-"""The share of a time limit within which starts are polished once one has led to an optimum: a proof takes about as
-long as a polish. Half finds worse designs; all of it proves none."""
+"""Share of a time limit after which no more starts are polished once one has led to an optimum, since a proof takes
+about as long as a polish. Half this share finds worse designs; with the whole time no design is proved."""
 
 Progress = Callable[[str], None]
 
@@ -72,9 +76,8 @@ class Optimum:
 
     Attributes
     ----------
-    judgement : judgement of the best design that is proved, or failing that of one that is undecided; None if there
-        is neither
-    polished : the local optimum it was rounded from
+    judgement : judgement of the best proved design, or else of the best undecided one; None if there is neither
+    polished : the local optimum that was rounded to the design
     optima : number of local optima
     seconds : seconds of polishing and of proving
     cut : stages that the time limit cut short
@@ -88,11 +91,11 @@ class Optimum:
 
 
 def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda stage: None) -> Optimum:
-    """Return the best design that starts lead to.
+    """Return the best design to which the starts lead.
 
     Parameters
     ----------
-    prepared : prepared problem that leaves something free
+    prepared : prepared problem that leaves a number free
     scanned : result of its scan, dimensionless
     progress : function that receives the current stage
     """
@@ -101,7 +104,7 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
     polished = perf_counter()
     progress(f"proving{_best_known(optima, prepared.units.error)}")
     best, judgement = _best_proved(prepared, scanned, optima)
-    if judgement is None and optima:  # what seemed best is not admissible: try what seemed worse
+    if judgement is None and optima:  # what seemed best is not admissible, so try what seemed worse
         tried = [optimum.start for optimum in optima]
         others = replace(scanned, starts=[s for s in scanned.starts if s not in tried])
         optima, _ = local_optima(prepared, others, progress, inf)
@@ -116,17 +119,17 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
 
 
 def _best_known(optima: Sequence[Polished], unit: float) -> str:
-    """Return the best optimum so far, in words; its error is in units of `unit`."""
+    """Return words on the best optimum so far, with its error in units of `unit`."""
     return f", best error {min(each.error for each in optima) * unit:.4g}" if optima else ""
 
 
 @np.errstate(all="ignore")
 def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
-    """Return the best design of a problem, SI units; it meets the constraints in double precision, without a proof.
+    """Return the best design of a problem in SI units. It meets the constraints in double precision, without a proof.
 
     Parameters
     ----------
-    problem : problem that leaves something free
+    problem : problem that leaves a number free
     """
     if impossible(problem) is not None:
         return None
@@ -138,7 +141,7 @@ def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
 
 
 def nominal_start(prepared: Prepared) -> tuple[Start, float] | None:
-    """Return the best design for the nominal device of an uncertain one, whose basin may be the best, and its error."""
+    """Return the best design for the nominal device of an uncertain one, as a start, and its error."""
     nominal = prepare(replace(prepared.problem, uncertainty=None))
     law = estimated(nominal.problem)
     if law is None:
@@ -149,14 +152,14 @@ def nominal_start(prepared: Prepared) -> tuple[Start, float] | None:
 
 @np.errstate(all="ignore")
 def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
-    """Return a design of a problem that leaves something free that the optimiser takes for feasible, SI units.
+    """Return a design of a problem that the optimiser considers feasible, SI units; None if it finds none.
 
-    It stops at the first design and proves nothing, and without one it does not search the boxes: an estimate in a
-    fraction of the time of `solve`.
+    The function stops at the first design and proves nothing. If it finds none, it does not search the boxes. It gives
+    an estimate in a fraction of the time of `solve`.
 
     Parameters
     ----------
-    problem : problem in SI units
+    problem : problem in SI units that leaves a number free
     """
     if impossible(problem) is not None:
         return None
@@ -172,13 +175,13 @@ def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
 
 @np.errstate(all="ignore")
 def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | None:
-    """Return a certified design that is better than the incumbent, found from given gains; None if there is none.
+    """Return a certified design that is better than the incumbent, found from given gains; None if none is found.
 
     Parameters
     ----------
-    prepared : prepared problem that leaves something free
-    gains : gains to start from, SI units; the function tries any coupling beside them
-    incumbent : `Judgement.compared` to fall below
+    prepared : prepared problem that leaves a number free
+    gains : gains to start from, SI units; the function tries any coupling with them
+    incumbent : `Judgement.compared` of the incumbent
     """
     scaled, units = prepared.scaled, prepared.units
     start = start_at(scaled, units.gains(gains))
@@ -196,19 +199,19 @@ def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | 
 def local_optima(
     prepared: Prepared, scanned: ScanResult, progress: Progress, worth: float
 ) -> tuple[list[Polished], bool]:
-    """Polish the starts that can still win; return the local optima, best first.
+    """Polish the starts that can still win; return the local optima, the best first.
 
     Parameters
     ----------
-    prepared : prepared problem that leaves something free
+    prepared : prepared problem that leaves a number free
     scanned : starts of the problem, dimensionless
     progress : function that receives the current stage
-    worth : factor by which a start's error may exceed the least known
+    worth : factor by which a start's error may exceed the least known error
 
     Returns
     -------
-    optima : dimensionless, the least error first; not proved
-    complete : whether the time limit has left time for every start
+    optima : local optima, dimensionless and not proved, the least error first
+    complete : whether the time limit left time for every start
     """
     optima: list[Polished] = []
     complete = False
@@ -221,7 +224,7 @@ def local_optima(
 def _polish_starts(
     prepared: Prepared, scanned: ScanResult, progress: Progress, worth: float, optima: list[Polished]
 ) -> None:
-    """Add the local optima that starts lead to."""
+    """Add the local optima to which starts lead."""
     scaled, done, available = prepared.scaled, list[Start](), seconds_left()
     for_proof = (1 - SEARCHING) * available if available < inf else 0.0
     for number, start in enumerate(scanned.starts, 1):
@@ -251,7 +254,7 @@ def _polish_starts(
 def _best_proved(
     prepared: Prepared, scanned: ScanResult, optima: list[Polished]
 ) -> tuple[Polished | None, Judgement | None]:
-    """Return the best design that is proved; failing that the best one that is merely undecided."""
+    """Return the best proved design, or else the best undecided one."""
     doubtful: tuple[Polished, Judgement] | None = None
     spent = 0
     with suppress(OutOfTimeError):
@@ -268,10 +271,12 @@ def _best_proved(
 
 
 def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Iterator[tuple[Polished, Judgement]]:
-    """Judge the rounded optimum; while it is not proved, polish again with its witness, sharper, to more digits.
+    """Judge the rounded optimum.
 
-    If a hand requires more by more than the tightening, only the proof has found it: the search has to add it, not
-    tighten the constraints.
+    While it is not proved, polish it again with its witness, tighter and with more digits.
+
+    If a hand requires more than the tightening gives, only the proof has found it. The search must then add the hand,
+    not tighten the constraints.
     """
     polished: Polished | None = optimum
     tightening, witnesses, sharpened = TIGHTENING, WorkingSet(), 0
@@ -297,14 +302,13 @@ def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Ite
 
 
 def _start_at(polished: Polished) -> Start:
-    """Return an optimum as a start, from which the same constraints, a little sharper, lead to the next in its
-    basin."""
+    """Return an optimum as a start, from which slightly tighter constraints lead to the next optimum of its basin."""
     corner = polished.values[CORNER] if len(polished.values) > CORNER else None
     return Start(*design_of(polished.values), polished.error, corner=corner)
 
 
 def _new_hand(prepared: Prepared, judgement: Judgement, witnesses: WorkingSet, tightening: float) -> bool:
-    """Add the worst hand near the one that a proof refused, if it requires more than the tightening gives."""
+    """Add the worst hand near a hand that the proof refuted, if it requires more than the tightening gives."""
     problem, outcomes = prepared.problem, judgement.certificate.outcomes
     found = False
     demands = judgement.certificate.demands
@@ -329,7 +333,10 @@ def _undecided(judgement: Judgement) -> bool:
 def _collect(
     known: list[ConstraintPoint], outcome: Outcome, prepared: Prepared, of_walls: Judgement | None = None
 ) -> None:
-    """Add where a design is refuted; `of_walls` is what is known of it if the condition of walls is what fails."""
+    """Add the point at which a design is refuted.
+
+    `of_walls` is the judgement if the condition of walls fails, else None.
+    """
     if outcome.verdict is Verdict.REFUTED and outcome.witness:
         wall, device = None, outcome.device or prepared.problem.device
         if of_walls is not None and (met := of_walls.certificate.demands.walls_met) and outcome.hand:
@@ -340,7 +347,7 @@ def _collect(
 
 
 def _with_least_coupling(prepared: Prepared, judgement: Judgement) -> Judgement:
-    """When the coupling costs nothing, return the same gains with the coupling that is least in the mean."""
+    """If the coupling costs nothing, return the same gains with the coupling that is least in the mean."""
     problem, gains = prepared.problem, judgement.gains
     bounds = problem.bounds
     loop = {"velocity": Range(gains.velocity, gains.velocity), "position": Range(gains.position, gains.position)}

@@ -1,4 +1,4 @@
-"""Refinement of the local minima of a grid of designs between their neighbours."""
+"""Refine the local minima of a grid of designs between their neighbours."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from vctune.model.gains import Gains
 from vctune.model.problem import Problem
 
 HALVINGS = 3
-"""How often the spacing of the grid around a local minimum is halved: to an eighth, 5 % of K_v, which suffices for the
-order of the starts; the optimiser does the rest in a millisecond."""
+"""Number of times that the spacing of the grid around a local minimum is halved: to an eighth, 5 % of K_v. This
+suffices for the order of the starts; the optimiser does the rest in a millisecond."""
 
 Index = tuple[int, ...]
 """Index of a design on a grid: K_v, corner, tau_c, b_0."""
 
 
 def minima_of(problem: Problem, scores: Scores) -> list[Index]:
-    """Return the local minima of a grid, best first: of the feasible designs or, without any, of all.
+    """Return the local minima of a grid, the best first: of the feasible designs, or of all if none is feasible.
 
-    If the coupling costs nothing, every coupling of a loop is as good, and minima are sought over the loops only.
+    If the coupling costs nothing, every coupling of a loop is equally good, and the function compares loops only.
 
     Parameters
     ----------
-    problem : problem whose weights say whether the coupling costs anything
+    problem : problem, whose weights tell whether the coupling costs anything
     scores : scores of one grid, shape (K_v, corner, tau_c, b_0)
     """
     ranks = scores.ranks()
@@ -43,9 +43,9 @@ def lowest(scores: Scores) -> Index:
 
 
 def local_minima(ranks: Floats) -> list[Index]:
-    """Return the indices of finite numbers on a grid that are not above any neighbour, lowest first."""
+    """Return the indices of finite numbers on a grid that exceed no neighbour, the lowest first."""
     least = ranks
-    for axis in range(ranks.ndim):  # the least of each point's neighbourhood, one axis after the other
+    for axis in range(ranks.ndim):  # take the least of each point's neighbourhood along one axis after the other
         before, after = (least.take(at, axis) for at in _beside(ranks.shape[axis]))
         least = np.minimum(least, np.minimum(before, after))
     found = np.argwhere((ranks <= least) & np.isfinite(ranks))
@@ -54,7 +54,7 @@ def local_minima(ranks: Floats) -> list[Index]:
 
 
 def between_neighbours(grid: Axes, places: list[Index]) -> Axes:
-    """Return designs of a grid, each between its neighbours: axes of shape (designs, 3).
+    """Return designs of a grid, each between its neighbours, as axes of shape (designs, 3).
 
     Parameters
     ----------
@@ -64,7 +64,8 @@ def between_neighbours(grid: Axes, places: list[Index]) -> Axes:
     Returns
     -------
     Axes
-        For each design and axis the place in the middle; at an end of an axis a neighbour is the place itself.
+        The design lies in the middle on each axis. At an end of an axis, the design takes the place of the missing
+        neighbour.
     """
     by_axis = np.array(places, dtype=np.intp).reshape(-1, len(grid.each())).T
     return Axes(*(_between(np.tile(axis, (at.size, 1)), at) for axis, at in zip(grid.each(), by_axis, strict=True)))
@@ -75,14 +76,14 @@ def refined(problem: Problem, samples: Samples, near: Axes) -> list[Start]:
 
     Parameters
     ----------
-    problem : dimensionless
+    problem : problem, dimensionless
     samples : samples of the scan
     near : each minimum between its neighbours, axes of shape (minima, 3)
 
     Returns
     -------
     list of Start
-        One for each minimum, in their order, dimensionless.
+        One start for each minimum, in their order, dimensionless.
     """
     if not len(near.velocity):
         return []
@@ -97,19 +98,19 @@ def refined(problem: Problem, samples: Samples, near: Axes) -> list[Start]:
 
 
 def _beside(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the places before and after each one on an axis, the place itself at an end."""
+    """Return the indices before and after each index of an axis; at an end, the index itself."""
     at = np.arange(size)
     return np.maximum(at - 1, 0), np.minimum(at + 1, size - 1)
 
 
 def _between(axes: Floats, at: NDArray[np.intp]) -> Floats:
-    """Return a place on each of several axes between its neighbours."""
+    """Return, for each design, its place and its two neighbours on every axis, as axes of shape (designs, 3)."""
     beside = np.clip(at[:, None] + np.array([-1, 0, 1]), 0, axes.shape[1] - 1)
     return np.take_along_axis(axes, beside, axis=1)
 
 
 def _finer(near: Floats) -> Floats:
-    """Return the places with the middles between them, on a logarithmic axis; a fixed number stays one place."""
+    """Return three places on a logarithmic axis with the middles between them; a fixed number stays one place."""
     low, middle, high = near.T
     if np.array_equal(low, high):
         return near

@@ -1,4 +1,4 @@
-"""The frequencies of a scan and the numbers that do not depend on the gains; computed once for all grids of a scan."""
+"""The frequencies of a scan and the numbers that do not depend on the gains, computed once for all grids of a scan."""
 
 from __future__ import annotations
 
@@ -31,18 +31,20 @@ from vctune.model.transparency import log_quadrature
 
 FREQUENCIES = 64
 """Least number of frequencies in the stability band, and in three decades below Nyquist. The exchange covers the gaps
-between them. Half as many change no reference problem and no test basin by 0.1 %, but give worse starts."""
+between them. Half as many change no reference problem and no basin of the tests by 0.1 %, but give worse starts."""
 FEW, FEW_ANGLES, FEW_SPRINGS = (0.0, 0.1, 1.0), 12, 4
-"""Shares of the ranges of hands, and angles per decade, at which starts are compared. The ends alone lead to the same
-designs in more rounds; half or twice as many angles to the same ones. And the spacing of the soft springs at angle 0:
-two a decade, between which R is 8 % greater at most; without them starts have no drag where much is needed."""
+"""Shares of the ranges of hands, and angles per decade, at which starts are compared. The ends of the ranges alone lead
+to the same designs in more rounds; half or twice as many angles lead to the same designs. The third number is the count
+of soft springs per two decades at angle 0, between which R is at most 8 % greater. Without them, starts have no drag
+where much drag is needed."""
 PANELS = 3
-"""Panels of the quadrature over the transparency band, eight nodes each: starts are compared to a few per cent only."""
+"""Number of panels of the quadrature over the transparency band, eight nodes each. Starts are only compared to a few
+per cent."""
 
 
 @dataclass(frozen=True, slots=True)
 class Spectrum:
-    """Frequencies, rad/s, and a device there."""
+    """Frequencies, rad/s, and the response of a device at these frequencies."""
 
     omega: Floats
     device: DeviceResponse
@@ -59,16 +61,16 @@ class Samples:
     Attributes
     ----------
     device : the device whose loops are evaluated
-    integrator : whether the law has its K_p/s term
-    band : band of stability
+    integrator : whether the law has its term K_p/s
+    band : frequencies of the stability band
     nodes, averages : nodes and weights of the transparency band's quadrature
-    circles : the return differences of the sampled loops on the unit circle, first the device's let go; none of a
-        device whose loops are another's
-    radius : unmodelled radius on the first circle; None without one
-    in_hand : the loop in some hands, and in springs at angle 0, or in any hand; empty if the problem has no claim in
+    circles : return differences of the sampled loops on the unit circle, first that of the device without a hand; empty
+        for a device that shares its loops with another
+    radius : radius of the unmodelled dynamics on the first circle; None without one
+    in_hand : loop in some hands, with springs at angle 0, or loop in any hand; empty if the problem has no claim in
         hands
     objective : number of devices whose greatest error is the objective
-    others : the other devices at which the constraints are imposed, with the same frequencies
+    others : samples of the other devices at which the constraints are imposed, with the same frequencies
     """
 
     device: Device
@@ -84,23 +86,23 @@ class Samples:
 
     @property
     def everywhere(self) -> list[Samples]:
-        """These samples and those of the other devices."""
+        """These samples, and those of the other devices."""
         return [self, *self.others]
 
 
 @lru_cache(maxsize=4)
 def samples_of(posed: Posed, *, integrator: bool) -> Samples:
-    """Return where to look at a dimensionless problem.
+    """Return the samples at which the scan evaluates a dimensionless problem.
 
     Parameters
     ----------
-    posed : dimensionless
+    posed : prepared problem, dimensionless
     integrator : whether the law has its term K_p/s
 
     Returns
     -------
     Samples
-        Of the nominal device, with those of the other devices in it.
+        Samples of the nominal device, which include those of the other devices.
     """
     problem, (low, high) = posed.problem, posed.span
     band = problem.transparency.band

@@ -1,4 +1,5 @@
-"""A cheap global scan: starts for the optimiser in every basin that it can see (design/README.md, section 3)."""
+"""A cheap global scan that finds starts for the optimiser in every basin that it can see (design/README.md, section
+3)."""
 
 from __future__ import annotations
 
@@ -21,28 +22,30 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 
 STARTS = 8
-"""Most local minima to refine on a grid, on its gain limits, and to return. Half as many lose none of the tests'
-basins."""
+"""Greatest number of local minima to refine on a grid, to refine on its gain limits, and to return. Half as many lose
+none of the tests' basins."""
 CLOSE = 0.02
-"""Relative difference of all five numbers up to which two starts are one: less than the refined spacing."""
+"""Relative difference of all numbers of a design up to which two starts count as one. It is less than the refined
+spacing."""
 AROUND = {"velocity": np.array([0.8, 0.9, 0.96, 0.99, 1.0, 1.02, 1.1]), "corner": np.geomspace(0.25, 4.0, 13)}
-"""Factors of given gains around which other couplings are tried. K_v is often at its limit, hence more of the lower
-factors, and small steps next to 1. The error is flat in the corner, which is varied further."""
+"""Factors of given gains around which other couplings are tried. K_v is often at its limit, so most of its factors are
+below 1, with small steps near 1. The error is flat in the corner, whose factors therefore range further."""
 STEPS, FLAT = 9, 1.001
-"""Places on the way from a start to an optimum, and the factor by which the error may seem to rise between them, which
-allows for the scan's few frequencies. A greater factor loses another basin behind a low rise; a smaller one polishes
-twice."""
+"""Number of points on the way from a start to an optimum, and factor by which the error may seem to rise between them,
+which allows for the scan's few frequencies. A greater factor loses another basin behind a low rise; a smaller factor
+polishes twice."""
 WORTH_ANOTHER = 0.9995
-"""Another start near an optimum is worth polishing if its error is at most this share of the optimum's. Basins are told
-apart to 0.1 %, and the scan's frequencies resolve half of that."""
+"""Ratio of errors below which another start near an optimum is worth polishing. Basins are distinguished to 0.1 %, and
+the scan's frequencies resolve half of that."""
 PROMISING = 3.0
-"""A local minimum of the coarse grid is refined if its error is at most this many times the least, which allows for a
-narrow basin between the points of the grid. All are refined together, so that more cost little."""
+"""Factor by which the error of a local minimum of the coarse grid may exceed the least error for the minimum to be
+refined. It allows for a narrow basin between the points of the grid. All minima are refined together, so that more cost
+little."""
 
 
 @dataclass(frozen=True, slots=True)
 class ScanResult:
-    """Starts, best first, and the constraints that the scan saw.
+    """Starts, the best first, and the greatest |S| that the scan found.
 
     Attributes
     ----------
@@ -57,8 +60,8 @@ class ScanResult:
 def scan(posed: Posed) -> ScanResult:
     """Scan a dimensionless problem for starts.
 
-    K_p = 0 is scanned separately, because the absence of the integrator changes the constraints at low frequency. Other
-    minima at the lowest K_p belong to that basin and are dropped.
+    The scan treats K_p = 0 separately, because without the integrator the constraints at low frequency differ. It drops
+    other minima at the lowest K_p, because they belong to that basin.
     """
     problem, faces = posed.problem, _faces(posed.problem)
     found: list[Start] = []
@@ -81,9 +84,9 @@ def scan(posed: Posed) -> ScanResult:
 def _promising(
     problem: Problem, coarse: Axes, scores: Scores, limits: GainLimits, most: float, left_out: int | None
 ) -> Axes:
-    """Return the best local minima of the grid and of its gain limits, between their neighbours.
+    """Return the best local minima of the grid and of its gain limits, each between its neighbours.
 
-    A minimum of the grid on its last step below a limit gives way to a better design on that limit.
+    If a minimum of the grid lies on the last step below a limit, a better design on that limit replaces it.
 
     Parameters
     ----------
@@ -105,9 +108,9 @@ def _promising(
 
 
 def _faces(problem: Problem) -> list[bool]:
-    """Return whether to search without and with an integrator, as far as the bounds and the limit at 0 allow.
+    """Return whether to search without and with an integrator, as the bounds and the limit at 0 permit.
 
-    With damping or a force sensor's lag, without drag and without an operator's damping no K_p > 0 is feasible on a
+    With damping or a force sensor's lag, without drag and without an operator's damping, no K_p > 0 is feasible on a
     band from 0.
     """
     position, device = problem.bounds.position, problem.device
@@ -127,8 +130,8 @@ def start_at(posed: Posed, gains: Gains) -> Start | None:
 
     Parameters
     ----------
-    posed : dimensionless
-    gains : dimensionless; with K_p = 0 no integrator is tried
+    posed : prepared problem, dimensionless
+    gains : gains, dimensionless; with K_p = 0 the function tries no integrator
     """
     problem, (samples, fine) = posed.problem, _surroundings(posed, gains)
     scores, _ = evaluated(problem, samples, fine)
@@ -137,19 +140,19 @@ def start_at(posed: Posed, gains: Gains) -> Start | None:
 
 
 def better_start_near(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Start | None:
-    """Return a better start near a polished design: the best design of another coupling may be a basin away.
+    """Return a better start near a polished design, since the best design with another coupling may be a basin away.
 
-    The scan's few frequencies decide which is better, for the given design too.
+    The scan's few frequencies decide which design is better, and also evaluate the given design.
 
     Parameters
     ----------
-    posed : dimensionless
+    posed : prepared problem, dimensionless
     gains, coupling : the polished design, dimensionless
 
     Returns
     -------
     Start or None
-        None if the best design around is no better by `WORTH_ANOTHER`, or is a neighbour.
+        None if the best design nearby is not better by `WORTH_ANOTHER`, or is a neighbour.
     """
     problem, (samples, fine) = posed.problem, _surroundings(posed, gains)
     tau_c, drag = shape_of(coupling)
@@ -183,15 +186,15 @@ def _place(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float
 
 
 def in_same_basin(posed: Posed, starts: list[Start], gains: Gains) -> list[Start]:
-    """Return the starts in the basin of given gains: on the straight way there, logarithmically, the error only falls.
+    """Return the starts in the basin of given gains: on the straight logarithmic way to them, the error only falls.
 
-    At every pair of gains on the way it takes the best coupling of the scan.
+    At all gains on the way the function takes the best coupling of the scan.
 
     Parameters
     ----------
-    posed : dimensionless
-    starts : starts, of which only the feasible ones are used, with an integrator if the gains have one
-    gains : dimensionless
+    posed : prepared problem, dimensionless
+    starts : starts; the function uses those that are feasible and that have an integrator if the gains have one
+    gains : gains, dimensionless
     """
     problem = posed.problem
     law = [start for start in starts if start.admissible and (start.gains.position > 0) == (gains.position > 0)]

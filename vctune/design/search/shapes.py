@@ -1,8 +1,8 @@
-"""A coupling as a scale times a shape; the least feasible scale has a closed form (README, section 3).
+"""A coupling as a scale times a shape. The least feasible scale has a closed form (README, section 3).
 
-For an admittance display the scale is b_c, the time constant m_c/b_c and Z_c = b_0 + b_c (u + j v). For an impedance
-display, the dual, the scale is 1/k_c, the time constant b_c/k_c and 1/Z_c = (u + j v)/k_c. A rigid coupling of an
-admittance display has the time constant 0, and its scale is m_c: Z_c = b_0 + m_c j omega.
+For an admittance display the scale is b_c, the time constant is m_c/b_c, and Z_c = b_0 + b_c (u + j v). For an
+impedance display, which is the dual, the scale is 1/k_c, the time constant is b_c/k_c, and 1/Z_c = (u + j v)/k_c. A
+rigid coupling of an admittance display has the time constant 0 and the scale m_c: Z_c = b_0 + m_c j omega.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from vctune.model.sampled.impedance_display import firmware_filter, offered_by_s
 from vctune.model.sampled.loop_in_worlds import offered_at
 
 SLACK = 1e-2
-"""Share of T below which the time constant b_c/k_c hardly matters: the sampled spring alone is as good as a damper of
-k_c T/2. Half and twice it lead to the same designs."""
+"""Share of T below which the time constant b_c/k_c hardly matters: the sampled spring alone is as good as with a damper
+of k_c T/2. Half and twice this share lead to the same designs."""
 
 
 def unit_response(device: Device, omega: Floats, time_constant: Floats) -> tuple[Floats, Floats]:
-    """Return u and v.
+    """Return u and v of the shape's response at omega.
 
     Parameters
     ----------
     device : device whose firmware runs the coupling
-    omega : rad/s, > 0
-    time_constant : s, an array that broadcasts against omega
+    omega : frequency, rad/s, > 0
+    time_constant : time constant, s, an array that broadcasts against omega
     """
     if device.kind.inverse:
         theta = omega * device.sample_time
@@ -44,13 +44,13 @@ def unit_response(device: Device, omega: Floats, time_constant: Floats) -> tuple
 
 
 def unit_at(device: Device, theta: Floats, time_constant: Floats) -> tuple[Floats, Floats]:
-    """Return Re Z_c and sin(theta/2) cos(theta/2) Im Z_c of the scale 1 as the firmware runs it, without drag.
+    """Return Re Z_c and sin(theta/2) cos(theta/2) Im Z_c for the scale 1 as the firmware runs it, without drag.
 
     Parameters
     ----------
     device : an admittance display or a servo
     theta : omega T, rad
-    time_constant : s, for one shape, or an array that broadcasts against the angles
+    time_constant : time constant, s: a number, or an array that broadcasts against the angles
     """
     rigid = bool(np.all(time_constant == 0))
     unit = Coupling(inf, 1.0, 0.0) if rigid else Coupling(1.0, time_constant, 0.0)
@@ -59,13 +59,13 @@ def unit_at(device: Device, theta: Floats, time_constant: Floats) -> tuple[Float
 
 
 def scale_per_resistance(device: Device, place: Floats, time_constant: Floats) -> Floats:
-    """Return the scale that offers 1: b_c for Re Z_c - b_0 = 1, or 1/k_c for Re(1/Z_c)/s^2 = 1.
+    """Return the scale that offers 1: b_c with Re Z_c - b_0 = 1, or 1/k_c with Re(1/Z_c)/s^2 = 1.
 
     Parameters
     ----------
     device : device whose firmware runs the coupling
-    place : omega, rad/s, or of an impedance display theta, rad
-    time_constant : s, an array that broadcasts against the places
+    place : omega, rad/s; for an impedance display theta, rad
+    time_constant : time constant, s, an array that broadcasts against the places
     """
     if device.kind.inverse:
         low_pass = firmware_filter(device, place, FLOATS)
@@ -74,7 +74,7 @@ def scale_per_resistance(device: Device, place: Floats, time_constant: Floats) -
         return np.where(there > 0, 1 / np.where(there > 0, there, 1.0), 1e100)  # behind a slow filter b_c may drive
     with np.errstate(divide="ignore", invalid="ignore"):
         x = np.where(time_constant > 0, place * time_constant, 0.0)
-        return np.minimum(1 + 1 / x**2, 1e100)  # at 0 drag alone is left
+        return np.minimum(1 + 1 / x**2, 1e100)  # at 0 only the drag acts
 
 
 def scale_limits(problem: Problem, time_constant: Floats) -> tuple[Floats, Floats]:
@@ -88,8 +88,9 @@ def scale_limits(problem: Problem, time_constant: Floats) -> tuple[Floats, Float
     Returns
     -------
     two arrays
-        Of shape (n,), in the problem's units: of b_c, or of 1/k_c for an impedance display. If the least exceeds the
-        greatest there is no such coupling.
+        b_c, or 1/k_c for an impedance display, in the problem's units, shape (n,). If the least exceeds the greatest,
+        there
+            is no such coupling.
     """
     bounds, tau = problem.bounds, time_constant
     if not problem.device.kind.inverse:
@@ -105,14 +106,14 @@ def scale_limits(problem: Problem, time_constant: Floats) -> tuple[Floats, Float
 
 
 def time_constants(problem: Problem, low: float, high: float) -> tuple[float, float]:
-    """Return the least and the greatest time constant worth looking at; the same if it is fixed.
+    """Return the least and the greatest time constant worth evaluating; both are equal if it is fixed.
 
-    Two decades beyond the band a coupling is all mass or all damper in it, all spring or all damper; with a great least
-    b_c yet further out.
+    Two decades outside the band, a coupling acts as a mass alone or a damper alone within the band (as a spring or a
+    damper for an impedance display). If the least b_c is large, the range extends further.
 
     Parameters
     ----------
-    problem : dimensionless
+    problem : problem, dimensionless
     low, high : the band, rad/s
     """
     bounds = problem.bounds
@@ -130,11 +131,11 @@ def time_constants(problem: Problem, low: float, high: float) -> tuple[float, fl
 
 
 def coupling_of(problem: Problem, scale: float, time_constant: float, drag: float) -> AnyCoupling:
-    """Return the coupling of a scale and a shape, within the bounds.
+    """Return the coupling with a given scale and shape, within the bounds.
 
     Parameters
     ----------
-    problem : problem in the units of the numbers
+    problem : problem in the units of the arguments
     scale, time_constant, drag : plain floats
     """
     bounds = problem.bounds
@@ -150,20 +151,20 @@ def coupling_of(problem: Problem, scale: float, time_constant: float, drag: floa
 
 
 def shape_of(coupling: AnyCoupling) -> tuple[float, float]:
-    """Return a coupling's time constant and its drag."""
+    """Return a coupling's time constant and drag."""
     if isinstance(coupling, SpringDamper):
         return coupling.damping / coupling.stiffness, 0.0
     return coupling.mass / coupling.damping, coupling.drag
 
 
 def softened(coupling: AnyCoupling, by: float) -> AnyCoupling:
-    """Return a coupling of the same shape with a greater offer: a greater Z_c, or for an impedance display a smaller
-    one.
+    """Return a coupling of the same shape with a greater offer: a greater Z_c, or a greater 1/Z_c for an impedance
+    display.
 
     Parameters
     ----------
-    coupling : plain floats
-    by : a factor, > 0
+    coupling : coupling with plain floats
+    by : factor, > 0
     """
     if isinstance(coupling, SpringDamper):
         return SpringDamper(coupling.damping / by, coupling.stiffness / by)

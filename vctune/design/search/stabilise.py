@@ -15,32 +15,34 @@ from vctune.proof.claims.sampled_poles import prove_sampled_poles
 from vctune.proof.engine.interval import Verdict
 
 GAIN_REDUCTIONS = (1.0, 0.99, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
-"""Factors of K_p, or of both gains, that are tried until a start's loops are proved stable. The scan errs by some per
-cent on its frequencies, hence the first ones; the last are for devices that no estimate fits. The NLP moves on from
-there within its box, so that other factors lead to the same optimum."""
+"""Factors of K_p, or of both gains, that are tried until a start's loops are proved stable. On its frequencies the scan
+is wrong by some per cent, which the first factors cover; the last are for devices that no estimate fits. The NLP moves
+on from there within its box, so that other factors lead to the same optimum."""
 STABILITY_MARGIN = 1e-4
 """Least distance from the stability boundary, as a share of the open loop's F, if no other constraint stops a design. A
-limit on |S| keeps it further away; without one, half or twice is that much of a share of the gains."""
+limit on |S| keeps a design further away. Without one, half or twice this distance changes the gains by as small a
+share."""
 MAX_CUTS = 24
-"""Greatest number of tangents of the stability boundary: a curve in the plane of the gains, of which a box contains a
-piece. Beyond, the box is halved as after any bad step."""
+"""Greatest number of tangents of the stability boundary, which is a curve in the plane of the gains; a box contains a
+piece of it. If there are more, the exchange halves the box as after any bad step."""
 
 
 def stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | None:
-    """Return the start, K_p or both gains reduced until its loops are sound: the scan's estimate may be off.
+    """Return the start with K_p or both gains reduced until its loops are sound, since the scan's estimate may be
+    wrong.
 
-    That is, proved stable and, if that can be obtained, with Re(D + Z_h) > 0, for else the NLP has no values there.
+    Sound loops are proved stable and, if possible, have Re(D + Z_h) > 0, because otherwise the NLP has no values there.
 
     Parameters
     ----------
-    problem : dimensionless, with the bounds of the gains
-    cases : the problem of each device that is evaluated
+    problem : problem, dimensionless, with the bounds of the gains
+    cases : the problem of each evaluated device
     start : the design, dimensionless
 
     Returns
     -------
     Point or None
-        None if the loops are stable with none of the gains that are tried.
+        None if no loop is stable with any of the gains that are tried.
     """
     bounds, K_v, K_p = problem.bounds, start.gains.velocity, start.gains.position
     fallback: Point | None = None
@@ -54,7 +56,7 @@ def stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | 
 
 
 def stable(problem: Problem, gains: Gains) -> bool:
-    """Return whether all loops are stable; close to the boundary by proof, where an estimate would not do.
+    """Return whether all loops are stable. Near the boundary, where an estimate does not suffice, a proof decides.
 
     Parameters
     ----------
@@ -72,13 +74,13 @@ def _loop_stable(device: Device, gains: Gains) -> bool:
 
 
 def add_stability_cut(problem: Problem, working_set: WorkingSet, inside: Gains, outside: Gains) -> bool:
-    """After a step into instability add the tangent of the boundary that was crossed; return whether it is new.
+    """Add the tangent of the stability boundary that a step has crossed; return whether the tangent is new.
 
     Parameters
     ----------
     problem : problem of one device, dimensionless
     working_set : working set to which the tangent is added
-    inside, outside : stable and unstable gains
+    inside, outside : stable and unstable gains, on both sides of the boundary
     """
     cuts = (stability_cut(device, inside, outside, STABILITY_MARGIN) for device in problem.device.loops)
     new = [cut for cut in cuts if cut is not None and cut not in working_set.stability]

@@ -9,9 +9,9 @@ from vctune.model.gains import AnyCoupling, Gains
 
 
 class Missed(IntEnum):
-    """The most serious constraint that a design misses.
+    """The most serious constraint that a design violates.
 
-    A more serious violation makes the lesser ones meaningless: an unstable loop has no margins, and where Re(D + Z_h) <
+    A more serious violation makes the lesser ones meaningless. An unstable loop has no margins, and where Re(D + Z_h) <
     0 no coupling suffices.
     """
 
@@ -29,8 +29,8 @@ class Start:
     Attributes
     ----------
     gains, coupling : the design, dimensionless
-    error : its transparency error; inf if it misses a constraint at the scan's frequencies
-    missed : the most serious constraint that it misses there
+    error : its transparency error; inf if it violates a constraint at the scan's frequencies
+    missed : the most serious constraint that it violates there
     violation : amount of the violation, comparable among designs that violate the same constraint; for
         `Missed.COUPLING` and `Missed.SENSITIVITY` the logarithm of a ratio; 0 if nothing is violated
     corner : corner of the multiplier for walls; None if it is unknown
@@ -45,15 +45,15 @@ class Start:
 
     @property
     def admissible(self) -> bool:
-        """Whether it meets every constraint at the scan's frequencies."""
+        """Whether the design meets every constraint at the scan's frequencies."""
         return self.missed is Missed.NOTHING
 
     @property
     def workable(self) -> bool:
-        """Whether its loop is stable with Re(D + Z_h) > 0, so that the optimiser's formulas are defined there."""
+        """Whether the loop is stable with Re(D + Z_h) > 0, so that the optimiser's formulas are defined there."""
         return self.missed < Missed.RESISTANCE
 
     @property
     def rank(self) -> tuple[Missed, float, float]:
-        """The order of starts: the violated constraint, the violation, then the error."""
+        """Sort key of starts: the violated constraint, the violation, then the error."""
         return self.missed, self.violation, self.error

@@ -32,17 +32,17 @@ from vctune.model.problem import Problem
 from vctune.model.worlds import WorldsMet
 
 TRACKED_FROM = 0.8
-"""Share of its limit from which on the peak of |S| is tracked. More would leave out a peak that the next answer brings
-to the limit, which takes another round; less tracks peaks that do not bind."""
+"""Share of its limit above which the peak of |S| is tracked. A greater share would omit a peak that the next answer
+brings to the limit, which takes another round; a smaller share tracks peaks that do not bind."""
 
 
 @dataclass(slots=True)
 class Violations:
-    """Points at which a design violates the constraints, and by how much (relative).
+    """The points at which a design violates the constraints, and the relative violations.
 
     Attributes
     ----------
-    ratio, sensitivity, peak, unmodelled, in_hand : points
+    ratio, sensitivity, peak, unmodelled, in_hand : points for each kind of constraint
     greatest : greatest violation
     near_peak : point where |S| is greatest, if it is near its limit
     positive : whether Re(D + Z_h) > 0 throughout
@@ -61,21 +61,21 @@ class Violations:
 def violations(
     posed: Posed, cases: list[Problem], values: Point, tightening: float, refuted: Sequence[ConstraintPoint] = ()
 ) -> Violations:
-    """Find the points where the constraints fail on any device by more than half the tightening, and where the error is
+    """Find the points where constraints fail on any device by more than half the tightening, or where the error is
     greatest.
 
     Parameters
     ----------
-    posed : dimensionless
-    cases : the problem of each device that is evaluated, those of `posed` and others
-    values : K_v, K_p, b_c, m_c, b_0
+    posed : prepared problem, dimensionless
+    cases : the problem of each evaluated device, those of `posed` and others
+    values : the numbers of the design
     tightening : relative tightening of the constraints
     refuted : points in hands, found by a proof, that the search for the least ratio may miss
 
     Returns
     -------
     Violations
-        Dimensionless frequencies, with device and hand, at which a constraint fails.
+        Dimensionless frequencies, each with a device and a hand, at which a constraint fails.
     """
     gains, coupling = design_of(values)
     loops = of_own_loops(cases)
@@ -109,7 +109,7 @@ def violations(
 
 
 def of_own_loops(cases: list[Problem]) -> list[Problem]:
-    """Return the problems without those whose device differs from another's only by its unmodelled response."""
+    """Return the problems, except those whose device differs from another's only in its unmodelled response."""
     return list({case.device.modelled: case for case in reversed(cases)}.values())[::-1]
 
 
@@ -135,7 +135,7 @@ def _in_hands(problem: Problem, gains: Gains, coupling: AnyCoupling, tightening:
 
 
 def _at_walls(problem: Problem, values: Point, tightening: float) -> Violations:
-    """Find where the condition of walls fails in the hands of a problem; nowhere if it has none."""
+    """Find the points where the condition of walls fails in the hands of a problem; none without walls."""
     met = walls_met(problem, values)
     if met is None or problem.hands_met is None:
         return Violations()
@@ -147,12 +147,12 @@ def _at_walls(problem: Problem, values: Point, tightening: float) -> Violations:
 
 
 def tightest_at_walls(problem: Problem, values: Point) -> list[ConstraintPoint]:
-    """Return the points at which the condition of walls has least room; none without walls.
+    """Return the points at which the condition of walls has the least reserve; none without walls.
 
     Parameters
     ----------
-    problem : of one device, dimensionless
-    values : a design and its corner
+    problem : problem of one device, dimensionless
+    values : the numbers of a design, including its corner
     """
     met = walls_met(problem, values)
     if met is None or problem.hands_met is None:
@@ -162,11 +162,11 @@ def tightest_at_walls(problem: Problem, values: Point) -> list[ConstraintPoint]:
 
 
 def walls_met(problem: Problem, values: Point) -> WorldsMet | None:
-    """Return the environments with walls, and the corner of a design; None without walls.
+    """Return the environments with walls and the corner of a design; None without walls.
 
     Parameters
     ----------
-    problem : in the units of the design
+    problem : problem in the units of the design
     values : the design's numbers
     """
     if problem.worlds is None or len(values) <= CORNER:
@@ -180,7 +180,7 @@ def _point_at_walls(problem: Problem, values: Point, at: RatioInHand, met: World
 
 
 def _at_points(points: Sequence[ConstraintPoint], problem: Problem, values: Point, tightening: float) -> Violations:
-    """Find at which points, those in a hand, the ratio fails."""
+    """Return the points in hands at which the ratio fails."""
     held, law = [point for point in points if point.hand is not None], design_of(values)
     linear, walls = problem.worlds_met, walls_met(problem, values)
     ratios = [
@@ -209,7 +209,7 @@ def _peaks(problem: Problem, peaks: Minima, tightening: float) -> Violations:
 
 
 def _unmodelled(problem: Problem, gains: Gains, tightening: float) -> Violations:
-    """Find where |1 - S| r exceeds 1."""
+    """Find the points where |1 - S| r exceeds 1."""
     peaks = unmodelled_maxima(problem, gains)
     over = np.log(np.maximum(-peaks.value, 1e-300)) + tightening
     points = constraint_points(problem.device, peaks.omega[over > tightening / 2])
@@ -217,7 +217,7 @@ def _unmodelled(problem: Problem, gains: Gains, tightening: float) -> Violations
 
 
 def _inside(posed: Posed, gains: Gains, coupling: AnyCoupling, tightening: float) -> Violations:
-    """Find the points where the ratio fails on devices that are not among the vertices of their box."""
+    """Find the points where the ratio fails on devices that are not vertices of their box."""
     found, least = Violations(), log(posed.problem.stability.safety_factor) + tightening
     for worst in worst_inside(posed, gains, coupling):
         short = least - log(max(worst.ratio, 1e-300))
@@ -229,7 +229,7 @@ def _inside(posed: Posed, gains: Gains, coupling: AnyCoupling, tightening: float
 
 
 def _lowest_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Minima:
-    """Return the local minima of Re Z_c / R, with its limit at omega = 0 where R has one above 0."""
+    """Return the local minima of Re Z_c / R, and its limit at omega = 0 if R is positive there."""
     minima, low = ratio_minima(problem, gains, coupling), towards_zero(problem)
     if gains.position == 0 or not low.size:
         return minima
@@ -240,14 +240,15 @@ def _lowest_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Min
 
 
 def near_peak(cases: list[Problem], gains: Gains) -> ConstraintPoint | None:
-    """Return where |S| is greatest of all devices if that is near its limit and below the Nyquist frequency.
+    """Return the point where |S| is greatest over all devices, if it is near its limit and below the Nyquist frequency.
 
-    None if no gain is free: the NLP could not track the peak, whose rounding alone may have passed the limit.
+    The result is None if no gain is free: the NLP could then not track the peak, and rounding alone may exceed the
+    limit.
 
     Parameters
     ----------
-    cases : the problem of each device that is evaluated, dimensionless
-    gains : dimensionless
+    cases : the problem of each evaluated device, dimensionless
+    gains : gains, dimensionless
     """
     loops = of_own_loops(cases)
     return _near_peak(loops, gains, [sensitivity_maxima(case, gains) for case in loops])
@@ -271,7 +272,7 @@ def least_resistance(problem: Problem, gains: Gains) -> Minima:
     Parameters
     ----------
     problem : problem of one device
-    gains : plain floats, in the problem's units
+    gains : gains with plain floats, in the problem's units
 
     Returns
     -------

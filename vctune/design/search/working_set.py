@@ -30,7 +30,7 @@ class ConstraintPoint:
 
 
 def constraint_points(device: Device, omega: Iterable[float]) -> list[ConstraintPoint]:
-    """Return points of one device.
+    """Return points of one device at several frequencies.
 
     Parameters
     ----------
@@ -41,14 +41,14 @@ def constraint_points(device: Device, omega: Iterable[float]) -> list[Constraint
 
 
 def stacked(points: Sequence[ConstraintPoint]) -> tuple[Device, Floats]:
-    """Return the devices of n points as one whose numbers are arrays, and their frequencies, all of shape (n,)."""
+    """Return the devices of n points as one device with arrays, and the points' frequencies, all of shape (n,)."""
     return stacked_devices([point.device for point in points]), np.array([point.omega for point in points])
 
 
 TIGHTENING_IN_HANDS = 1e-4
-"""Least relative tightening of the constraint in hands. A design may touch it in many hands and at many frequencies at
-once, as at omega = 0 in hands of any mass; the proof then takes a number of boxes that grows with one over the root of
-this. The error grows by about as much."""
+"""Least relative tightening of the constraint in hands. A design may reach its limit in many hands and at many
+frequencies at once, for example at omega = 0 in hands of any mass. The number of boxes in the proof then grows with one
+over the square root of this tightening. The error grows by about as much as the tightening."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,11 +57,11 @@ class WorkingSet:
 
     Attributes
     ----------
-    ratio, sensitivity, peak : points of Re Z_c >= R, |S| <= max_sensitivity, e <= epigraph
+    ratio, sensitivity, peak : points at which Re Z_c >= R, |S| <= max_sensitivity, and e <= epigraph are imposed
     stability : tangents of the stability boundary
-    unmodelled : points of |1 - S| r < 1
-    in_hand : points of Re Z_c >= R in a hand
-    tracked_peaks : points where |S| peaks near its limit: the frequency of the peak is a variable of the NLP
+    unmodelled : points at which |1 - S| r < 1 is imposed
+    in_hand : points at which Re Z_c >= R in a hand is imposed
+    tracked_peaks : points where |S| peaks near its limit; the frequency of the peak is a variable of the NLP
     """
 
     ratio: list[ConstraintPoint] = field(default_factory=list)
@@ -88,21 +88,21 @@ class WorkingSet:
         return tuple(len(each) for each in points)
 
     def copy(self) -> WorkingSet:
-        """Return a set that does not grow with this one."""
+        """Return a copy that does not grow with this set."""
         parts = (getattr(self, part.name) for part in fields(self))
         return WorkingSet(*([*part] for part in parts))
 
     def on_devices(
         self, changed: Callable[[Device], Device], time: float, held: Callable[[Hand], Hand] = lambda hand: hand
     ) -> WorkingSet:
-        """Return the same frequencies on other devices, in the same hands or in others.
+        """Return the same frequencies on other devices, in the same or in other hands.
 
-        If the loop is sampled the angle omega T stays fixed, so that constraints at Nyquist stay there.
+        If the loop is sampled, the angle omega T stays fixed, so that constraints at Nyquist stay there.
 
         Parameters
         ----------
         changed : function that converts a device, in the units of the set
-        time : their sample time, the unit of time of the new set
+        time : sample time of the devices, the unit of time of the new set
         held : function that converts a hand, in the units of the set
         """
 

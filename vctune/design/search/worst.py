@@ -1,8 +1,7 @@
-"""The devices of an uncertain box on which the ratio Re Z_c / R of a design is least, or |S| greatest: estimates, no
-proof.
+"""Estimate the devices of an uncertain box on which the ratio Re Z_c / R of a design is least, or |S| greatest.
 
-At a frequency omega the delay d only matters through the phase omega d, which turns fully within 2 pi/omega: the delays
-of one turn stand for all longer ones.
+At a frequency omega the delay d matters only through the phase omega d, which makes a full turn within 2 pi/omega. So
+the delays of one turn represent all longer ones.
 """
 
 from __future__ import annotations
@@ -26,26 +25,30 @@ from vctune.proof.device_box import DIRECTION, MOST_AT_ONCE, DeviceBox
 from vctune.running import check_time
 
 SHARES, DELAY_SHARES, MOST_DEVICES = 5, 13, 325
-"""Values of each uncertain number that are tried, including its ends. The ratio is smooth in mass and damping. A delay
-and an unmodelled response turn a phase once: 13 values see every half turn six times. Half may miss a minimum, which
-the proof then finds; twice means four to eight times the devices, whose number is limited: with many uncertain numbers
-three values of each are tried, or two."""
+"""Number of values that are tried for each uncertain number, including its ends; the same for delays and unmodelled
+responses; and greatest number of devices. The ratio is smooth in mass and damping. A delay or an unmodelled response
+turns a phase once, and 13 values sample every half turn six times. Half as many values may miss a minimum, which the
+proof then finds. Twice as many mean four to eight times the devices, whose number is limited: with many uncertain
+numbers, three or two values of each are tried."""
 MOST = 24
-"""Minima over frequency that are refined, the lowest ones; all at once on arrays. A long delay makes more of them; the
-higher ones do not bind."""
+"""Number of minima over frequency that are refined, the lowest ones, all at once on arrays. A long delay makes more
+minima, but the higher ones do not bind."""
 FIRST_STEP = 0.02, 0.1
-"""First steps of the refinement: of the frequency, relative, and of a number as a share of its reach. About half of the
-grid's: with less a minimum is reached in more rounds, with more another one may be."""
+"""First steps of the refinement: the relative step in frequency, and the step of a number as a share of its range. They
+are about half of the grid's steps. With smaller steps a minimum takes more rounds; larger steps may reach another
+minimum."""
 STEPS, SHRINK = 40, 0.5
-"""Rounds of the refinement, and the factor by which its steps shrink if no neighbour is lower: to 1e-10 of the first in
-40 rounds, half of them for moving. The ratio is flat at its minimum, so half as many still give it to 1e-6."""
+"""Number of rounds of the refinement, and factor by which its steps shrink if no neighbour is lower. In 40 rounds, half
+of them for moving, the steps shrink to 1e-10. The ratio is flat at its minimum, so half as many still give it to
+1e-6."""
 MANY, TOGETHER = 5, 2
-"""Numbers, including the frequency, of which any may move in one step; beyond, only so many move at once, which for
-nine numbers leaves 162 steps of 19,682. Half and twice as many at a time lead to designs as good."""
+"""Greatest number of variables, including the frequency, that may all move in one step. If there are more variables,
+the second number limits how many move at once. For nine variables this leaves 162 of 19,682 steps. Moving half and
+twice as many at once leads to designs that are as good."""
 
 SWEEPS = 3
-"""How often all numbers are moved to their ends, for a greater |S|. Once is mostly enough; the proof finds any
-remaining rise. Half and twice it find the same devices."""
+"""Number of times that all numbers are moved to their ends for a greater |S|. Once mostly suffices, and the proof finds
+any remaining rise. Half and twice as many find the same devices."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +58,8 @@ class Worst:
     Attributes
     ----------
     ratio : Re Z_c / R, or Re(D + Z_h)/|D| where that is not positive
-    omega : rad/s
-    device : one that is not a vertex of the box
+    omega : frequency, rad/s
+    device : a device that is not a vertex of the box
     """
 
     ratio: float
@@ -65,21 +68,22 @@ class Worst:
 
 
 Value = Callable[[Floats], Floats]
-"""A function of omega and the uncertain numbers, along the first axis."""
+"""A function of omega and the uncertain numbers, which lie along the first axis."""
 
 
 def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Worst]:
-    """Return the local minima of the ratio over frequency and box that are no vertex of the box, lowest first.
+    """Return the local minima of the ratio over frequency and box that are not at a vertex of the box, the lowest
+    first.
 
     Parameters
     ----------
     posed : prepared problem with a box of devices, in any units
-    gains, coupling : a design, plain floats, in these units
+    gains, coupling : a design with plain floats in these units
 
     Returns
     -------
     list of Worst
-        May be empty; an estimate.
+        Estimates; the list may be empty.
     """
     box, (low, high) = posed.box, posed.span
     assert box is not None
@@ -95,20 +99,22 @@ def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Wors
 
 
 def loudest(posed: Posed, gains: Gains, case: Problem, peaks: Minima) -> tuple[Problem, Minima] | None:
-    """Return a device, and the maxima of its |S|, found by taking numbers to the end at which |S| is greater.
+    """Move uncertain numbers to the ends at which |S| is greater; return the resulting device and the maxima of its
+    |S|.
 
-    They are moved one after the other, until no move helps: |S| mostly rises or falls with each of them.
+    The function moves one number after the other until no move helps, since |S| usually rises or falls with each
+    number.
 
     Parameters
     ----------
     posed : prepared problem in any units
-    gains : plain floats, in these units
-    case, peaks : the problem of the device to begin with, and its maxima of |S|
+    gains : gains with plain floats in these units
+    case, peaks : problem of the first device, and the maxima of its |S|
 
     Returns
     -------
     problem and Minima, or None
-        None if the device is the first one, or if all vertices of the box are tried anyway.
+        None if the result is the first device, or if the search tries all vertices of the box anyway.
     """
     if posed.box is None or len(posed.box.modelled.uncertain) <= MOST_AT_ONCE:
         return None
@@ -131,13 +137,13 @@ def _device(box: DeviceBox, numbers: Sequence[Any]) -> Device:
 
 
 def _reach(box: DeviceBox, name: str, omega: Floats) -> Floats:
-    """Return the range over which an uncertain number is varied at each frequency: its range, at most a turn."""
+    """Return the range of an uncertain number at each frequency; the range of a delay is at most one turn."""
     reach = box.high.number(name) - box.low.number(name)
     return np.minimum(reach, 2 * pi / omega) if name in DELAYS else np.full_like(omega, reach)
 
 
 def _shares(box: DeviceBox) -> dict[str, int]:
-    """Return how many values of each uncertain number to try."""
+    """Return the number of values to try for each uncertain number."""
     counts = {name: DELAY_SHARES if name in (*DELAYS, DIRECTION) else SHARES for name in box.uncertain}
     for fewer in (3, 2):
         if prod(counts.values()) > MOST_DEVICES:
@@ -146,7 +152,7 @@ def _shares(box: DeviceBox) -> dict[str, int]:
 
 
 def _minima(value: Value, box: DeviceBox, omega: Floats) -> Floats:
-    """Return the lowest local minima over frequency of the least over a grid of devices, shape (1 + numbers, n)."""
+    """Return the lowest local minima over frequency of the least ratio on a grid of devices, shape (1 + numbers, n)."""
     counts = _shares(box)
     axes = [
         np.clip(
@@ -166,7 +172,7 @@ def _minima(value: Value, box: DeviceBox, omega: Floats) -> Floats:
 
 
 def _refined(value: Value, box: DeviceBox, at: Floats, ends: Floats) -> tuple[Floats, Floats]:
-    """Return lower values and their places, by a search among neighbours at shrinking distances."""
+    """Return lower values and their positions, by a search among neighbours at shrinking distances."""
     low, high = ends[:, :1], ends[:, 1:]
     steps = np.array(list(product((-1.0, 0.0, 1.0), repeat=len(at))))
     if len(at) > MANY:

@@ -1,1 +1,1 @@
-"""The verdict on a design: judged, recorded, priced, repaired, checked."""
+"""The verdict on a design: its judgement, record, prices, repairs and check."""

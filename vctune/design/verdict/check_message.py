@@ -1,4 +1,4 @@
-"""The result of a check in one line, and the line of the file that it refers to."""
+"""The result of a check in one line, and the line of the file to which the result refers."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ def check_message(
     changed: Sequence[ParameterChange],
     together: Sequence[ParameterChange],
 ) -> str:
-    """Return the proved claims of a design, or those that fail and the changes that would pass.
+    """Return the proved claims of a design, or the claims that fail and the changes that would pass.
 
     Parameters
     ----------
     judgement : judgement of the design
-    repairs : repairs of a refuted one, None if not sought
-    changed : the numbers that were edited since the design was solved, with their earlier values as limits
-    together : those that pass only if all are restored
+    repairs : repairs of a refuted design; None if not sought
+    changed : numbers that were edited since the design was solved, with their earlier values as limits
+    together : edited numbers that pass only if all of them are restored
     """
     if judgement.status is Status.CERTIFIED:
         return _proved(judgement)
@@ -41,7 +41,7 @@ def check_message(
 
 
 def taken_back(repairs: Sequence[Repair], changed: Sequence[ParameterChange]) -> list[Repair]:
-    """Return the repairs that take an edit back.
+    """Return the repairs that undo an edit.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def _whole(together: Sequence[ParameterChange]) -> str:
 
 
 def _remedy(repairs: Sequence[Repair], changed: Sequence[ParameterChange]) -> str:
-    """Return the best change of one gain that would pass, and the changes of the problem that would."""
+    """Return the best change of one gain that would pass, and the changes of the problem that would pass."""
     if not repairs:
         return "no change of one number passes"
     of_gain = [repair for repair in repairs if repair.key in SYMBOLS]

@@ -45,12 +45,12 @@ class Checked:
 
     Attributes
     ----------
-    source : the file that holds the numbers
+    source : path of the file that states the numbers
     name : name of the problem
-    verdict : the proved claims
-    message : one line: proved, or the failure and its repair, or the fault of the input
-    line : line of the source, that the message is about
-    finding : None for bad input
+    verdict : verdict on the claims
+    message : one line of text: proved, or the failure and its repair, or the fault of the input
+    line : line of the source that the message refers to
+    finding : details of the check; None for bad input
     strict : whether a warning fails the check
     """
 
@@ -64,12 +64,12 @@ class Checked:
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings beside the verdict."""
+        """The warnings in addition to the verdict."""
         return self.finding.warnings if self.finding else []
 
     @property
     def failed_by_warnings(self) -> bool:
-        """Whether it is for its warnings alone that the check fails."""
+        """Whether the check fails only because of its warnings."""
         return self.strict and bool(self.warnings) and self.verdict in (CheckVerdict.PASSED, CheckVerdict.UNDECIDED)
 
     def _repr_html_(self) -> str:
@@ -78,12 +78,12 @@ class Checked:
 
     @property
     def result(self) -> CheckVerdict:
-        """The verdict, or failed for a warning alone."""
+        """The verdict, or "failed" because of a warning."""
         return CheckVerdict.FAILED if self.failed_by_warnings else self.verdict
 
 
 class Finding(Protocol):
-    """The details of a check of usable input: warnings, the seconds it took, and the JSON object."""
+    """The details of a check of usable input: warnings, seconds, and JSON object."""
 
     @property
     def warnings(self) -> list[str]: ...
@@ -94,15 +94,15 @@ class Finding(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class DesignFinding:
-    """The details of gains that could be judged.
+    """The details of a check of gains that could be judged.
 
     Attributes
     ----------
     file : the problem
     judgement : judgement of the gains
-    repairs : repairs of a violated design, those of its own numbers first, of the least error first
+    repairs : repairs of a violated design: those of its own numbers first, in each part the least error first
     warnings : warnings for the user
-    seconds : it took
+    seconds : duration of the check, s
     """
 
     file: ProblemFile
@@ -125,20 +125,20 @@ def finding_of(
     repairing: float,
     proving: float,
 ) -> DesignFinding:
-    """Return the details of judged gains, with all warnings.
+    """Return the details of the check of judged gains, with all warnings.
 
     Parameters
     ----------
     file : the problem
     judgement : judgement of the gains
     repairs : repairs found so far; None if not sought
-    notes : beside those of any judged gains
-    repairing, proving : how long it took, s
+    notes : notes in addition to those that any judged gains get
+    repairing, proving : time taken by the repairs and by the proof, s
     """
     cut = judgement.cut
     if judgement.status is Status.VIOLATED or judgement.idle:
         cut |= out_of_time()
-        repairs = repairs or None if cut else repairs  # that there is none was not found out
+        repairs = repairs or None if cut else repairs  # a cut search has not shown that there is none
     found = [CUT_SHORT] if repairing > LONGEST else []
     if cut:
         found.append(OUT_OF_TIME)

@@ -1,4 +1,4 @@
-"""The record of each claim: where it fails, and the hand and environment with which the design grows there."""
+"""The record of each claim: where it fails, and the hand and environment with which the design then grows."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def claim_records(problem: Problem, judgement: Judgement) -> list[ClaimRecord]:
 
     Parameters
     ----------
-    problem, judgement : a design, SI units
+    problem, judgement : problem and judgement of a design, SI units
     """
     outcomes = judgement.certificate.outcomes
     return [_claim(problem, judgement, claim, outcome) for claim, outcome in outcomes.items()]
@@ -51,9 +51,9 @@ def _claim(problem: Problem, judgement: Judgement, claim: ClaimId, outcome: Outc
 
 
 def _environment(problem: Problem, judgement: Judgement, outcome: Outcome) -> dict[str, EnvironmentRecord]:
-    """Return the environment with which a design grows, in the refuting or the worst hand; None if it is not known.
+    """Return the environment with which a design grows, in the refuting or the worst hand; empty if it is not known.
 
-    A hand that only misses the safety factor makes nothing grow.
+    In a hand in which only the safety factor is missed, nothing grows.
     """
     device, held, places = outcome.device or problem.device, judgement.in_hand, []
     if outcome.hand is not None and outcome.witness is not None:
@@ -75,7 +75,7 @@ def _environment(problem: Problem, judgement: Judgement, outcome: Outcome) -> di
 
 
 def _environment_of_any_hand(problem: Problem, judgement: Judgement, outcome: Outcome) -> dict[str, EnvironmentRecord]:
-    """Return the lossless hand and the environment with which a design grows in it; None if there is none."""
+    """Return the lossless hand and the environment with which a design grows; empty if there is none."""
     device = outcome.device or problem.device
     assert isinstance(judgement.coupling, SpringDamper)
     found = growing_in_any_hand(device, judgement.gains, judgement.coupling)
@@ -94,7 +94,7 @@ GROWING: dict[ClaimId, Callable[[Problem, Judgement, Outcome], dict[str, Environ
     "worlds": _environment,
     "any_hand": _environment_of_any_hand,
 }
-"""Functions that find the environment with which a design grows if the claim is refuted."""
+"""Functions that find the environment with which a design grows if a claim is refuted, by the claim's identifier."""
 
 
 def _environment_record(device: Device, hand: HandRecord, found: GrowingEnvironment) -> dict[str, EnvironmentRecord]:

@@ -1,4 +1,4 @@
-"""The record of a servo's latency and of the contacts that its coupling bears."""
+"""The record of a servo's latency and of the stiffest contact that its design permits."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from vctune.proof.engine.interval import Verdict
 from vctune.running import unlimited
 
 RESERVE = 1e-3
-"""Share by which the proved contact is softer than the stiffest in double precision: a closer one takes many more
-boxes. Half of it takes up to twice the boxes."""
+"""Share by which the proved contact is softer than the stiffest contact in double precision. A closer contact takes
+many more boxes: with half this share up to twice as many."""
 DIGITS = 4
-"""Digits of the stiffest contact."""
+"""Number of digits of the stiffest contact."""
 
 
 def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | None:
-    """Return the drag that contacts require of a servo, and the stiffest contact that a design bears; else None.
+    """Return the drag that contacts require of a servo, and the stiffest contact of a design; None for other displays.
 
     Parameters
     ----------
-    problem : problem with every default filled in, SI units
+    problem : problem with all defaults filled in, SI units
     judgement : judgement of the design
     """
     hands = problem.hands_met
@@ -71,7 +71,7 @@ def _latency(device: Device) -> float:
 
 
 def _own_spring(device: Device) -> float:
-    """Return the drag that the firmware's own spring requires at rest, N s/m, without the force sensor's delay."""
+    """Return the drag that the firmware's own spring requires at rest without the force sensor's delay, N s/m."""
     assert device.servo is not None
     return (device.servo.stiffness or 0.0) * _latency(device.sensing_at_once)
 
@@ -79,13 +79,13 @@ def _own_spring(device: Device) -> float:
 def _stiffest(
     problem: Problem, judgement: Judgement, hands: Hands, bears: float
 ) -> tuple[float | None, Literal["proved", "undecided"] | None]:
-    """Return the stiffest contact in few digits, and whether it is proved; None if there is none.
+    """Return the stiffest contact in few digits and whether it is proved; None if there is none.
 
     Parameters
     ----------
-    problem, judgement : those of the design
-    hands : hands of the claim; a certified design bears all of them
-    bears : the stiffest contact in double precision
+    problem, judgement : problem and judgement of the design
+    hands : hands of the claim; a certified design is stable in all of them
+    bears : stiffest contact in double precision, N/m
     """
     if judgement.status is Status.CERTIFIED and (bears == inf or _floored(bears) <= hands.high.stiffness):
         return hands.high.stiffness, "proved"
@@ -101,7 +101,7 @@ def _stiffest(
 
 
 def _floored(stiffness: float) -> float:
-    """Return a stiffness with its reserve, in `DIGITS` digits and not above."""
+    """Return a stiffness reduced by its reserve and rounded down to `DIGITS` digits."""
     reserved = stiffness * (1 - RESERVE)
     if not 0 < reserved < inf:
         return reserved

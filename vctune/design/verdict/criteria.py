@@ -1,4 +1,4 @@
-"""The error under one of two criteria alone, which shows the price of requiring both."""
+"""The error under one of two criteria alone, which shows the cost of requiring both."""
 
 from __future__ import annotations
 
@@ -16,20 +16,19 @@ from vctune.model.problem import Criterion, Problem
 from vctune.running import OutOfTimeError
 
 COMPARISON = "the comparison of criteria"
-"""A stage that a time limit may cut short."""
+"""Name of a stage that a time limit may cut short."""
 
 
 def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:
-    """Return a solved problem with the error that either criterion alone would allow; unchanged if it has one
-    criterion.
+    """Return a solved problem with the errors that either criterion alone would permit; unchanged with one criterion.
 
-    That is the result of its file with the other criterion, including defaults that depend on it, measured on the same
-    band and Z_0.
+    Such an error is the result of the file with the other criterion, including the defaults that depend on it. It is
+    measured on the same band and with the same Z_0.
 
     Parameters
     ----------
     file : the problem
-    solved : certified; otherwise there is nothing to compare with
+    solved : a certified result; for any other result there is nothing to compare
     """
     problem = file.problem
     if problem.stability.criterion != "both" or problem.bounds.fixed or solved.status is not Status.CERTIFIED:
@@ -49,7 +48,7 @@ def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:
 
 
 def _under(criterion: Criterion, tables: dict[str, Any], problem: Problem) -> Problem | None:
-    """Return the problem of a file with one criterion; None if it contradicts the rest of the file."""
+    """Return the problem of a file with one criterion; None if this contradicts the rest of the file."""
     stability = {**tables.get("stability", {}), "criterion": criterion}
     return reading.pose({**tables, "stability": stability}, problem.name, problem)[0]
 

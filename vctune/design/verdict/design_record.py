@@ -73,19 +73,19 @@ if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
 
 PROVED_BAND = "the proof of a wider band"
-"""A stage that a time limit may cut short."""
+"""Name of a stage that a time limit may cut short."""
 SHOWN = 200
-"""Rounds and open boxes of a search that are kept."""
+"""Greatest number of rounds, and of states of a search, that a record keeps."""
 
 
 def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> dict[str, Any]:
-    """Return the JSON object of a solved problem; every number in it is finite or null.
+    """Return the JSON object of a solved problem. Every number in it is finite or null.
 
     Parameters
     ----------
     file : the problem and its text
     solved : its result
-    ipopt : IPOPT's version if it took part (`vctune.design.nlp.ipopt_version.ipopt_version`)
+    ipopt : version of IPOPT if the result needed it (`vctune.design.nlp.ipopt_version.ipopt_version`)
 
     Returns
     -------
@@ -96,14 +96,14 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
 
 
 def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date: str | None = None) -> DesignRecord:
-    """Return the record of a solved problem, as `design_record` does.
+    """Return the record of a solved problem, from which `design_record` makes the JSON object.
 
     Parameters
     ----------
     file : the problem and its text
     solved : its result
-    ipopt : IPOPT's version; None if it took no part
-    date : day on which it is written (`vctune.document.text.date.today`); None if it must not be written
+    ipopt : version of IPOPT; None if the result did not need it
+    date : date of writing (`vctune.document.text.date.today`); None if the record must not have a date
     """
     judgement, problem = solved.judgement, solved.problem
     proved = _proved(problem, judgement) if judgement is not None else {}
@@ -183,12 +183,12 @@ def _touched(problem: Problem, values: Point) -> list[tuple[str, str]]:
 
 
 def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | None = None) -> list[Note]:
-    """Return warnings about a design that is otherwise in order.
+    """Return warnings about a design that is otherwise sound.
 
     Parameters
     ----------
     problem, judgement : the design
-    cures : cures of an idle design, the changes after which it is not, the least error first; None if not sought
+    cures : changes after which an idle design uses its loop, the least error first; None if not sought
     """
     found = []
     for key, side in _touched(problem, point(judgement.gains, judgement.coupling)):
@@ -197,7 +197,7 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
             said = f"{key} is on its {side} bound; the bound, not the device, limits the design there"
             found.append(Note("warn-bound", said))
     band, demand = problem.stability.band, problem.stability.safety_factor
-    # an impedance display's demands have no band; what meets every hand at every frequency needs no wider one
+    # an impedance display's constraints have no band, and a claim at every frequency needs no wider band
     edged = problem.hands_met is None and problem.device.kind.banded
     if edged and demand <= judgement.min_ratio < demand * 1.001:
         for side, edge in (("lower", band.min), ("upper", band.max)):
@@ -217,8 +217,7 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
 
 
 def _cured(cures: Sequence[Repair] | None) -> str:
-    """Return which constraint keeps a design from using its loop: the one whose change cures it with the least
-    error."""
+    """Return which constraint keeps a design from using its loop: the one whose change has the least error."""
     if cures is None:
         return ""
     if not cures:
@@ -230,7 +229,7 @@ def _cured(cures: Sequence[Repair] | None) -> str:
 
 @np.errstate(all="ignore")
 def _proved(problem: Problem, judgement: Judgement) -> dict[str, Any]:
-    """Return the records that need proofs of their own, as far as the time limit allows."""
+    """Return the records that need proofs of their own, as far as the time limit permits."""
     proved = judgement.certificate.proved_band_hz
     return {
         "proved_band_hz": list(proved) if proved else None,
@@ -240,7 +239,8 @@ def _proved(problem: Problem, judgement: Judgement) -> dict[str, Any]:
 
 @np.errstate(all="ignore")
 def _borne(problem: Problem, judgement: Judgement) -> dict[str, Part]:
-    """Return what a servo's latency asks for, and how far a box of environments could reach; nothing of others."""
+    """Return what a servo's latency requires, and how far a box of environments could reach; empty for other
+    problems."""
     found: dict[str, Part | None] = {"contact": contact_record(problem, judgement)}
     if problem.worlds is not None:
         found["rendered"] = rendered_record(problem, judgement)
@@ -276,12 +276,12 @@ def _judged(problem: Problem, judgement: Judgement, proved: dict[str, Any]) -> d
 
 
 def _display(problem: Problem) -> dict[str, Any]:
-    """Return the display for the record; None for an admittance display."""
+    """Return the display for the record; empty for an admittance display."""
     return {"display": problem.device.display} if problem.device.kind is not ADMITTANCE else {}
 
 
 def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
-    """Return the record of the hands of the criterion; None if there are none."""
+    """Return the record of the hands of the criterion; empty without such hands."""
     held, hands = judgement.in_hand, problem.hands_met
     if held is None or hands is None:
         return {}
@@ -325,7 +325,7 @@ def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
 
 
 def _in_any_hand(problem: Problem, judgement: Judgement) -> dict[str, AnyHandRecord]:
-    """Return the record of any passive hand on an impedance display; None if the problem does not require it."""
+    """Return the record of any passive hand on an impedance display; empty if the problem does not require it."""
     held = judgement.in_any_hand
     if held is None:
         return {}
@@ -342,7 +342,7 @@ def _in_any_hand(problem: Problem, judgement: Judgement) -> dict[str, AnyHandRec
 
 
 def _at_whole_sample(problem: Problem, judgement: Judgement) -> dict[str, WholeSampleRecord]:
-    """Return the record at a whole number of samples of delay; None if the delay is not near one."""
+    """Return the record at a whole number of samples of delay; empty if the delay is not near one."""
     beside = judgement.certificate.beside
     if not beside:
         return {}
@@ -353,7 +353,7 @@ def _at_whole_sample(problem: Problem, judgement: Judgement) -> dict[str, WholeS
 
 
 def _without_operator(problem: Problem, gains: Gains, coupling: AnyCoupling) -> dict[str, WithoutOperatorRecord]:
-    """Return the record of the design without the least operator; None if there is no operator."""
+    """Return the record of the design without the least operator; empty without an operator."""
     if problem.device.operator is None:
         return {}
     bare = judge(replace(problem, device=problem.device.bare), gains, coupling)

@@ -1,4 +1,4 @@
-"""The record of how a design feels, beside its error."""
+"""The record of how a design feels, in addition to its error."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from vctune.model.gains import AnyCoupling, Gains
 
 
 def felt_record(device: Device, gains: Gains, coupling: AnyCoupling) -> FeltRecord:
-    """Return mass and damping felt, the stiffest wall and the bandwidth of tracking.
+    """Return the felt mass and damping, the stiffest wall, and the tracking bandwidth.
 
     Parameters
     ----------
-    device : plain numbers; its least operator is not counted
-    gains, coupling : those of its design
+    device : device with plain numbers; the function ignores its least operator
+    gains, coupling : the design
     """
     felt = feel(device, gains, coupling)
     return FeltRecord(

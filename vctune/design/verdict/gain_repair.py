@@ -1,4 +1,4 @@
-"""Which number of a refuted design to change: an edited one, or the one with the least error afterwards.
+"""Choose the number of a refuted design to change: an edited one, or the one that leaves the least error.
 
 This module neither solves nor judges: the caller passes the functions (`RepairTest`).
 """
@@ -20,8 +20,8 @@ from vctune.model.problem import Problem, Range
 from vctune.running import check_time
 
 MOST_DRAG = 10.0
-"""The greatest drag that is tried, in reference impedances; its effect alone is an error of about ten. Half and twice
-leave out, or add, designs that nobody wants to feel."""
+"""Greatest drag that is tried, in units of the reference impedance; alone it causes an error of about ten. Half and
+twice this drag omit, or add, designs that nobody wants to feel."""
 
 
 def repair_of(change: ParameterChange, new: float, design: Judgement) -> Repair:
@@ -38,20 +38,20 @@ def repair_of(change: ParameterChange, new: float, design: Judgement) -> Repair:
 
 
 def edits(problem: Problem, judgement: Judgement, solved: Mapping[str, float]) -> list[ParameterChange]:
-    """Return the changes of single numbers back to a solved design; their limits are its numbers.
+    """Return the changes that take single numbers back to a solved design, whose numbers are their limits.
 
     Parameters
     ----------
     problem : problem of the design
     judgement : judgement of the numbers as they are
-    solved : the numbers of the solved design by their keys, or empty
+    solved : the numbers of the solved design by their keys; may be empty
     """
     given = design_numbers(judgement.kind, judgement.gains, judgement.coupling)
     return [change_of_gain(problem, key, given[key], new) for key, new in solved.items() if new != given[key]]
 
 
 def undone(pasted: dict[str, Any], changed: Sequence[ParameterChange], test: RepairTest) -> list[Repair]:
-    """Return the edits of which each alone, taken back, gives a certified design, the least error first.
+    """Return the edits that, undone one at a time, give a certified design, the least error first.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def undone(pasted: dict[str, Any], changed: Sequence[ParameterChange], test: Rep
 
 
 def undone_together(pasted: dict[str, Any], changed: Sequence[ParameterChange], test: RepairTest) -> bool:
-    """Return whether all edits, taken back, lead to a certified design.
+    """Return whether undoing all edits leads to a certified design.
 
     Parameters
     ----------
@@ -92,10 +92,10 @@ def solved_numbers(stated: dict[str, Any], judgement: Judgement, test: RepairTes
 
 
 def best_values(stated: dict[str, Any], judgement: Judgement, test: RepairTest) -> Iterator[Repair]:
-    """Yield for each number of a design the value with the least error, the others as they are.
+    """Yield for each number of a design its value with the least error while the others stay.
 
-    The problem is solved with that number alone free, in the range that the file states or in the default one. If the
-    first estimate rejects all numbers, all of them are tried all the same.
+    The search solves the problem with that number alone free, in the range that the file states or in the default
+    range. If the first estimate rejects all numbers, the search tries all of them nevertheless.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def best_values(stated: dict[str, Any], judgement: Judgement, test: RepairTest) 
     Raises
     ------
     OutOfTimeError
-        If the time limit ends that.
+        If the time limit ends the search.
     """
     posed = {key: _with_one_free(stated, judgement, key) for key in judgement.kind.stated}
     free = {key: each for key, each in posed.items() if each is not None and not each.bounds.fixed}
@@ -138,7 +138,7 @@ def _with_one_free(stated: dict[str, Any], judgement: Judgement, key: str) -> Pr
 
 
 def _with_free(stated: dict[str, Any], judgement: Judgement, *keys: str) -> Problem | None:
-    """Return a problem whose design is fixed except for some numbers; None if that contradicts another key."""
+    """Return a problem whose design is fixed except for some numbers; None if this contradicts another key."""
     tables: dict[str, dict[str, Any]] = design_tables(judgement.kind, judgement.gains, judgement.coupling)
     for table, name in (key.split(".") for key in keys):
         del tables[table][name]

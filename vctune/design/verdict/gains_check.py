@@ -1,4 +1,4 @@
-"""The check of existing gains for continuous integration. Needs no optimiser.
+"""The check of existing gains, for continuous integration. It needs no optimiser.
 
 See cli/README.md, section 2.
 """
@@ -68,12 +68,12 @@ def check_files(
     Returns
     -------
     list of Checked
-        What was found of each.
+        The result for each file.
 
     Raises
     ------
     InputError
-        When it is not clear which gains are meant for which problem.
+        If it is not clear which gains belong to which problem.
     """
     inputs = [_read(path) for path in paths]
     gains = [given for given in inputs if given.is_gains]
@@ -105,7 +105,7 @@ def check_problem(file: ProblemFile, design: GainsFile | None = None) -> Checked
     Raises
     ------
     InputError
-        If the design is for another kind of device, or there is no design and the problem does not fix every number.
+        If the design is for another kind of device, or if there is none and the problem does not fix every number.
     """
     name = Path(file.problem.name)
     if design is not None:
@@ -118,7 +118,7 @@ def check_problem(file: ProblemFile, design: GainsFile | None = None) -> Checked
 
 
 def _own_design(file: ProblemFile) -> GainsFile:
-    """Return the design that a problem fixes."""
+    """Return the design that a problem states by fixing every number."""
     return GainsFile(file.problem.device.kind, *file.problem.fixed_design, sha256=None, units=None, text=file.text)
 
 
@@ -183,7 +183,7 @@ def _free(problem: Problem) -> Mistake:
 def _judged(
     file: ProblemFile, given: list[tuple[_Input, GainsFile]], progress: Progress = lambda stage: None
 ) -> list[Checked]:
-    """Judge designs."""
+    """Judge the given designs of one problem."""
     progress(f"proving {', '.join(source.path.name for source, _ in given)}")
     began = perf_counter()
     designs = [(design.gains, design.coupling) for _, design in given]
@@ -207,10 +207,9 @@ def _judged(
 def _repairs(
     file: ProblemFile, judgement: Judgement, changed: list[ParameterChange], progress: Progress
 ) -> tuple[list[Repair] | None, list[ParameterChange]]:
-    """Return the repairs of a refuted design pasted into its problem, or the cures of an idle one; None for any other
-    design.
+    """Return the repairs of a refuted design in its problem, or the cures of an idle design; None for any other design.
 
-    It also returns the edits that only pass if all of them are restored; empty if one alone passes.
+    The second result has the edits that pass only if all of them are restored; it is empty if one alone passes.
     """
     if judgement.status is not Status.VIOLATED and not judgement.idle:
         return None, []
@@ -232,8 +231,7 @@ def _cures(
     changed: list[ParameterChange],
     progress: Progress,
 ) -> list[Repair] | None:
-    """Return the cures of an idle design; None if solving finds a design that is not idle, or the time limit ends the
-    search."""
+    """Return the cures of an idle design; None if solving finds a design in use, or the time limit ends the search."""
     try:
         if back := undone(pasted, changed, OF_FIXED_IN_USE):
             return back

@@ -1,4 +1,4 @@
-"""Why a problem has no design: the constraint that the nearest miss violates, and where."""
+"""The reason why a problem has no design: the constraint that the nearest miss violates, and where."""
 
 from __future__ import annotations
 
@@ -22,24 +22,25 @@ from vctune.model.servo import LATENCY_PARTS, latency
 from vctune.proof.claims.sampled_poles import spectral_radius
 
 OPENINGS = {True: "there is no admissible design", False: "no admissible design was found, nor proved impossible"}
-"""How the reason begins, by whether it is proved."""
+"""Beginning of the reason, by whether it is proved."""
 
 CUT_SHORT = "the time limit ended the search before it had found a design"
 
 NEXT_TO_NOTHING = 1e-9
-"""Ratio below which Re Z_c vanishes where R does not, as at 0 Hz without drag. Half and twice it: the same words."""
+"""Ratio below which Re Z_c counts as vanishing where R does not, as at 0 Hz without drag. Half and twice it give the
+same words."""
 
 
 @dataclass(frozen=True, slots=True)
 class Infeasibility:
-    """Why there is no feasible design.
+    """The reason why there is no feasible design.
 
     Attributes
     ----------
-    cause : violated constraint, where and by how much
-    advice : its possible repair
-    proved : whether it follows from a theorem or from a search that has pruned every box of gains, not from a search
-        without result
+    cause : violated constraint, with its place and amount
+    advice : possible repair
+    proved : True if the reason follows from a theorem or from a search that pruned every box of gains; False if it
+        follows from a search without result
     """
 
     cause: str
@@ -48,17 +49,17 @@ class Infeasibility:
 
     @property
     def reason(self) -> str:
-        """Cause and advice."""
+        """The cause and the advice."""
         return f"{self.cause}; {self.advice}"
 
 
 def out_of_time_before_a_design() -> Infeasibility:
-    """Return why there is no design, after the time limit has ended the search."""
+    """Return the reason why there is no design if the time limit ended the search."""
     return Infeasibility(CUT_SHORT, "allow more time", proved=False)
 
 
 def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> Infeasibility:
-    """Describe how the scanned point that fails least fails.
+    """Describe how the scanned point that is nearest to feasible fails.
 
     Parameters
     ----------
@@ -69,7 +70,7 @@ def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> In
     Returns
     -------
     Infeasibility
-        In words: the constraint, the frequency, the violation, and possible repairs.
+        In words: the constraint, the frequency, the violation and possible repairs.
     """
     opening = OPENINGS[proved]
     if not scanned.starts:
@@ -87,7 +88,7 @@ def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> In
 
 
 def _tried(problem: Problem, gains: Gains, coupling: AnyCoupling) -> str:
-    """Return the numbers that identify a design: the gains of its loop or, without a loop, the coupling."""
+    """Return the numbers that identify a design: the gains of its loop, or the coupling if there is no loop."""
     units, kind = problem.units, problem.device.kind
     if kind.own_loop:
         return f"velocity {gains.velocity:.4g} {units.damping}, position {gains.position:.4g} {units.stiffness}"
@@ -97,14 +98,14 @@ def _tried(problem: Problem, gains: Gains, coupling: AnyCoupling) -> str:
 
 
 def _on(case: Problem, problem: Problem) -> str:
-    """Return the device on which a case fails, if it is not the problem's own: the numbers in which it differs."""
+    """Return the numbers in which the device of a case differs from the problem's own; "" if they are the same."""
     own = problem.device
     other = {key: number for key, number in case.device.numbers().items() if number != own.number(key)}
     return f"with {', '.join(f'{key} {number:.6g}' for key, number in other.items())}: " if other else ""
 
 
 def _first_failure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[str, str] | None:
-    """Return the most serious failure of a design on one device and its possible repair; None if it fails nothing."""
+    """Return the most serious failure of a design on one device, and its possible repair; None if nothing fails."""
     device, stability = problem.device, problem.stability
     looped = device.kind.own_loop
     if looped and gains.velocity == 0 and gains.position == 0 and device.damping == 0:
@@ -135,7 +136,7 @@ def _first_failure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tup
 
 
 def _short_of_drag(problem: Problem, ratio: float, place: str) -> tuple[str, str]:
-    """Return by how much a servo's drag is less than stiffness times latency, and the possible repair."""
+    """Return how much a servo's drag is less than stiffness times latency, and the possible repair."""
     factor, late = problem.stability.safety_factor, latency(problem.device, FLOATS)
     longest = max(LATENCY_PARTS, key=lambda part: float(getattr(late, part)))
     missed = f", short of the safety factor {factor:.4g} by a factor of {factor / ratio:.4g}" if ratio > 0 else ""
@@ -147,7 +148,7 @@ def _short_of_drag(problem: Problem, ratio: float, place: str) -> tuple[str, str
 
 
 def _shortfall(problem: Problem, coupling: AnyCoupling, ratio: float, place: str) -> tuple[str, str]:
-    """Return by how much Re Z_c is less than required, and the possible repair."""
+    """Return how much Re Z_c is less than required, and the possible repair."""
     factor, narrower = problem.stability.safety_factor, "stability.band_hz"
     if not problem.passive:
         narrower = "the hands of [operator]"
@@ -175,7 +176,7 @@ def _shortfall(problem: Problem, coupling: AnyCoupling, ratio: float, place: str
 
 
 def _least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float, float, str]:
-    """Return the least Re Z_c / R of any required hand, its frequency, rad/s, and its place in words."""
+    """Return the least Re Z_c / R over the required hands, its frequency, rad/s, and its place in words."""
     found = []
     if problem.passive:
         minima = ratio_minima(problem, gains, coupling)
@@ -187,7 +188,7 @@ def _least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple
 
 
 def _lacking_resistance(problem: Problem, gains: Gains) -> tuple[str, str] | None:
-    """Return a frequency where the loop's resistance is negative; None if it is positive throughout."""
+    """Return the failure where the loop's resistance is negative, and its repair; None if it is positive throughout."""
     device = problem.device
     grid = demand_grid(device, *sampled_span(problem))
     resistance = local_minima(lambda omega: response(device, gains, omega).resistance, grid)

@@ -1,4 +1,4 @@
-"""The judgement of given gains: error, least ratio, greatest |S|, certificate. Does not import the optimiser."""
+"""Judge given gains: error, least ratio, greatest |S| and certificate. The module does not import the optimiser."""
 
 from __future__ import annotations
 
@@ -55,37 +55,38 @@ STATUS_OF = {
 
 
 IDLE = 0.5
-"""A mean or greatest |1 - G_he| above which the velocity loop is hardly used: without a loop it is 1, and at 0.5 half
-of what the operator should feel is lost. It decides on a warning and its cures, not on a design. Half of it warns of
-more designs; twice warns of none."""
+"""Mean or greatest |1 - G_he| above which the design hardly uses its velocity loop. Without a loop it is 1, and at 0.5
+half of what the operator should feel is lost. It decides on a warning and its cures, not on a design. Half this number
+warns of more designs; twice this number warns of none."""
 
 
 PROVING = 0.85
-"""The share of the remaining time, if there is a limit, for the proof of a design. The rest is for the numbers in
-double precision, a second for an uncertain device. Half leaves designs unproved; all of it ends late."""
+"""Share of the remaining time that the proof of a design may take if there is a time limit. The rest is for the numbers
+in double precision, which take a second for an uncertain device. Half this share leaves designs unproved; the whole
+time ends late."""
 CUT = " (the time limit cut its proof)"
 """Note on a claim whose proof the time limit ended."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judgement:
-    """A design and its judgement.
+    """A design, with its numbers and proved claims.
 
     Attributes
     ----------
     device : the nominal device
     gains, coupling : the design
-    transparency : its error and the three terms, on the nominal device
-    error : the objective: that error, or the greatest at the vertices of a box of devices
-    compared : the same for the terms that can differ between designs, to which a bound applies
-    min_ratio, worst : least Re Z_c / R on the band and where, rad/s (0 or inf at an end of the axis)
-    tightest : the device on which it is least, of the nominal one and those of a box
-    in_hand : the least Re Z_c / R in the hands of the claim, and its hand; None without such hands
-    in_any_hand : the least Re(1/Z_c)/R of an impedance display in any passive hand, if any is required
-    in_walls : the same as `in_hand` for the condition that proves walls; None if no walls are required
-    peak_sensitivity, worst_sensitivity : greatest |S| of these devices up to Nyquist and where, rad/s
+    transparency : error and its three terms on the nominal device
+    error : objective: the error on the nominal device, or the greatest error at the vertices of a box of devices
+    compared : objective with only the terms that can differ between designs; a bound applies to it
+    min_ratio, worst : least Re Z_c / R on the band, and its frequency, rad/s (0 or inf at an end of the axis)
+    tightest : the device with the least ratio, among the nominal device and those of a box
+    in_hand : the least Re Z_c / R in the hands of the claim, with its hand; None without such hands
+    in_any_hand : the least Re(1/Z_c)/R of an impedance display in any passive hand; None if that is not required
+    in_walls : the least ratio in the condition that proves walls, with its hand; None without walls
+    peak_sensitivity, worst_sensitivity : greatest |S| of these devices up to Nyquist, and its frequency, rad/s
     certificate : the proved claims
-    cut : whether the time limit ended its proof, or left devices of a box unlooked at in hands
+    cut : whether the time limit ended the proof, or ended the evaluation of a box of devices in hands
     """
 
     device: Device
@@ -118,7 +119,7 @@ class Judgement:
 
     @property
     def kind(self) -> Display:
-        """The kind of display that it is a design of."""
+        """The kind of display of the device."""
         return self.tightest.kind
 
     @property
@@ -133,12 +134,12 @@ class Judgement:
 
     @property
     def ratio_name(self) -> str:
-        """The name of the least ratio: of the impedances, or for an impedance display of the admittances."""
+        """The name of the least ratio: Re Z_c / R, or Re(1/Z_c)/R for an impedance display."""
         return f"least {self.tightest.kind.ratio}"
 
     @property
     def facts(self) -> dict[str, float | str | None]:
-        """The design and its proved claims, by name and unit."""
+        """The design and its proved claims, by name with unit."""
         values, units = astuple(self.gains) + astuple(self.coupling), UNITS[self.tightest.units]
         kind = self.kind
         return {
@@ -155,7 +156,7 @@ class Judgement:
 
         Parameters
         ----------
-        hand : at the handle; None for a device let go
+        hand : hand at the handle; None for a device without a hand
         """
         return Loop(self.device, self.gains, self.coupling, hand)
 
@@ -167,12 +168,12 @@ class Judgement:
 
     @property
     def idle(self) -> bool:
-        """Whether the design is certified and hardly uses its velocity loop."""
+        """Whether the design is certified but hardly uses its velocity loop."""
         return self.tightest.kind.own_loop and self.status is Status.CERTIFIED and self.transparency.tracking > IDLE
 
     @property
     def open_claims(self) -> list[str]:
-        """The claims that are not proved, each with its verdict, its place and the device of a box on which it
+        """The claims that are not proved, each with its verdict, its place, and the device of a box on which it
         fails."""
         units, kind = UNITS[self.tightest.units], self.tightest.kind
         return [
@@ -183,7 +184,7 @@ class Judgement:
 
     @property
     def reserve_missed(self) -> str | None:
-        """The proved claims of a design that is absolutely stable but misses the safety factor; None for any other."""
+        """Words for a design that is absolutely stable but misses the safety factor; None for any other design."""
         if self.certificate.without_factor is None or self.certificate.proved_ratio is None:
             return None
         return (
@@ -208,8 +209,8 @@ def judge(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Judgement:
 
     Parameters
     ----------
-    problem : problem with every default filled in
-    gains, coupling : plain floats, N s/m, N/m and kg
+    problem : problem with all defaults filled in
+    gains, coupling : a design with plain floats, N s/m, N/m and kg
 
     Returns
     -------
@@ -226,12 +227,12 @@ def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
     Parameters
     ----------
     posed : prepared problem in SI units
-    gains, coupling : plain floats, N s/m, N/m and kg
+    gains, coupling : a design with plain floats, N s/m, N/m and kg
 
     Returns
     -------
     Judgement
-        Certificate, status, transparency and margins, in SI units and rad/s. The time limit cuts the proof alone.
+        Certificate, status, transparency and margins, in SI units and rad/s. The time limit only cuts the proof.
     """
     posed = with_best_corner(posed, gains, coupling)
     with time_limit(PROVING * seconds_left()):
@@ -243,21 +244,21 @@ def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
 def judge_all(
     problem: Problem, designs: Sequence[tuple[Gains, AnyCoupling]], corners: Sequence[float | None] | None = None
 ) -> list[Judgement]:
-    """Judge several designs against a problem's constraints, as `judge` does, with their proofs made together.
+    """Judge several designs against a problem's constraints, as `judge` does for one, with a joint proof.
 
     Parameters
     ----------
-    problem : problem with every default filled in, SI units
+    problem : problem with all defaults filled in, SI units
     designs : gains and couplings, plain floats, SI units
-    corners : of the multiplier for the walls of each, rad/s; None for the best one, as is None for all of them
+    corners : corner of the multiplier for the walls of each design, rad/s; None for the best corner
 
     Returns
     -------
     list of Judgement
-        In the order of the designs.
+        One judgement for each design, in their order.
     """
     posed = pose(problem)
-    if posed.demands.worlds is not None and posed.demands.worlds.walls:  # each has a multiplier of its own
+    if posed.demands.worlds is not None and posed.demands.worlds.walls:  # each design has its own multiplier
         each = zip(designs, corners or [None] * len(designs), strict=True)
         return [judge_posed(posed if known is None else with_corner(posed, known), *law) for law, known in each]
     with time_limit(PROVING * seconds_left()):
@@ -266,12 +267,12 @@ def judge_all(
 
 
 def with_best_corner(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Posed:
-    """Return a posed problem with a corner of the multiplier for its walls, if it has any and states none.
+    """Return a posed problem with a corner of the multiplier for its walls, if it has walls and states no corner.
 
     Parameters
     ----------
-    posed : in SI units
-    gains, coupling : a design, plain floats
+    posed : prepared problem in SI units
+    gains, coupling : a design with plain floats
     """
     worlds = posed.demands.worlds
     if worlds is None or not worlds.walls or worlds.corner is not None:
@@ -280,7 +281,7 @@ def with_best_corner(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Posed
 
 
 def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: Certificate) -> Judgement:
-    """Add double-precision values to a certificate, in hands on as many devices of a box as time allows."""
+    """Add values in double precision to a certificate, in hands on as many devices of a box as time permits."""
     in_hand = posed.demands.hands is not None or posed.demands.any_hand
     at: list[_InHands] = []
     for case in in_time(posed.hand_cases if in_hand else ()):
@@ -292,7 +293,7 @@ def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: C
 
 
 class _InHands(NamedTuple):
-    """A device, and its least ratios in the hands of the claim, in any passive one and with walls."""
+    """A device, with its least ratios in the hands of the claim, in any passive hand, and with walls."""
 
     device: Device
     held: RatioInHand | None
@@ -361,17 +362,17 @@ def _estimated(
 
 
 def least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float, float]:
-    """Return the least Re Z_c / R on the stability band and its frequency, the ends of the axis by exact limits.
+    """Return the least Re Z_c / R on the stability band and its frequency. The ends of the axis have exact limits.
 
     Parameters
     ----------
-    problem : problem of a device that is known exactly
-    gains, coupling : a design, plain floats
+    problem : problem of a device with exactly known numbers
+    gains, coupling : a design with plain floats
 
     Returns
     -------
-    ratio : inf if nothing is required
-    omega : rad/s; 0 or inf at an end of the axis
+    ratio : least ratio; inf if nothing is required
+    omega : frequency, rad/s; 0 or inf at an end of the axis
     """
     device, band = problem.device, problem.stability.band
     minima = ratio_minima(problem, gains, coupling)

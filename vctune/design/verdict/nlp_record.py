@@ -1,4 +1,4 @@
-"""The record of a solved problem's NLP: its content, the parts left out, and the active constraints."""
+"""The record of a solved problem's NLP: its content, the omitted parts, and the active constraints."""
 
 from __future__ import annotations
 
@@ -24,14 +24,15 @@ from vctune.model.problem import Problem
 from vctune.model.transparency import TERMS
 
 ACTIVE = 1e-5
-"""Multipliers below which a constraint is not listed: those that do not bind keep a little from IPOPT's barrier."""
+"""Multiplier below which a constraint is not listed. IPOPT's barrier leaves a small multiplier on constraints that do
+not bind."""
 
 
 def active(solved: Solved) -> list[ActiveRecord]:
-    """Return the constraints that hold the design, the dearest first: kind, frequency and multiplier.
+    """Return the constraints that limit the design, with kind, frequency and multiplier, the greatest multiplier first.
 
-    The multiplier is d log(error)/d log(constraint): by how many per cent the error falls if the constraint is eased by
-    one.
+    The multiplier is d log(error)/d log(constraint): the per cent by which the error falls if the constraint is eased
+    by one per cent.
     """
     if solved.polished is None:
         return []
@@ -67,15 +68,16 @@ def active(solved: Solved) -> list[ActiveRecord]:
 
 
 def _device(problem: Problem, place: ConstraintPoint) -> DeviceRecord:
-    """Return the device of a dimensionless place in SI units."""
+    """Return the device of a dimensionless point in SI units."""
     impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
     return device_record(place.device.in_units(1 / impedance, 1 / time), problem)
 
 
 def _priced(polished: Polished) -> Floats:
-    """Return the multipliers, those of the ratio for 2 Re(D + Z_h) Re Z_c >= factor 2 Re(D + Z_h) R.
+    """Return the multipliers. Those of the ratio are for 2 Re(D + Z_h) Re Z_c >= factor 2 Re(D + Z_h) R.
 
-    In the hand of an operator the NLP has written the constraint with both terms of the factor on different sides.
+    In the hand of an operator, the NLP puts the two terms of this constraint that contain the factor on different
+    sides.
     """
     multipliers, ratio = np.abs(polished.solution.multipliers), polished.working_set.ratio
     if polished.structure.operator_damping and ratio:
@@ -86,7 +88,7 @@ def _priced(polished: Polished) -> Floats:
 
 
 def left_out(solved: Solved) -> list[Note]:
-    """Return the parts that are not in the NLP, each with the reason."""
+    """Return the parts that the NLP omits, each with the reason."""
     problem = solved.problem
     found = []
     for key, bounds in zip(keys_for(problem), ranges(problem), strict=True):
@@ -124,7 +126,7 @@ def left_out(solved: Solved) -> list[Note]:
 
 
 def solver_record(solved: Solved) -> dict[str, Any]:
-    """Return how the NLP was solved; empty if there was no NLP."""
+    """Return how the NLP was solved; empty without an NLP."""
     if solved.polished is None or solved.scanned is None:
         return {}
     polished = solved.polished

@@ -17,40 +17,42 @@ from vctune.model.problem import Problem
 
 RELATIVE_CHANGES = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 0.6, 1.0, 1.5, 2.2, 3.0, 10.0, 1e2, 1e3, 1e4, 1e5)
 CHANGES_FROM_ZERO = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0)
-"""Changes that are tried: relative to the smaller of the old and the new value; to its natural size if that is 0.
+"""Relative changes that are tried: relative to the smaller of the old and the new value, or to the natural size if it
+is 0.
 
-A gain that is changed too far fails again: up to a factor of 4 no window wider than 30 % is stepped over.
+A gain that is changed too far fails again. Up to a factor of 4 the steps miss no window wider than 30 %.
 """
 FURTHEST = 1e6
-"""How far a bound, or a gain, is moved at most: beyond any that could be built. A factor of ten is one trial."""
+"""Greatest factor by which a bound or a gain is moved, beyond any that could be built. A factor of ten is one trial."""
 SOFTEST = 1e-3
-"""Least share to which the heaviest, most damped or stiffest hand is reduced: nobody would call less a hand."""
+"""Least share to which the heaviest, most damped or stiffest hand is reduced; nobody would call anything less a
+hand."""
 FINEST, FINEST_FROM_ZERO = 1e-9, 1e-18
-"""Least relative changes: smaller ones are lost in the digits of a file, or of a number."""
+"""Least relative changes, for a value and from 0; smaller ones are lost in the digits of a file, or of a number."""
 DIGITS = 12
-"""Significant digits of a new value at most."""
+"""Greatest number of significant digits of a new value."""
 BETTER = {key: each for key, each in ENTRIES.items() if each.better}
-"""The numbers of a device's parts of which a better one may be bought."""
+"""Numbers of a device's parts for which better values can be bought."""
 OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
 ONLY_UPWARDS = ("coupling.mass", "coupling.drag")
-"""Numbers that add to Re Z_c as they grow: a decrease makes nothing possible."""
+"""Keys of numbers that add to Re Z_c as they grow, so that decreasing them makes nothing possible."""
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterChange:
-    """A number of a problem file that may be changed one way.
+    """A number of a problem file that may change in one direction.
 
-    Changes are relative to the smaller of the old and the new value. If the old value is 0 they are relative to the
-    natural size; if it is infinite the same holds for the reciprocals.
+    Changes are relative to the smaller of the old and the new value. If the old value is 0, they are relative to the
+    natural size. If it is infinite, the same holds for the reciprocals.
 
     Attributes
     ----------
-    path : its place in the file
-    meaning : meaning of the change
-    old : the value that the file, or a default, gives it
-    limit : the furthest value worth trying, above `old` or below it
-    scale : natural size, where `old` is 0 or infinite
-    other : the other edge of a band or end of a range, which the file must state with it
+    path : place of the number in the file
+    meaning : meaning of the change, in words
+    old : the value in the file, or the default
+    limit : the furthest value worth trying, above or below `old`
+    scale : natural size, for an `old` of 0 or infinity
+    other : the other edge of a band or end of a range, which the file must then state as well
     """
 
     path: KeyPath
@@ -75,11 +77,11 @@ class ParameterChange:
 
     @property
     def least(self) -> float:
-        """The least relative change worth trying; from infinity that to the natural size is the least there is."""
+        """The least relative change worth trying. From infinity it is the change to the natural size."""
         return FINEST_FROM_ZERO if self.old == 0 else FINEST if self.old < inf else 1.0
 
     def value(self, relative: float) -> float:
-        """Return the value after a given relative change, as far as the limit."""
+        """Return the value after a given relative change, limited to `limit`."""
         if self.old == 0:
             return min(self.scale * relative, self.limit)
         if self.old == inf:
@@ -89,7 +91,7 @@ class ParameterChange:
         return max(self.old / (1 + relative), self.limit)
 
     def relative_change(self, new: float) -> float:
-        """Return the relative change to a new value; inf for one to 0."""
+        """Return the relative change to a new value; inf for a change to 0."""
         if self.old == 0:
             return new / self.scale
         if self.old == inf:
@@ -97,20 +99,21 @@ class ParameterChange:
         return abs(new - self.old) / min(new, self.old) if new > 0 else inf
 
     def size(self, new: float) -> float:
-        """Return the size of a change, for comparing changes of all numbers: r/(1 + r), r the relative change.
+        """Return the size r/(1 + r) of a change with the relative change r, to compare changes of all numbers.
 
-        It is at most 1, the change relative to the greater of the old and the new value.
+        It is the change relative to the greater of the old and the new value, at most 1.
         """
         relative = self.relative_change(new)
         return relative / (1 + relative) if relative < inf else 1.0
 
     def partial(self, new: float, share: float) -> float:
-        """Return the value after a share of a change; if the old value is infinite, of the reciprocals.
+        """Return the value after a share of a change; if the old value is infinite, the share applies to the
+        reciprocals.
 
         Parameters
         ----------
-        new : value after the whole change
-        share : share of it, 0 < share <= 1
+        new : value after the full change
+        share : share of the change, 0 < share <= 1
         """
         return new / share if self.old == inf else self.old + share * (new - self.old)
 
@@ -122,17 +125,17 @@ class ParameterChange:
         yield last
 
     def rounded(self, relative: float, growth: float) -> float:
-        """Return the shortest decimal after a relative change that is greater by a share of `growth` at most.
+        """Return the shortest decimal after a relative change, which may exceed the change by the share `growth`.
 
         Parameters
         ----------
-        relative : the least change that is wanted
+        relative : the least relative change
         growth : greatest relative increase
 
         Returns
         -------
         float
-            At or beyond the exact value, within the limit; that itself where fewer than `DIGITS` digits will not do.
+            At or beyond the exact value, within the limit. The exact value itself if `DIGITS` digits do not suffice.
         """
         exact, upwards = self.value(relative), self.limit > self.old
         for digits in range(1, DIGITS):
@@ -164,12 +167,12 @@ class ParameterChange:
 
 
 def parameter_changes(document: dict[str, Any], problem: Problem) -> list[ParameterChange]:
-    """Return the possible changes of a problem: of the device, the constraints, and the stated bounds or gains.
+    """Return the possible changes of a problem: those of the device, of the constraints, and of stated bounds or gains.
 
     Parameters
     ----------
-    document : parsed TOML
-    problem : problem that it states
+    document : parsed document
+    problem : problem that the document states
     """
     return [*_of_device(problem), *_of_operator(problem), *changes_of_demands(document, problem)]
 
@@ -179,8 +182,8 @@ def changes_of_demands(document: dict[str, Any], problem: Problem) -> list[Param
 
     Parameters
     ----------
-    document : parsed TOML
-    problem : problem that it states
+    document : parsed document
+    problem : problem that the document states
     """
     band = _of_band(document, problem) if problem.passive else ()
     return [*band, *_of_worlds(problem), *_of_demands(problem), *_of_gains(document, problem)]
@@ -211,9 +214,9 @@ def _of_device(problem: Problem) -> Iterator[ParameterChange]:
 
 
 def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
-    """Yield fewer hands: with more damping or, if the claim is about a box of them, with less mass or stiffness.
+    """Yield changes to fewer hands: more damping or, for a claim about a box of hands, less mass or stiffness.
 
-    If no hand of a box has a stiffness, nothing may return the handle: then stiffer hands, too.
+    If no hand of a box has a stiffness, nothing may return the handle; then the changes include stiffer hands.
     """
     device, low, high = problem.device, problem.hands.low, problem.hands.high
     meaning, loop = "more damping in every hand", _natural_impedance(problem)
@@ -237,7 +240,7 @@ def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
 
 
 def _of_worlds(problem: Problem) -> Iterator[ParameterChange]:
-    """Yield fewer environments: heavier and lighter ones, softer and stiffer ones, more damped ones."""
+    """Yield changes to fewer environments: less extreme masses and stiffnesses, more damping."""
     worlds = problem.worlds
     if worlds is None:
         return
@@ -258,7 +261,7 @@ def _of_worlds(problem: Problem) -> Iterator[ParameterChange]:
 
 
 def _of_band(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:
-    """Yield narrower stability bands, of an octave at least."""
+    """Yield narrower stability bands of at least one octave."""
     band, path = problem.stability.band, ("stability", "band_hz")
     low, high = _hz(document, 0, band.min), _hz(document, 1, band.max)
     nyquist, inner = 0.5 / problem.device.sample_time, problem.transparency.band.min / (2 * pi)
@@ -272,7 +275,7 @@ def _of_band(document: dict[str, Any], problem: Problem) -> Iterator[ParameterCh
 
 
 def _hz(document: dict[str, Any], edge: int, omega: float) -> float:
-    """Return an edge of the stability band as the file has it, or the default's in `DIGITS` digits."""
+    """Return an edge of the stability band as the file states it, or the default in `DIGITS` digits."""
     stated = number_at(document, "stability", "band_hz", edge)
     return float(f"{omega / (2 * pi):.{DIGITS}g}") if stated is None else stated
 
@@ -287,7 +290,7 @@ def _of_demands(problem: Problem) -> Iterator[ParameterChange]:
 
 
 def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:
-    """Yield other values of fixed numbers and wider bounds of stated ranges; default bounds are wide enough."""
+    """Yield other values of fixed numbers, and wider bounds of stated ranges. Default bounds are wide enough."""
     natural = _natural_sizes(problem)
     for key in problem.device.kind.stated:
         table, name = key.split(".")
@@ -308,13 +311,13 @@ def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[ParameterC
 
 
 def change_of_gain(problem: Problem, key: str, old: float, limit: float) -> ParameterChange:
-    """Return the change of a number of a design towards another value.
+    """Return the change of a design's number towards another value.
 
     Parameters
     ----------
     problem : problem of the design
     key : key of the number
-    old, limit : the value that it has, and the furthest one
+    old, limit : its present value, and the furthest value
     """
     table, name = key.split(".")
     way = f"a {'greater' if limit > old else 'smaller'} {SYMBOLS[key]}"
@@ -323,7 +326,7 @@ def change_of_gain(problem: Problem, key: str, old: float, limit: float) -> Para
 
 
 def _natural_impedance(problem: Problem) -> float:
-    """Return the impedance of a device's mass at its lag, or Z_0 of a servo, which has no mass, N s/m."""
+    """Return the impedance of a device's mass at its lag, or Z_0 for a servo, which has no mass, N s/m."""
     if problem.device.servo is not None:
         return problem.transparency.reference_impedance
     return problem.device.mass / problem.device.loop_lag
@@ -338,10 +341,10 @@ def _natural_sizes(problem: Problem) -> dict[str, float]:
 
 
 def _upwards(old: float, natural: float) -> float:
-    """Return the greatest upward change."""
+    """Return the furthest value of an upward change."""
     return max(FURTHEST * old, 10 * natural)
 
 
 def _downwards(old: float, key: str) -> float:
-    """Return the greatest downward change: to 0 if a gain may be 0."""
+    """Return the furthest value of a downward change: 0 if a gain may be 0."""
     return 0.0 if key.startswith("gains.") else old / FURTHEST

@@ -1,6 +1,6 @@
 """The value of a better device: the change of the least error with each of its numbers.
 
-By the envelope theorem that is the derivative of the Lagrangian at the optimum. See design/README.md, section 11.
+By the envelope theorem this is the derivative of the Lagrangian at the optimum. See design/README.md, section 11.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from vctune.proof.claims.whole_samples import kept_at_whole_sample, sensed_force
 from vctune.running import OutOfTimeError, check_time
 
 PRICES = "the prices of the device's numbers"
-"""A stage that a time limit may cut short."""
+"""Name of a stage that a time limit may cut short."""
 
 STEP = 1e-5
-"""Relative change of a number over which the derivative is taken, each way: its error is about as great, and rounding
-is far below. Half and twice give the same four digits."""
+"""Relative change of a number, up and down, over which the derivative is taken. Its error is about as great, and
+rounding errors are far smaller. Half and twice this step give the same four digits."""
 STEEPEST = 50.0
-"""d log error/d log number from which on a change is a jump without a slope, for example where the delay of a servo
-passes a whole number of samples; no slope is above 10. Half and twice decide alike."""
+"""Slope d log error/d log number above which a change counts as a jump, for example where the delay of a servo passes a
+whole number of samples; no slope is above 10. Half and twice this limit decide alike."""
 BETTER = 0.01
-"""Share by which a better number is better: up to this the least error is linear, except for a bend at the optimum."""
+"""Share by which a number improves. Up to this share the least error is linear, except for a bend at the optimum."""
 
 
 @np.errstate(all="ignore")
@@ -59,7 +59,7 @@ def with_prices(solved: Solved) -> Solved:
 
 @dataclass(frozen=True, slots=True)
 class _OfDevice:
-    """A number of the device, by its key in its table."""
+    """A number of the device, identified by its key in its table."""
 
     name: str
 
@@ -69,21 +69,21 @@ class _OfDevice:
         return f"device.{self.name}"
 
     def of(self, problem: Problem) -> float:
-        """Return its value."""
+        """Return the value of the number."""
         return float(problem.device.number(self.name))
 
     def changed(self, device: Device, factor: float) -> Device:
-        """Return a device on which it is `factor` times as great."""
+        """Return a device whose number is `factor` times as great."""
         return device.with_numbers({self.name: factor * device.number(self.name)})
 
     def held(self, hand: Hand, hands: Hands, factor: float) -> Hand:
-        """Return a hand of the box, which is not modified."""
+        """Return a hand of the box unchanged."""
         return hand
 
 
 @dataclass(frozen=True, slots=True)
 class _OfHands:
-    """An end of the hands' ranges: the least or greatest mass, damping or stiffness, or both if they are equal.
+    """An end of the hands' ranges: the least or the greatest mass, damping or stiffness, or both if they are equal.
 
     Attributes
     ----------
@@ -100,22 +100,23 @@ class _OfHands:
         return f"operator.{self.name}.{self.end}".rstrip(".")
 
     def of(self, problem: Problem) -> float:
-        """Return its value."""
+        """Return the value of the number."""
         return float(getattr(problem.hands.low if self.end == "min" else problem.hands.high, self.name))
 
     def changed(self, device: Device, factor: float) -> Device:
-        """Return a device, which is not modified."""
+        """Return a device unchanged."""
         return device
 
     def held(self, hand: Hand, hands: Hands, factor: float) -> Hand:
-        """Return a hand of a box, moved with the end that it is at."""
+        """Return a hand of a box, moved with the end of the range at which it lies."""
         value = getattr(hand, self.name)
         edge = getattr(hands.low if self.end == "min" else hands.high, self.name)
         return replace(hand, **{self.name: factor * value}) if isclose(value, edge) else hand
 
 
 def _numbers(problem: Problem) -> list[_OfDevice | _OfHands]:
-    """Return the numbers that have a price: those of the device and, without a loop of its own, those of the hands."""
+    """Return the numbers with a price: those of the device and, for a device without its own loop, those of the
+    hands."""
     found: list[_OfDevice | _OfHands] = [_OfDevice(name) for name, old in problem.device.numbers().items() if old > 0]
     if problem.device.kind.own_loop:
         return found
@@ -128,7 +129,7 @@ def _numbers(problem: Problem) -> list[_OfDevice | _OfHands]:
 
 
 def _price(prepared: Prepared, polished: Polished, here: _Changed, number: _OfDevice | _OfHands) -> Price:
-    """Return the price of a number: for more or less of it, whichever lowers the error."""
+    """Return the price of a number, for an increase or a decrease, whichever lowers the error."""
     old = number.of(prepared.problem)
     less, more = (_changed(prepared, polished, number, factor) for factor in (1 - STEP, 1 + STEP))
     optimised = compared(prepared.given).error(*design_of(prepared.units.to_si(polished.values))) ** 2
@@ -143,12 +144,12 @@ def _price(prepared: Prepared, polished: Polished, here: _Changed, number: _OfDe
 
 @dataclass(frozen=True, slots=True)
 class _Changed:
-    """The parts that depend on a number of the device.
+    """The quantities that depend on a number of the device.
 
     Attributes
     ----------
     lagrangian : Lagrangian of the last NLP, whose objective is the logarithm of the error
-    others2 : sum of the squares of the terms of the error that are the same for every design, and not in the NLP
+    others2 : sum of the squares of the error's terms that are the same for every design and that the NLP omits
     """
 
     lagrangian: float
@@ -156,7 +157,7 @@ class _Changed:
 
 
 def _changed(prepared: Prepared, polished: Polished, number: _OfDevice | _OfHands, factor: float) -> _Changed:
-    """Return those parts after a change of a number of devices or hands, all else the same in SI units."""
+    """Return these quantities after a change of a number of devices or hands; all else stays the same in SI units."""
 
     def changed(device: Device) -> Device:
         return number.changed(device, factor)

@@ -1,7 +1,7 @@
-"""Repairs that make a design possible: changes of one number, each sufficient on its own, the least error first.
+"""Find repairs that make a design possible: changes of one number, each sufficient alone, the least error first.
 
-Numbers of the problem change as little as possible; a number of a design takes the value with the least error, or that
-of the solved design. Nothing here imports the optimiser before it is needed.
+Numbers of the problem change as little as possible. A number of a design takes the value with the least error, or the
+value of the solved design. The module imports the optimiser only when it needs it.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ from vctune.proof.engine.interval import Verdict
 from vctune.running import OutOfTimeError, check_time, out_of_time, time_limit
 
 SHARE = 0.9
-"""The share of a repair that must not suffice."""
+"""Share of a repair that must not suffice."""
 ROUNDS = 10
-"""Number of corrections of a first estimate: a little more if it does not suffice, a tenth less if less suffices. Two
-or three times are usual; half as many leave out repairs, twice as many wait for none."""
+"""Number of corrections of a first estimate: slightly more if it does not suffice, a tenth less if less suffices. Two
+or three corrections are usual. Half as many omit repairs; twice as many find no more."""
 REPAIRS = "the repairs"
-"""A stage that a time limit may cut short."""
+"""Name of a stage that a time limit may cut short."""
 LONGEST = 30.0
-"""Seconds after which vctune tries no more changes; only a device whose every answer takes long needs so many. Half
-leaves out repairs on a slow machine, and vctune says so (`CUT_SHORT`); the listed repairs are the same."""
+"""Seconds after which vctune tries no more changes; only a device whose every answer takes long needs so many. Half as
+many seconds omit repairs on a slow machine, and vctune says so (`CUT_SHORT`); the listed repairs are the same."""
 CUT_SHORT = Note("warn-repairs-cut-short", f"repairs were looked for during {LONGEST:g} s; there may be more of them")
 FINER = 30.0
-"""Factor by which smaller changes are tried while even the least one suffices; then the interval is bisected."""
+"""Factor between smaller changes that are tried while even the least one suffices; then the interval is bisected."""
 SLACK = 1e-5
 """Share by which the screening requires more than the limit of the ratio, as the proof of rounded gains will."""
 
@@ -60,7 +60,8 @@ def _posed(document: dict[str, Any]) -> Problem | None:
 
 
 def _seems_admissible(problem: Problem) -> bool:
-    """Return whether a problem's fixed design meets the constraints in double precision and its poles are proved."""
+    """Return whether a problem's fixed design meets the constraints in double precision and its poles are proved
+    stable."""
     return all(_seems_admissible_on(case, *problem.fixed_design) for case in pose_devices(problem).cases)
 
 
@@ -87,7 +88,7 @@ def _solved(problem: Problem) -> Judgement | None:
 
     # the search of every box takes up to half a minute, as long as all repairs may take
     solved = solve(problem, exhaustive=False)
-    if solved.cut:  # is no answer
+    if solved.cut:  # a result that was cut is not an answer
         raise OutOfTimeError
     judgement = solved.judgement
     return judgement if judgement is not None and judgement.status is Status.CERTIFIED else None
@@ -107,7 +108,7 @@ def _seems_solvable_in_use(problem: Problem) -> bool:
 
 
 def _in_use(judgement: Judgement | None) -> Judgement | None:
-    """Return a design that uses its velocity loop; None for any other design, or without one."""
+    """Return the design if it uses its velocity loop; None for any other design, or without one."""
     return None if judgement is None or judgement.idle else judgement
 
 
@@ -117,16 +118,16 @@ def _seems_in_use(problem: Problem) -> bool:
 
 OF_FIXED = RepairTest(_seems_admissible, _judged, 2e-3)
 OF_FREE = RepairTest(_seems_solvable, _solved, 0.05, furthest_first=True)
-"""Tests for problems that fix every number, and for those that leave something free: judged in a millisecond, so that
-the least change can be found closely, or solved in a second. Half or twice the width costs one trial more or less for
-each number."""
+"""Tests for problems that fix every number, and for those that leave a number free. The former are judged in a
+millisecond, so that the least change can be found closely; the latter are solved in a second. Half or twice the width
+costs one trial more or less for each number."""
 OF_FIXED_IN_USE = RepairTest(_seems_in_use, lambda problem: _in_use(_judged(problem)), OF_FIXED.width)
 OF_FREE_IN_USE = RepairTest(_seems_solvable_in_use, lambda problem: _in_use(_solved(problem)), OF_FREE.width)
-"""The same tests, until the designs use the velocity loop."""
+"""The same tests, which require designs that use the velocity loop."""
 
 
 def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda stage: None) -> Solved:
-    """Return the result of a problem with its repairs, if it has no design, or its design is refuted or idle.
+    """Return the result of a problem with repairs if it has no design, or if its design is refuted or idle.
 
     Parameters
     ----------
@@ -148,7 +149,7 @@ def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda 
     else:
         repairs = find_repairs(document, parameter_changes(document, problem), OF_FREE, progress)
     seconds, cut = perf_counter() - began, (REPAIRS,) * out_of_time()
-    found = repairs or None if cut else repairs  # that there is none was not found out
+    found = repairs or None if cut else repairs  # a cut search has not shown that there is none
     return replace(solved, repairs=found, seconds={**solved.seconds, "repairs": seconds}, cut=(*solved.cut, *cut))
 
 
@@ -158,23 +159,23 @@ def repairs_of_design(
     changed: Sequence[ParameterChange],
     progress: Progress = lambda stage: None,
 ) -> list[Repair]:
-    """Return the changes of one number after which a refuted design passes: first its own, then the problem's.
+    """Return the changes of one number after which a refuted design passes: first its own numbers, then the problem's.
 
     Parameters
     ----------
     stated : the problem's document
     judgement : judgement of the design
-    changed : the numbers that were edited since the design was solved, with their earlier values as limits; if none are
-        known vctune solves the problem, and treats a design that differs from the solution in one number as edited
-        there
+    changed : numbers that were edited since the design was solved, with their earlier values as limits. If none are
+        known, vctune solves the problem; a design that differs from the solution in one number counts as edited there
     progress : function that receives the current stage
 
     Returns
     -------
     list of Repair
-        Numbers put back to those of the solved design; where none of these does, each number at its value of least
-        error, or where solving finds none its least change. Then the least changes of the problem. The least error
-        comes first in either part.
+        First the numbers restored to those of the solved design. If none of these passes, each number at its value with
+        the
+            least error, or at its least change if solving finds none. Then the least changes of the problem. In each
+            part the least error comes first.
     """
     pasted = stated | design_tables(judgement.kind, judgement.gains, judgement.coupling)
     problem, _ = pose(pasted, "")
@@ -201,8 +202,8 @@ def find_cures(document: dict[str, Any], problem: Problem, progress: Progress = 
 
     Parameters
     ----------
-    document : parsed TOML
-    problem : problem that it states, whose own design does not
+    document : parsed document
+    problem : problem that the document states, whose own design does not use its loop
     progress : function that receives the current stage
     """
     test = OF_FIXED_IN_USE if problem.bounds.fixed else OF_FREE_IN_USE
@@ -215,7 +216,7 @@ def has_design_in_use(problem: Problem) -> bool:
     Raises
     ------
     OutOfTimeError
-        If the time limit ends that.
+        If the time limit ends the search.
     """
     return not problem.bounds.fixed and OF_FREE_IN_USE.verify(problem) is not None
 
@@ -228,23 +229,25 @@ def find_repairs(
     progress: Progress = lambda stage: None,
     posed: Posed = _posed,
 ) -> list[Repair]:
-    """Return the least changes of one number that repair a problem, as many as time allows.
+    """Return the least changes of one number that repair a problem, as many as time permits.
 
-    Each is tried as it would be by hand: the number is changed in the document, the problem read again, its defaults
-    with it, and solved or, if it fixes every number, judged. Small changes of all come before great ones of any.
+    The search tries each change as a user would: it changes the number in the document and reads the problem again with
+    its defaults. It then solves the problem or, if every number is fixed, judges it. It tries small changes of all
+    numbers before large changes of any.
 
     Parameters
     ----------
-    document : parsed TOML
+    document : parsed document
     changes : the numbers that may be changed
-    test : test of changed problems
+    test : functions that test changed problems
     progress : function that receives the current stage
-    posed : the problem that a document states, or None
+    posed : function that returns the problem that a document states, or None
 
     Returns
     -------
     list of Repair
-        The least error first; of the same error, as where a constraint on given gains is eased, the smallest change.
+        The least error first. Among equal errors, as where a constraint on given gains is eased, the smallest change
+        first.
     """
     found: list[Repair] = []
     with suppress(OutOfTimeError), time_limit(LONGEST):
@@ -269,10 +272,10 @@ class _Search:
 
     Attributes
     ----------
-    document : parsed TOML
-    change : the number
-    test : test of changed problems
-    posed : the problem that a document states, or None
+    document : parsed document
+    change : number to change
+    test : functions that test changed problems
+    posed : function that returns the problem that a document states, or None
     """
 
     document: dict[str, Any]
@@ -281,7 +284,7 @@ class _Search:
     posed: Posed
 
     def hopeless(self) -> bool:
-        """Return whether it will not do however far it goes, where going further only eases the constraints."""
+        """Return whether no change suffices, if a larger change only eases the constraints."""
         furthest = self.change.relative_change(self.change.limit)
         return self.test.furthest_first and self.change.eases and not self.promising(furthest)
 
@@ -296,21 +299,22 @@ class _Search:
         posed = self.posed(self.change.applied(self.document, new))
         check_time()
         judgement = self.test.verify(posed) if posed is not None else None
-        check_time()  # what was cut is no answer
+        check_time()  # a result that was cut is not an answer
         return judgement
 
     def least(self, low: float, high: float) -> Repair | None:
-        """Return the least change that repairs the problem while `SHARE` of it does not, if found in `ROUNDS`.
+        """Return the least change that repairs the problem while `SHARE` of it does not; None if `ROUNDS` do not find
+        it.
 
-        If any change of a 0 repairs it, the first tried change is used.
+        If any change of a 0 repairs the problem, the function uses the first change that was tried.
 
         Parameters
         ----------
-        low, high : relative changes; the second seems to suffice
+        low, high : relative changes; `high` seems to suffice
         """
         change, width = self.change, self.test.width
         relative = self._narrowed(low, high)
-        if change.old == 0 and relative <= change.least:  # any above 0 seems to do: the first that was tried
+        if change.old == 0 and relative <= change.least:  # any change from 0 seems to suffice: take the first
             new = change.rounded(high, width / 2)
             design = self.certified(new)
             return repair_of(change, new, design) if design is not None else None

@@ -1,4 +1,4 @@
-"""How the search for repairs tries a changed problem."""
+"""How the search for repairs tests a changed problem."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from vctune.model.problem import Problem
 
 @dataclass(frozen=True, slots=True)
 class RepairTest:
-    """How a changed problem is tried.
+    """Functions and limits with which a changed problem is tested.
 
     Attributes
     ----------
-    estimate : a first opinion
-    verify : its design, if that is certified; None if there is none
-    width : how closely the least change is bracketed, relative
-    furthest_first : whether a change that may not suffice however far it goes is given up at once
+    estimate : function that returns whether a problem seems to have a design
+    verify : function that returns the problem's design if it is certified, else None
+    width : relative width to which the least change is bracketed
+    furthest_first : whether to give up a change at once if its furthest value does not suffice
     """
 
     estimate: Callable[[Problem], bool]

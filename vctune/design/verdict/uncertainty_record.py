@@ -15,12 +15,12 @@ from vctune.model.problem import Problem
 
 
 def device_record(device: Device, problem: Problem) -> DeviceRecord:
-    """Return mass, damping and delay of a device, and the other uncertain numbers of the problem's.
+    """Return mass, damping and delay of a device, and the other numbers that are uncertain in the problem.
 
     Parameters
     ----------
     device : device of the problem's box, SI units
-    problem : one with an uncertain device
+    problem : problem with an uncertain device
     """
     widths = dict(problem.uncertainty.half_widths) if problem.uncertainty is not None else {}
     known = device.numbers()
@@ -38,9 +38,9 @@ def uncertainty_record(problem: Problem, judgement: Judgement, nominal_error: fl
 
     Parameters
     ----------
-    problem : one with an uncertain device
+    problem : problem with an uncertain device
     judgement : judgement of the robust design
-    nominal_error : error of the best design for the nominal device alone, None if it was not sought
+    nominal_error : error of the best design for the nominal device alone; None if it was not computed
     """
     posed, design = pose(problem), (judgement.gains, judgement.coupling)
     box, uncertainty = posed.box, problem.uncertainty

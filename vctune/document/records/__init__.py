@@ -1,1 +1,1 @@
-"""The documents that vctune writes and reads back: each key of each JSON file once."""
+"""The documents that vctune writes and reads back. Each key of each JSON file is stated once."""

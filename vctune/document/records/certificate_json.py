@@ -43,7 +43,7 @@ class DeviceRecord(Part):
     unmodelled: PerturbationRecord | None = None
 
     def in_words(self, units: Units) -> str:
-        """Return its numbers, those that are 0 apart."""
+        """Return the numbers of the device in words, without those that are 0."""
         own = [f"{row.value} {row.unit}" for row in self.rows(units) if float(row.value)]
         off = [] if self.unmodelled is None else [str(self.unmodelled)]
         return ", ".join([*own, *(f"{key} {text(number)}" for key, number in self.parts.items()), *off])
@@ -65,7 +65,7 @@ class HandRecord(Part):
     resonators: list[ResonatorRecord] | None = None
 
     def in_words(self, units: Units) -> str:
-        """Return its numbers with their units."""
+        """Return the numbers of the hand with their units."""
         itself = Hand(self.mass, self.damping, self.stiffness).in_words(units)
         hung = [
             f"{text(each.mass, 4)} {units.mass} on {text(each.stiffness, 4)} {units.stiffness}"
@@ -112,7 +112,7 @@ WITHOUT_ID: dict[str, ClaimId] = {
     "stable in every hand with every passive environment, Re Z_c >= safety_factor R up to Nyquist": "hands",
     "stable in every hand with every passive environment, Re 1/Z_c >= safety_factor R up to Nyquist": "hands",
 }
-"""The sentences that name claims in files written before claims had identifiers. No new ones come."""
+"""Sentences that name claims in files from versions before claims had identifiers. The list does not grow."""
 
 
 def _id_may_lack(schema: dict[str, Any]) -> None:
@@ -140,7 +140,7 @@ class ClaimRecord(Part):
     @model_validator(mode="before")
     @classmethod
     def _identified(cls, value: Any) -> Any:
-        """Give a claim of an older file its identifier."""
+        """Add the identifier to a claim from an older file."""
         if not isinstance(value, dict) or "id" in value or "claim" not in value:
             return value
         sentence = value["claim"]
@@ -149,7 +149,7 @@ class ClaimRecord(Part):
         return {"id": WITHOUT_ID[sentence], **value}
 
     def rows(self, units: Units) -> Iterator[Row]:
-        """Yield the rows of a claim that is not proved; its text is too long for a label."""
+        """Yield the rows of a claim that is not proved. Its text is too long for a label."""
         yield Row(
             "claim",
             self.verdict,
@@ -184,7 +184,7 @@ class WorldRecord(Part):
 
         Parameters
         ----------
-        hz : frequency where it binds; None to leave it out
+        hz : frequency at which the environment binds; None to omit it
         units : units of its numbers
         """
         place = "" if hz is None else f" at {text(hz)} Hz"
@@ -244,11 +244,11 @@ class HandsRecord(DisplayPart):
 
     @property
     def within(self) -> Hands:
-        """The box."""
+        """The box of hands."""
         return Hands(*(Hand(**{name: ends[k] for name, ends in self.box.items()}) for k in (0, 1)))
 
     def promise(self, units: Units) -> str:
-        """Return the claim in words, if it is proved."""
+        """Return the claim in words if it is proved."""
         return f"in every hand of {self.within.in_words(units)}, {self.environments(units)}, at every frequency"
 
 
@@ -290,11 +290,11 @@ class CertificateRecord(DisplayPart):
 
     @property
     def beyond(self) -> str:
-        """The remark on frequencies outside the proved band, if there is one."""
+        """The remark on frequencies outside the proved band; empty without such a remark."""
         return "" if self.proved_band_hz is None else "; outside it nothing is proved of the ratio"
 
     def rows(self, units: Units) -> Iterator[Row]:
-        """Yield the rows, with the claims that are not proved; rows of a band only if there is one."""
+        """Yield the rows, including the claims that are not proved, and rows of a band if there is one."""
         shown = list(super().rows(units))
         yield from shown if self.band_hz is not None else shown[:1]
         yield from self.any_hand.rows(units) if self.any_hand else ()
@@ -333,11 +333,11 @@ class InnerLoopRecord(Part):
     nyquist: NyquistRecord
 
     def rows(self, units: Units) -> Iterator[Row]:
-        """Yield the rows, with Nyquist's count."""
+        """Yield the rows, including Nyquist's count."""
         yield from super().rows(units)
         yield from self.nyquist.rows(units)
 
     @property
     def stability(self) -> str:
-        """Whether it is proved stable."""
+        """Words on whether the loop is proved stable."""
         return {True: "stable", False: "unstable", None: "undecided"}[self.stable]

@@ -1,4 +1,4 @@
-"""The comparison of two designs: differences of their problems, and both results."""
+"""The comparison of two designs: the differences of their problems, and both results."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vctune.model.problem import Problem
 from vctune.model.transparency import TERMS
 
 UNCOMPARED = ("name", "description", "experiment")
-"""Keys of a problem that designing does not look at."""
+"""Keys of a problem that do not affect its design."""
 
 
 class SideRecord(Part):
@@ -74,11 +74,11 @@ class Side:
 
     Attributes
     ----------
-    source : its name
-    record : the design
-    problem : problem that it was made for, on the yardstick on which it was
+    source : name of the design in the output
+    record : record of the design
+    problem : problem for which the design was made, with its yardstick
     felt : how the design feels; None without a design
-    measured : its error on the yardstick of both, or on that of A and on that of B; None if there is none
+    measured : error on the common yardstick, or on the yardsticks of A and of B; empty without a design
     """
 
     source: str
@@ -89,11 +89,11 @@ class Side:
 
 
 def comparison(a: Side, b: Side) -> ComparisonRecord:
-    """Return two designs side by side.
+    """Return the comparison of two designs.
 
     Parameters
     ----------
-    a, b : the designs, measured alike
+    a, b : the designs, measured on the same yardsticks
     """
     return ComparisonRecord(
         a=_side(a),
@@ -104,7 +104,7 @@ def comparison(a: Side, b: Side) -> ComparisonRecord:
 
 
 def _absent(value: ValueRecord, problem: Problem) -> bool:
-    """Return whether a number is always 0 of a kind of display."""
+    """Return whether a number is always 0 for a kind of display."""
     kind, last = problem.device.kind, value.key.rpartition(".")[2]
     return value.key in kind.absent or (last in TERMS and last not in kind.terms)
 
@@ -117,7 +117,7 @@ def _side(side: Side) -> SideRecord:
 
 
 def _differences(a: Problem, b: Problem) -> list[DifferenceRecord]:
-    """Return the keys that differ, every default written out."""
+    """Return the keys that differ, with all defaults written out."""
     one, other = ({dotted(path): value for path, value in _leaves(_stated(problem), ())} for problem in (a, b))
     return [
         DifferenceRecord(key=key, a=one.get(key), b=other.get(key))
@@ -141,7 +141,7 @@ def _leaves(node: Any, path: KeyPath) -> Iterator[tuple[KeyPath, Any]]:
 
 
 def _values(a: Side, b: Side) -> Iterator[ValueRecord]:
-    """Yield the numbers and verdicts that either design shows, by group; the error on one yardstick, or on both."""
+    """Yield the numbers and verdicts that either design has, by group, with the error on one or on both yardsticks."""
     units = (a.record.units, b.record.units)
     on = ("transparency",) if len(a.measured) == 1 else ("on_a", "on_b")
     titles = {"transparency": "transparency", "on_a": "measured as A", "on_b": "measured as B"}
@@ -173,7 +173,7 @@ def _compared(title: str, prefix: str, sides: Sequence[tuple[Part | None, Units]
 
 
 def _either(said: Iterable[str]) -> str:
-    """Return the common text of both, or the text of the only one."""
+    """Return the text that both designs share, or the text of the only one."""
     return " or ".join(dict.fromkeys(said))
 
 

@@ -13,7 +13,7 @@ from vctune.document.records.part import Number, Part, Row, Shown, text
 from vctune.model.numbers.units import Units
 
 ROUND = (5.0, 2.0, 1.0)
-"""Leading digits of the latency that is taken away as an example."""
+"""Leading digits of the round latency that an example subtracts."""
 
 
 class LatencyPartRecord(Part):
@@ -69,7 +69,7 @@ class ContactRecord(Part):
 
     @property
     def rule(self) -> str:
-        """The formula of the least drag at rest."""
+        """The formula of the least drag at rest, in words."""
         of_springs = self.safety_factor * self.stiffness * self.latency_s + self.own_spring
         rule = f"{text(self.safety_factor)} K L{' and that of the own spring' if self.own_spring else ''}"
         if isclose(self.rest_drag, of_springs, rel_tol=1e-6):
@@ -78,9 +78,9 @@ class ContactRecord(Part):
         return f"{rule} {'less what damping every hand has' if less else 'and what is unmodelled'}"
 
     def example(self) -> tuple[float, float] | None:
-        """Return a round part of the latency, a quarter of it at most, and the drag at rest without it.
+        """Return a round part of the latency, at most a quarter of it, and the drag at rest without that part.
 
-        Returns None if no contact has a stiffness.
+        Return None if no contact has a stiffness.
         """
         if self.rest_drag == 0:
             return None

@@ -1,4 +1,4 @@
-"""The design file: the object that `vctune solve --json` prints (document/README.md, section 3), read back."""
+"""Read the design file, the object that `vctune solve --json` prints (document/README.md, section 3)."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ KIND = "a design.json of `vctune solve`"
 
 
 def read_design(path: Path) -> DesignRecord:
-    """Return the record that a design.json holds.
+    """Return the record in a design.json.
 
     Raises
     ------
     InputError
-        If it cannot be read or is not one, listing the parts that are missing or wrong.
+        If the file cannot be read or is not a design; the error lists the parts that are missing or wrong.
     """
     return design_of(read_json(path, KIND, MAX_BYTES), str(path))
 
 
 def design_of(value: Any, source: str) -> DesignRecord:
-    """Return the record that the object of a design.json holds.
+    """Return the record in the object of a design.json.
 
     Parameters
     ----------
-    value : the object
-    source : its name in messages
+    value : object of the file
+    source : name of the file in messages
 
     Raises
     ------
     InputError
-        If it is not one, listing the parts that are missing or wrong.
+        If the object is not a design; the error lists the parts that are missing or wrong.
     """
     return as_record(value, DesignRecord, source, kind=KIND, remedy="solve the problem again")

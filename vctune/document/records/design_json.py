@@ -1,7 +1,7 @@
 """The record of a design: each key of design.json once, with its type and its label (README.md, section 3).
 
-The fields of these classes determine what is written, what a file must hold to be read back, and the rows of the table
-and of the report's page: a new number is a new field.
+The fields of these classes determine what is written, what a file must contain to be read back, and the rows of the
+table and of the report's page. A new number is a new field.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class OptimalityRecord(Part):
     open: list[BoxRecord]
 
     def rows(self, units: Units) -> Iterator[Row]:
-        """Yield the terms of the bound, if they are not the whole error."""
+        """Yield the terms that the bound covers, if it does not cover the whole error."""
         if self.terms is not None:
             yield Row(self.of, text(self.history[-1].error), "in which designs differ")
         yield from super().rows(units)
@@ -140,7 +140,7 @@ class DesignRecord(Document):
         "optimality": "optimality",
         "inner_loop": "velocity loop",
     }
-    """The parts that are shown as rows, in their order, and their names."""
+    """The parts that are shown as rows, in order, with their names."""
 
     problem: ProblemRecord
     status: Literal["certified", "violated", "undecided", "infeasible"]
@@ -180,7 +180,7 @@ class DesignRecord(Document):
 
     @property
     def units(self) -> Units:
-        """The units of the record."""
+        """The units of the device and of the record."""
         return UNITS[self.problem.units]
 
     @property
@@ -201,7 +201,7 @@ class DesignRecord(Document):
 
     @property
     def compared(self) -> list[str]:
-        """Sentences on what either criterion alone would allow."""
+        """Sentences on the error that either criterion alone would permit."""
         if not self.alternatives or self.transparency is None:
             return []
         error, found = text(self.transparency.error, 3), []
@@ -219,7 +219,7 @@ class DesignRecord(Document):
 
     @property
     def limits(self) -> list[str]:
-        """The active constraints, the dearest first, each with the frequencies where it is active."""
+        """The active constraints, the greatest multiplier first, each with the frequencies at which it is active."""
         prices: dict[str, float] = {}
         places: dict[str, list[str]] = {}
         for each in self.active:
@@ -232,16 +232,16 @@ class DesignRecord(Document):
 
     @property
     def design(self) -> tuple[Gains, AnyCoupling] | None:
-        """Gains and coupling; None if there is no design."""
+        """The gains and the coupling; None without a design."""
         return None if self.gains is None or self.coupling is None else (self.gains.plain, self.coupling.plain)
 
     def groups(self) -> dict[str, list[Row]]:
-        """Return the rows of a design by group; empty if there is no design."""
+        """Return the rows of a design by group; empty without a design."""
         if self.gains is None:
             return {}
         parts = {title: getattr(self, name) for name, title in self.GROUPS.items()}
         found = {title: list(part.rows(self.units)) for title, part in parts.items() if part is not None}
-        if isinstance(self.coupling, SpringRecord):  # which has no K_p
+        if isinstance(self.coupling, SpringRecord):  # an impedance display has no K_p
             found["gains"] = found["gains"][:1]
         if self.transparency is not None and not DISPLAYS[self.transparency.display].own_loop:
             del found["gains"]

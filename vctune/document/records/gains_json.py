@@ -30,7 +30,7 @@ class ProblemRecord(Part):
 
 
 def stated_units(device: Device) -> dict[str, UnitSystem]:
-    """Return the stated motion of a record; None for a linear device."""
+    """Return the motion that a record states; empty for a linear device."""
     return {} if device.units == "linear" else {"units": device.units}
 
 
@@ -54,7 +54,7 @@ class CouplingRecord(Part):
     drag: Annotated[NotNegative, Shown("drag b_0", digits=8, of="damping")] = 0.0
 
     def rows(self, units: Units) -> Iterator[Row]:
-        """Yield its numbers; an infinite damping is rigid."""
+        """Yield the numbers of the coupling. An infinite damping is called rigid."""
         damping, *others = super().rows(units)
         yield damping if self.damping is not None else Row(damping.label, "rigid", "")
         yield from others
@@ -78,7 +78,7 @@ class SpringRecord(Part):
 
 
 def of_spring(value: Any) -> str:
-    """Return the tag of a coupling, tables or a record: an impedance display's has a stiffness."""
+    """Return the tag of a coupling, given as tables or as a record. Only an impedance display's has a stiffness."""
     stiff = "stiffness" in value if isinstance(value, dict) else isinstance(value, SpringRecord)
     return "<spring>" if stiff else "<mass>"
 
@@ -104,7 +104,7 @@ class TransparencyRecord(DisplayPart):
     coupling: Annotated[Number, Shown("{given_way}")]
 
     def rows(self, units: Units) -> Iterator[Row]:
-        """Yield the error and those of its terms that are not always 0."""
+        """Yield the error and its terms, except the terms that are always 0."""
         absent = {filled(self, shown.label, units) for term, shown in how_shown(type(self)).items()
                   if term in TERMS and term not in DISPLAYS[self.display].terms}  # fmt: skip
         yield from (row for row in super().rows(units) if row.label not in absent)

@@ -17,11 +17,10 @@ from vctune.model.numbers.units import UNITS, Units
 
 FILE, DEVICE_FILE, EXCITATION_FILE = "identification.json", "device.toml", "excitation.csv"
 STROKE = {"to": 0.05, "speed": 0.01}
-"""Stroke and speed of the hand in the experiment, m and m/s; the stroke is shorter if it would take too many samples.
-"""
+"""Stroke, m, and speed, m/s, of the hand in the experiment. The stroke is shorter if it would take too many samples."""
 GRIP = 0.1
 ROTARY_HAND = {"mass": 0.005, "damping": 0.3, "stiffness": 30.0}
-"""Distance from the axis, m, of a rotary servo's default hands: a servo has no inertia from which to derive them."""
+"""Default hands of a rotary servo, which has no inertia from which to derive them."""
 STEP = 1e-5
 """Step to which shares are rounded up, so that the written box contains the identified one."""
 
@@ -135,21 +134,21 @@ class IdentificationRecord(Document):
 
     @property
     def units(self) -> Units:
-        """Units of the device and of the record."""
+        """The units of the device and of the record."""
         return UNITS["rotary" if self.rotary else "linear"]
 
 
 def stated(value: float, low: float, high: float) -> tuple[float, float]:
-    """Return a number in six digits, and the relative half-width, rounded up, with which the file holds an interval.
+    """Return a number with six digits, and the rounded-up relative half-width with which a file contains an interval.
 
     Parameters
     ----------
-    value, low, high : the interval; if it reaches down to 0 the share is at its greatest
+    value, low, high : value and ends of the interval; if it reaches 0, the half-width is the greatest permitted one
 
     Returns
     -------
     tuple of float
-        Value and share.
+        The value and the half-width.
     """
     shown = float(f"{value:.6g}")
     if shown == 0:
@@ -159,7 +158,7 @@ def stated(value: float, low: float, high: float) -> tuple[float, float]:
 
 
 def device_text(record: IdentificationRecord) -> str:
-    """Return the device file: a problem file with the device, its uncertainty and its friction, each with its source.
+    """Return the device file: a problem file with the device, its uncertainty and its friction, and their sources.
 
     Parameters
     ----------
@@ -207,7 +206,7 @@ def _note(each: BoundedRecord) -> str:
 
 
 def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -> str:
-    """Return TOML with a comment behind each number that was found; tables within tables get theirs above."""
+    """Return TOML with a comment after each identified number; the comments of nested tables stand above them."""
     lines, heading = [], ""
     for line in text.splitlines():
         heading = line if line.startswith("[") else heading

@@ -1,4 +1,4 @@
-"""The JSON Schema of each kind of document, made from the classes that read and write it."""
+"""The JSON Schema of each kind of document, from the classes that read and write it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def _of(*parts: type[Part], each: bool = False) -> dict[str, Any]:
-    """Return the schema of an object that is one of some records, or of a list of such."""
+    """Return the schema of an object that is one of several records, or of a list of them."""
     schemas = [_named(part) for part in parts]
     definitions = {name: found for schema in schemas for name, found in schema.pop("$defs", {}).items()}
     one = schemas[0] if len(schemas) == 1 else {"oneOf": schemas}
@@ -64,4 +64,4 @@ SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
     "explanation": lambda: _of(ExplanationRecord),
     "example": lambda: _of(ExampleRecord),
 }
-"""Makes the schema of each kind."""
+"""Functions that make the schema of each kind of document."""

@@ -1,4 +1,4 @@
-"""The base of all records: fields that are checked when read, written as JSON and shown as rows."""
+"""The base of all records: fields that are checked on reading, written as JSON, and shown as rows."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from vctune.model.numbers.units import Units
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """How a field is shown.
+    """How a field is displayed.
 
     Attributes
     ----------
-    label : its name for a linear device
-    unit : text behind the number; in label and unit, a field's name in braces is replaced by its value
-    digits : significant digits
-    scale : scale of the number in that unit
-    optional : whether to leave out the row if the number does not exist
-    detail : whether it is for the report alone, too much for a terminal
-    of : which quantity it is (`vctune.model.numbers.units`), whose unit is then behind it
+    label : name of the field, for a linear device
+    unit : text after the number; in label and unit, a field's name in braces is replaced by its value
+    digits : number of significant digits
+    scale : factor from the stored number to the displayed one
+    optional : whether to omit the row if the number does not exist
+    detail : whether only the report shows it, because it is too much for a terminal
+    of : quantity (`vctune.model.numbers.units`) whose unit follows the number
     """
 
     label: str
@@ -40,7 +40,7 @@ class Shown:
 
 
 class Row(NamedTuple):
-    """A number for people: its name, the number as text, its unit or place, `detail` as in `Shown`."""
+    """A displayed number: its name, its text, its unit or place, and `detail` as in `Shown`."""
 
     label: str
     value: str
@@ -54,7 +54,7 @@ def text(value: Any, digits: int = 5) -> str:
     Parameters
     ----------
     value : a number, a pair of numbers, a text, or None if it does not exist
-    digits : significant ones of a float
+    digits : number of significant digits of a float
     """
     if isinstance(value, list):
         low, high = ("inf" if edge is None else text(edge, digits) for edge in value)
@@ -67,7 +67,7 @@ def _existing(value: Any) -> Any:
 
 
 Number = Annotated[float | None, BeforeValidator(_existing)]
-"""Null in the file if it does not exist."""
+"""A number that is null in the file if it does not exist."""
 Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
 
@@ -77,7 +77,7 @@ class Part(BaseModel):
     model_config = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False, defer_build=True)
 
     def rows(self, units: Units) -> Iterator[Row]:
-        """Yield the fields that are shown, in their order, in the words and units of a kind of device."""
+        """Yield the displayed fields in order, in the words and units of a kind of device."""
         for name, shown in how_shown(type(self)).items():
             value = getattr(self, name)
             if value is not None or not shown.optional:
@@ -86,18 +86,18 @@ class Part(BaseModel):
                 yield Row(units.translated(label), text(scaled, shown.digits), units.of(shown.of) or unit, shown.detail)
 
     def in_words(self, units: Units) -> str:
-        """Return the part as a phrase of a sentence."""
+        """Return the part as a phrase for a sentence."""
         return ", ".join(f"{row.value} {row.unit}".rstrip() for row in self.rows(units))
 
 
 def filled(part: Part, words: str, units: Units) -> str:
-    """Return the text of a field with the names in braces replaced: other fields, parts or properties of the part.
+    """Return a text with each name in braces replaced by the field, part or property of that name.
 
     Parameters
     ----------
-    part : part whose fields are named
+    part : part with the named fields
     words : text with names in braces, as in "of {band}"
-    units : units of the shown numbers
+    units : units of the displayed numbers
     """
 
     def stated(field: re.Match[str]) -> str:
@@ -118,12 +118,12 @@ class Document(Part):
     SCHEMA: ClassVar[str]
 
     def to_json(self) -> dict[str, Any]:
-        """Return the object; every number in it is finite or null."""
+        """Return the object. Every number in it is finite or null."""
         return {"schema": self.SCHEMA} | self.model_dump(mode="json", exclude_unset=True)
 
 
 def how_shown(part: type[Part]) -> dict[str, Shown]:
-    """Return how the fields of a part are shown, those that are."""
+    """Return how the fields of a part are displayed, for those that are."""
     return {
         name: each for name, field in part.model_fields.items() for each in field.metadata if isinstance(each, Shown)
     }
@@ -136,5 +136,5 @@ class DisplayPart(Part):
 
     @property
     def coupled(self) -> str:
-        """The response of the coupling that must be resistive enough."""
+        """The response of the coupling that the conditions bound from below."""
         return "Re 1/Z_c" if self.display == "impedance" else "Re Z_c"

@@ -1,4 +1,4 @@
-"""The record of the value of a better device: a row for each of its numbers."""
+"""The record of the value of a better device, one row for each of its numbers."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from vctune.document.schema.number_units import unit_of
 from vctune.model.numbers.units import Units
 
 NO_DIFFERENCE = 5e-5
-"""Relative change of the error below which a price counts as none, for a number better by a hundredth. Half shows
-digits that nobody will feel; twice hides some."""
+"""Relative change of the error below which a price counts as none, for a number that improves by a hundredth. Half this
+change shows digits that nobody will feel; twice it hides some."""
 
 
 class PriceRecord(Part):
@@ -21,9 +21,9 @@ class PriceRecord(Part):
 
     @property
     def worth(self) -> str:
-        """The effect of the better number on the error, in words."""
+        """The effect of improving the number on the error, in words."""
         return "no difference" if abs(self.change) < NO_DIFFERENCE else f"{100 * self.change:+.2f} %"
 
     def cells(self, units: Units) -> tuple[str, str, str]:
-        """Return the value, a better one, their unit."""
+        """Return the value, a better value, and their unit."""
         return text(self.old, 4), text(self.new, 4), unit_of(tuple(self.key.split(".")), units)

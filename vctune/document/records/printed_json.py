@@ -1,4 +1,4 @@
-"""The JSON that commands print and that is not a file of its own."""
+"""The JSON output of commands that is not a file of its own."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The region file: the feasible gains, cell by cell, as a baseline for continuous integration.
 
-Each key of region.json once, with its type: this determines what is written and what a file must hold to be read back.
+Each key of region.json is stated once, with its type. It determines what is written and what a file must contain.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ Index = Annotated[int, Field(ge=0)]
 Edges = Annotated[list[NotNegative], Field(min_length=2)]
 Verdict = Literal["feasible", "infeasible", "undecided"]
 Cell = Annotated[tuple[Index, Index, Index, Index, Verdict, float | None], Strict(False)]
-"""Indices of the edges x_low, x_high, y_low, y_high; the verdict; b_c of a feasible cell if it is free."""
+"""Indices of the edges x_low, x_high, y_low and y_high; the verdict; and b_c of a feasible cell if b_c is free."""
 
 
 class DemandsRecord(Part):
@@ -90,7 +90,7 @@ class DesignPoint(Part):
 
     @property
     def design(self) -> tuple[Gains, AnyCoupling]:
-        """Gains and coupling."""
+        """The gains and the coupling."""
         return self.gains.plain, self.coupling.plain
 
 
@@ -104,8 +104,7 @@ class CheckedProblemRecord(Part):
 class RegionDocument(Document):
     """The plane of gains and its cells, in SI units: the object of region.json.
 
-    If it was `interrupted`, skipped cells are undecided. In `others` the
-    infinite damping of a rigid coupling is null.
+    If it was `interrupted`, skipped cells are undecided. In `others` the infinite damping of a rigid coupling is null.
     """
 
     SCHEMA = "vctune/region/1"
@@ -157,7 +156,7 @@ def read_region(path: Path) -> RegionDocument:
     Raises
     ------
     InputError
-        If it cannot be read or is not one.
+        If the file cannot be read or is not a region.
     """
     value = read_json(path, KIND, MAX_BYTES)
     remedy = "correct it, or find the region again"

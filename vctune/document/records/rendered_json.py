@@ -1,4 +1,5 @@
-"""The record of what may be rendered with a design: the stiffest spring and the lightest tool that are proved."""
+"""The record of the environments that a design can render: the stiffest spring and the lightest tool that are
+proved."""
 
 from __future__ import annotations
 
@@ -21,13 +22,13 @@ class RenderedRecord(Part):
     springs: list[Number]
 
     def rows(self, units: Units) -> Iterator[Row]:
-        """Yield the rows, each with what it is beside."""
+        """Yield the rows, each with the environments that accompany it."""
         beside = {"spring": (self.tools, units.mass), "tool": (self.springs, units.stiffness)}
         for row, (numbers, unit) in zip(super().rows(units), beside.values(), strict=True):
             yield row._replace(unit=f"{row.unit if row.value != 'none' else ''}  {_beside(numbers, unit)}".strip())
 
     def said(self, units: Units) -> str:
-        """Return what is proved, in a sentence; "" if nothing is."""
+        """Return a sentence on what is proved; "" if nothing is proved."""
         parts = []
         if self.stiffest_spring is not None:
             parts.append(f"springs up to {text(self.stiffest_spring, 4)} {units.stiffness}")

@@ -1,6 +1,6 @@
 """The output of a study: the lines of rows.jsonl, and the objects of `vctune sweep` and `vctune front`.
 
-Names of columns have no dot, so that no axis has the same key.
+Names of columns have no dot, so that they never equal the key of an axis.
 """
 
 from __future__ import annotations
@@ -62,9 +62,9 @@ class NumbersRecord(Part):
 
 
 COLUMNS = how_shown(NumbersRecord) | how_shown(FeltRecord) | how_shown(YardstickRecord)
-"""How the columns of numbers are shown, in their order."""
+"""How the columns of numbers are displayed, in their order."""
 NUMBERS = {name: shown.of for name, shown in COLUMNS.items()}
-"""Which quantities they are (`vctune.model.numbers.units`)."""
+"""Quantity of each column (`vctune.model.numbers.units`)."""
 DESIGN = {
     "gains.velocity": "velocity_gain",
     "gains.position": "position_gain",
@@ -73,7 +73,7 @@ DESIGN = {
     "coupling.drag": "coupling_drag",
     "coupling.stiffness": "coupling_stiffness",
 }
-"""The columns of a design by the keys of its numbers; one display has not got those of the other."""
+"""Column of each number of a design, by its key. No kind of display has all of these numbers."""
 
 
 class RowRecord(YardstickRecord, FeltRecord, NumbersRecord):
@@ -92,7 +92,7 @@ class RowRecord(YardstickRecord, FeltRecord, NumbersRecord):
 
 
 Cells = dict[str, bool | float | str | None]
-"""A row of a table: the axes by dotted key, `status`, `idle`, the numbers, `reason`."""
+"""A row of a table: the axes by dotted key, `status`, `idle`, the numbers and `reason`."""
 
 
 class CornerRecord(Part):

@@ -1,6 +1,6 @@
 """The simulation file: the object that `vctune simulate --json` prints, read back for a report.
 
-Each key is a field here; the fields determine what is written and what a file must hold to be read back.
+Each key is a field of a class. The fields determine what is written and what a file must contain to be read back.
 """
 
 from __future__ import annotations
@@ -141,11 +141,12 @@ class SimulationRecord(Document):
 
     @property
     def command_unit(self) -> str:
-        """Unit of the firmware's command: a force, or for a servo a velocity or a position."""
+        """The unit of the firmware's command: a force, or for a servo a velocity or a position."""
         return {"velocity": self.units.speed, "position": self.units.position, None: self.units.force}[self.commanded]
 
     def is_of(self, design: DesignRecord) -> bool:
-        """Whether it is of the very design and experiments of a design.json, and not of a firmware in its place."""
+        """Return whether the simulation is of the design and experiments in a design.json, without another
+        controller."""
         if self.controller is not None:
             return False
         given = design.problem
@@ -156,12 +157,12 @@ class SimulationRecord(Document):
 
 
 def simulation_beside(folder: Path, design: DesignRecord) -> SimulationRecord | None:
-    """Return the content of a folder's simulation.json if it belongs to this very design, else None.
+    """Return the content of a folder's simulation.json if it belongs to a given design; else None.
 
     Parameters
     ----------
-    folder : where design.json is
-    design : its record
+    folder : folder that contains design.json
+    design : record of the design
     """
     try:
         record = simulation_of(read_json(folder / FILE, KIND, MAX_BYTES))
@@ -171,11 +172,11 @@ def simulation_beside(folder: Path, design: DesignRecord) -> SimulationRecord | 
 
 
 def simulation_of(value: Any) -> SimulationRecord:
-    """Return the record that the object of a simulation.json holds.
+    """Return the record in the object of a simulation.json.
 
     Raises
     ------
     InputError
-        If it is not one, listing the parts that are missing or wrong.
+        If the object is not a simulation; the error lists the parts that are missing or wrong.
     """
     return as_record(value, SimulationRecord, FILE, kind=KIND, remedy="simulate again")

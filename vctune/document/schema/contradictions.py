@@ -21,7 +21,7 @@ MAX_DECADES = 12
 
 
 def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
-    """Return contradictions between values that are valid on their own; works on the valid parts of the document."""
+    """Return contradictions between values that are valid on their own. Works on the valid parts of the document."""
     return [
         *_empty_ranges(raw),
         *_impossible_bands(raw),
@@ -86,7 +86,7 @@ def _impossible_criterion(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _unproved_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Return the claims that cannot be proved together with a box of environments."""
+    """Yield the claims that cannot be proved together with a box of environments."""
     if not isinstance(raw.get("environment"), dict):
         return
     stability, uncertainty = raw.get("stability"), raw.get("uncertainty")
@@ -134,7 +134,7 @@ def _endless_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _unproved_walls(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Return what the condition of walls cannot be posed with."""
+    """Yield the keys with which the condition of walls cannot be stated."""
     table, corner = raw["environment"], number_at(raw, "environment", "corner_hz")
     rule, late = table.get("rule", "trapezoid"), table.get("late", 0)
     if table.get("walls") is True and (rule != "trapezoid" or late):

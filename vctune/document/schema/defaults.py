@@ -2,10 +2,13 @@
 
 See document/README.md, section 1.
 
-With tau = T/2 + delay and the lags of actuator and velocity estimate, and Z = m/tau + b, the impedance at which the
-loop runs out of phase: the transparency band is [0.00025, 0.015]/tau, the stability band ends at 0.05/tau, a tenth of
-the sampling rate without delay, Z_0 = 2 pi f m at the transparency band's middle f, K_v <= 2 Z, K_p <= 2 Z/tau.
-The least K_v, 1e-8 m/T, is below 1e-5 Z at any delay that is supported, so that no delay moves it.
+Let tau be T/2 + delay plus the lags of actuator and velocity estimate. Let Z = m/tau + b, the impedance at which the
+loop
+runs out of phase. The transparency band is [0.00025, 0.015]/tau. The stability band ends at 0.05/tau, which is a tenth
+of
+the sampling rate if there is no delay. Z_0 = 2 pi f m at the transparency band's middle f, K_v <= 2 Z, and K_p <= 2
+Z/tau.
+The least K_v, 1e-8 m/T, is below 1e-5 Z for any supported delay, so that no delay changes it.
 """
 
 from __future__ import annotations
@@ -50,14 +53,15 @@ from vctune.model.worlds import EVERY_WORLD, World, Worlds
 
 
 def resolve(document: ProblemDocument, default_name: str, yardstick: Problem | None = None) -> Problem:
-    """Return the problem that a valid document states, every default filled in.
+    """Return the problem that a valid document states, with all defaults filled in.
 
     Parameters
     ----------
     document : the tables of a problem file, in its units
-    default_name : of the problem, where the document states none
-    yardstick : whose bands and Z_0 replace the defaults of the objective and of the stability band; None for those of
-        the device. The bounds have the scales of the device in either case
+    default_name : name of the problem if the document states none
+    yardstick : problem whose bands and Z_0 replace the defaults of the objective and of the stability band; None for
+        the
+        device's own defaults. The bounds have the scales of the device in either case
     """
     hands = _hands(document.operator or OperatorTable(), document.device.units)
     operator = LeastOperator(hands.low.mass, hands.low.damping) if hands.low.mass or hands.low.damping else None
@@ -100,10 +104,10 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
 
     Parameters
     ----------
-    document : which states some
-    device : device whose scales the others have
-    lag : lag of its loop, s
-    Z_0, middle : N s/m and rad/s, of the device's own transparency band unless they are stated
+    document : document that states some of the ranges
+    device : device whose scales the default ranges have
+    lag : lag of the device's loop, s
+    Z_0, middle : Z_0, N s/m, and middle, rad/s, of the transparency band; those of the device unless they are stated
     """
     gains, coupling = document.gains, document.coupling
     if device.kind.inverse:
@@ -137,7 +141,7 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
 
 
 def _on(yardstick: Problem | None, own: Transparency, table: TransparencyTable) -> Transparency:
-    """Return the objective whose band and Z_0 are a yardstick's where a table leaves them at their defaults."""
+    """Return the objective with a yardstick's band and Z_0 where a table leaves them at their defaults."""
     if yardstick is None:
         return own
     return replace(
@@ -148,9 +152,10 @@ def _on(yardstick: Problem | None, own: Transparency, table: TransparencyTable) 
 
 
 def _hands(table: OperatorTable, system: UnitSystem) -> Hands:
-    """Return the hands of a table; a plain number is the least, the greatest is then a human hand's, or as much.
+    """Return the hands of a table. A plain number is the least; the greatest is that of a human hand, or the number
+    itself.
 
-    The hands of a rotary device have no default, so that a plain number is all.
+    The hands of a rotary device have no default, so that a plain number is both ends.
     """
     ranges = {}
     for name, high in HUMAN_HANDS.high.numbers.items():
@@ -161,7 +166,7 @@ def _hands(table: OperatorTable, system: UnitSystem) -> Hands:
 
 
 def _worlds(table: WorldsTable | None) -> Worlds | None:
-    """Return the environments of a table; None if it excludes no passive one."""
+    """Return the environments of a table; None if the table excludes no passive environment."""
     if table is None:
         return None
     low = World(table.mass.min, table.damping.min, table.stiffness.min)
@@ -172,7 +177,7 @@ def _worlds(table: WorldsTable | None) -> Worlds | None:
 
 
 def _asked(hands: Hands, latency: float) -> float:
-    """Return the drag that the stiffest hand of a box requires of a servo at rest, stiffness times latency, N s/m.
+    """Return the drag that the stiffest hand of a box requires of a servo at rest: stiffness times latency, N s/m.
 
     If no hand has a stiffness, its damping or its mass over the latency is used instead.
     """
@@ -181,13 +186,13 @@ def _asked(hands: Hands, latency: float) -> float:
 
 
 def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag: float, slowest: float) -> Stability:
-    """Return the constraints; those of an impedance display are up to the Nyquist frequency.
+    """Return the constraints. For an impedance display they reach up to the Nyquist frequency.
 
     Parameters
     ----------
-    table : table as stated
-    criterion : selects the hands
-    device, lag : whose loop it is, and its lag, s
+    table : table as the file states it
+    criterion : criterion, which selects the hands
+    device, lag : device of the loop, and the loop's lag, s
     slowest : lower edge of the transparency band, rad/s
     """
     if table.band_hz is not None:
@@ -200,7 +205,7 @@ def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag:
 
 
 def device_of(table: DeviceTable | ServoDeviceTable) -> Device:
-    """Return the device of a table; parts without effect are omitted."""
+    """Return the device of a table. Parts without effect are omitted."""
     if isinstance(table, ServoDeviceTable):
         return Device(1.0, 0.0, table.sample_time, display="servo", units=table.units, **_parts(table))
     velocity = table.velocity or VelocityTable()
@@ -224,7 +229,7 @@ def _parts(table: BaseModel) -> dict[str, Any]:
 
 
 def stated_parts(table: BaseModel) -> dict[str, Any]:
-    """Return the parts that the table of a device states, by their keys, those that do nothing too."""
+    """Return the parts that the table of a device states, by their keys, including parts without effect."""
     stated = {key: getattr(table, key, None) for key in PARTS}
     return {
         key: PARTS[key].record(**part.model_dump(exclude_none=True)) for key, part in stated.items() if part is not None
@@ -232,7 +237,7 @@ def stated_parts(table: BaseModel) -> dict[str, Any]:
 
 
 def _uncertainty(table: UncertaintyTable, device: Device) -> Uncertainty | None:
-    """Return None if no number moves: a half-width of 0, or relative to a number that is 0."""
+    """Return the uncertainty; None if no number varies, because each half-width or its number is 0."""
     widths = table.model_dump(by_alias=True, exclude={"objective", "unmodelled"})
     moving = tuple((key, width) for key, width in widths.items() if width > 0)
     radii = () if device.servo is not None else tuple(table.unmodelled)

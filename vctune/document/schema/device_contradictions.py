@@ -1,4 +1,4 @@
-"""Contradictions in the tables of a device's parts between values that are valid on their own."""
+"""Contradictions in the tables of a device's parts, between values that are valid on their own."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from vctune.document.text.raw import number_at
 from vctune.model.parts import DELAYS, LOOP_DELAYS, NUMBERS, PARTS, PartNumber
 
 MAX_DELAY_SAMPLES = 200
-"""Greatest delay of the device, and of its force sensor, in samples."""
+"""Greatest delay, in samples, of the device, and of its force sensor."""
 SENSED_DELAYS = set(DELAYS) - set(LOOP_DELAYS)
-"""The delays behind the loop's own, which `contradictions` looks at."""
+"""Keys of the delays behind the loop's own, which `contradictions` examines."""
 FASTEST, SLOWEST = 1e3, 1e-6
-"""Range of a bandwidth or a resonance as shares of the sampling rate: beyond it, the part has no effect, or hides all
-others."""
+"""Greatest and least bandwidth or resonance, as a share of the sampling rate. Outside this range, the part has no
+effect,
+or hides all other parts."""
 
 
 def impossible_parts(raw: dict[str, Any]) -> Iterator[Contradiction]:

@@ -26,7 +26,8 @@ class VelocityTable(Table):
     )
     filter_hz: Positive | None = Field(
         None,
-        description="Corner f of the firmware's low-pass y += a (x - y), a = 1 - e^(-2 pi f T), Hz. Default: none.",
+        description="Corner frequency f, Hz, of the firmware's low-pass y += a (x - y), where a = 1 - e^(-2 pi f T). "
+        "Default: no low-pass.",
     )
     filter_order: Order = Field(1, description="Number of these low-passes in series, 1 or 2.")
 
@@ -44,35 +45,39 @@ class ForceSensorTable(Table):
     """The sensor of the hand's force."""
 
     bandwidth_hz: Positive | None = Field(
-        None, description="Bandwidth of sensor and filter, Hz, defined like the actuator's. Default: no low-pass."
+        None, description="Bandwidth of sensor and filter, Hz, as for the actuator. Default: no low-pass."
     )
     order: Order = Field(1, description="Order of the low-pass, 1 or 2.")
-    delay: NotNegative = Field(0.0, description="Delay until the firmware has the sample, s; at most 200 sample times.")
+    delay: NotNegative = Field(
+        0.0, description="Delay until the firmware receives the sample, s; at most 200 sample times."
+    )
 
 
 class StructureTable(Table):
-    """A handle on a spring. The motor's part has all of the device's damping; sensor and motor act on it."""
+    """A handle on a spring. The position sensor and all damping of the device are on the motor's side."""
 
     handle_mass: Positive = Field(description="Part of device.mass on the handle's side of the spring, kg.")
-    frequency_hz: Positive = Field(description="Frequency of the free resonance, both parts against each other, Hz.")
+    frequency_hz: Positive = Field(description="Frequency at which the two parts resonate without a hand, Hz.")
     damping_ratio: NotNegative = Field(description="Damping ratio of that resonance.")
 
 
 class ServoTable(Table):
-    """A closed loop that follows a command late, such as a robot under its vendor's controller."""
+    """A closed loop that follows a command with a delay, such as a robot under its vendor's controller."""
 
     command: Literal["velocity", "position"] = Field(
-        "velocity", description="Kind of command: a velocity, held over a sample, or a position, interpolated over it."
+        "velocity",
+        description="Kind of command: a velocity, which is held over a sample, or a position, which is interpolated.",
     )
     delay: NotNegative = Field(
-        description="Delay from sampling to motion beyond the hold, s; at most 200 sample times, uncertainty included."
+        description="Delay between sampling and motion, s, without the delay of the hold; at most 200 sample times, "
+        "uncertainty included."
     )
-    bandwidth_hz: Positive = Field(description="Bandwidth of the motion that follows the late command, Hz.")
-    order: Order = Field(1, description="Order of that low-pass, 1 or 2, defined like the actuator's.")
+    bandwidth_hz: Positive = Field(description="Bandwidth of the servo as a low-pass after the delay, Hz.")
+    order: Order = Field(1, description="Order of that low-pass, 1 or 2, as for the actuator.")
     stiffness: Positive | None = Field(
         None,
-        description="Stiffness of the firmware's spring between the measured position and its reference, N/m; the "
-        "force sensor does not delay it. Default: no spring.",
+        description="Stiffness of the firmware's spring between the measured position and its reference, N/m. Its "
+        "force does not pass through the force sensor. Default: no spring.",
     )
 
 
@@ -85,7 +90,7 @@ class ServoSensorTable(ForceSensorTable):
 
 
 class ServoDeviceTable(Table):
-    """A device that follows its command late and that the hand cannot push."""
+    """A device that follows its command with a delay and that the hand cannot push."""
 
     units: Literal["linear", "rotary"] = Field("linear", description="Kind of motion, as for any other device.")
     sample_time: Positive = Field(description="Sample time of the admittance controller, s.")
@@ -103,7 +108,7 @@ class DeviceTable(Table):
     units: Literal["linear", "rotary"] = Field(
         "linear",
         description="Kind of motion of the handle. For a rotary device (a wheel, a knob, a joint), read kg m2, rad and "
-        "N m for every kg, m and N of this file; mass is the moment of inertia. The keys keep their names.",
+        "N m for every kg, m and N of this file. The mass is then the moment of inertia. The keys keep their names.",
     )
     mass: Positive = Field(description="Moving mass, kg.")
     damping: NotNegative = Field(description="Viscous damping, N s/m.")
@@ -113,8 +118,8 @@ class DeviceTable(Table):
     )
     delay: NotNegative = Field(
         0.0,
-        description="Delay from sampling to actuation beyond the hold, s; at most 200 sample times, uncertainty "
-        "included.",
+        description="Delay between sampling and actuation, s, without the delay of the hold; at most 200 sample "
+        "times, uncertainty included.",
     )
     velocity: VelocityTable | None = Field(None, description="Default: measured without delay.")
     actuator: ActuatorTable | None = Field(None, description="Default: the force follows the command without lag.")
@@ -141,21 +146,24 @@ def _share(key: str) -> Any:
 SharesTable: Any = create_model(
     "SharesTable", __base__=Table, **{key.replace(".", "_"): _share(key) for key in UNCERTAIN}
 )
-"""A relative half-width for each number of a device that may be uncertain."""
+"""Table with a relative half-width for each number of a device that may be uncertain."""
 
 
 class UncertaintyTable(SharesTable):
     """Relative half-widths of the device's numbers; the constraints hold for every device within them.
 
-    The number of a part of the device has its name in quotes, as in "actuator.bandwidth_hz" = 0.2.
+    To state the uncertainty of a number in a sub-table of [device], quote its name,
+    as in "actuator.bandwidth_hz" = 0.2.
     """
 
     unmodelled: list[tuple[Positive, Positive]] = Field(
         default_factory=list,
-        description="Unmodelled dynamics, [[Hz, radius], ...]: the device's response may be multiplied by any factor "
-        "in a disc around 1 with this radius, linear between the frequencies on logarithmic axes and constant beyond.",
+        description="Unmodelled dynamics, [[Hz, radius], ...]: a relative error of the device's response, at most the "
+        "radius at each frequency. vctune interpolates the radius linearly on logarithmic axes, and keeps it constant "
+        "below the first and above the last frequency.",
     )
     objective: Literal["nominal", "worst"] = Field(
         "nominal",
-        description="Error to minimise: that of the nominal device, or the greatest at the vertices of the box.",
+        description="Error to minimise: the error of the nominal device, or the greatest error at the vertices of the "
+        "box.",
     )

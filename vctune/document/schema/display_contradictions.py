@@ -1,4 +1,4 @@
-"""Keys that do not apply to one of the displays, each with the reason."""
+"""Keys that do not apply to a kind of display, each with the reason."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ OF_ADMITTANCE: dict[tuple[str, ...], str] = {
     ("environment",): "its demands are proved of every passive environment alone, not of a box of them",
     ("uncertainty", "unmodelled"): "its demands are not proved of a response that is not known",
 }
-"""Keys that do not apply to an impedance display."""
+"""Keys that do not apply to an impedance display, each with the reason."""
 OF_OWN_LOOP: dict[tuple[str, ...], str] = {
     ("device", "mass"): "the hand does not move it: its motion follows the command alone",
     ("device", "damping"): "the hand does not move it: its motion follows the command alone",
@@ -36,11 +36,11 @@ OF_OWN_LOOP: dict[tuple[str, ...], str] = {
     ("uncertainty", "delay"): 'the delay is "servo.delay"',
     ("stability", "max_sensitivity"): "the file closes no loop of its own that could be too sensitive",
 }
-"""Keys that do not apply to a servo."""
+"""Keys that do not apply to a servo, each with the reason."""
 
 
 def impossible_display(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Return keys of a problem that do not apply to its display."""
+    """Yield the keys of a problem that do not apply to its display."""
     device = raw.get("device")
     if not isinstance(device, dict):
         return
@@ -84,7 +84,7 @@ def _criterion_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _hands_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the fault of a box whose only hand is none: nothing pushes, so there is no feedback."""
+    """Yield the fault of a box whose only hand has no impedance: nothing pushes, so there is no feedback."""
     numbers = (key.split(".") for key in HAND)
     if all(number_at(raw, *path, "max") == 0 for path in numbers) and not number_at(
         raw, "device", "servo", "stiffness"

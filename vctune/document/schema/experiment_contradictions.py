@@ -1,4 +1,4 @@
-"""Contradictions in an [[experiment]] between values that are valid on their own."""
+"""Contradictions in an [[experiment]], between values that are valid on their own."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ OF_OWN_LOOP: dict[tuple[str, ...], str] = {
     ("actuator", "limit"): "the firmware commands no force",
     ("baseline",): "a regular PID commands a force, which it does not take",
 }
-"""Keys that do not apply to the experiment of a servo."""
+"""Keys that do not apply to the experiment of a servo, each with the reason."""
 
 
 def impossible_experiments(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Return the contradictions in the experiments, in their valid parts."""
+    """Yield the contradictions in the valid parts of the experiments."""
     tables = raw.get("experiment")
     if not isinstance(tables, list):
         return

@@ -13,13 +13,15 @@ Seed = Annotated[int, Field(strict=True, ge=0, le=2**32 - 1)]
 
 
 class EnvironmentTable(Table):
-    """The rendered environment: f_e = mass dv/dt + damping v + stiffness (x - zero). An empty table is free motion."""
+    """The rendered environment: f_e = mass dv/dt + damping v + stiffness (x - zero). Empty for free motion."""
 
     mass: NotNegative = Field(0.0, description="Mass of the environment, kg.")
     damping: NotNegative = Field(0.0, description="Damping of the environment, N s/m.")
     stiffness: NotNegative = Field(0.0, description="Stiffness of the environment, N/m.")
     zero: Place = Field(0.0, description="Position at which the spring has no force, m.")
-    wall: bool = Field(False, strict=True, description="Whether damping and stiffness only push, as a wall does.")
+    wall: bool = Field(
+        False, strict=True, description="Whether damping and stiffness can only push the hand, as a wall does."
+    )
     rule: Rule = Field(
         "backward",
         description="Integration of mass and stiffness: backward Euler, which damps, the lossless trapezoidal rule, or "
@@ -33,13 +35,16 @@ class SceneOperatorTable(Table):
 
     motion: Literal["reciprocate", "sine"] = Field(
         "reciprocate",
-        description="Intended motion: to and fro at constant speed, with turns of a fifth of each stroke, or a sine.",
+        description="Intended motion: to and fro at constant speed, with a fifth of each stroke for turning, or a "
+        "sine.",
     )
-    start: Place = Field(0.0, alias="from", description="Start and one end of the intended motion, m.")
+    start: Place = Field(0.0, alias="from", description="Start of the intended motion, which is one end of it, m.")
     end: Place = Field(0.05, alias="to", description="Other end of the intended motion, m.")
     speed: Positive = Field(0.01, description="Greatest speed of the intended motion, m/s.")
-    cycles: Count = Field(3, description="Number of cycles to and fro; the first is not evaluated if there are more.")
-    mass: NotNegative = Field(0.0, description="Mass that moves as one with the handle, kg.")
+    cycles: Count = Field(
+        3, description="Number of cycles to and fro. If there is more than one, the first is not evaluated."
+    )
+    mass: NotNegative = Field(0.0, description="Mass of the hand, which is rigidly on the handle, kg.")
     damping: NotNegative = Field(2.0, description="Damping between hand and intended motion, N s/m.")
     stiffness: NotNegative = Field(1000.0, description="Stiffness between hand and intended motion, N/m.")
 
@@ -53,7 +58,7 @@ class FrictionTable(Table):
     stiffness: Positive = Field(1e5, description="Stiffness of the bristles, N/m.")
     damping: NotNegative | None = Field(
         None,
-        description="Damping of the bristles at rest, N s/m; it fades with speed, as passivity requires. Default: "
+        description="Damping of the bristles at rest, N s/m. It decreases with speed, as passivity requires. Default: "
         "sqrt(stiffness times the device's mass).",
     )
 
@@ -61,7 +66,7 @@ class FrictionTable(Table):
 class SensorsTable(Table):
     """The errors of the encoder and of the force sensor."""
 
-    position_resolution: NotNegative = Field(0.0, description="Resolution of the encoder, m; 0 for none.")
+    position_resolution: NotNegative = Field(0.0, description="Resolution of the encoder, m; 0 for no quantisation.")
     force_noise: NotNegative = Field(0.0, description="Standard deviation of a force sample, N.")
     seed: Seed = Field(0, description="Seed of the noise.")
 
@@ -73,10 +78,10 @@ class LimitTable(Table):
 
 
 class BaselineTable(Table):
-    """A regular PID for comparison: it has no coupling, but a virtual mass and damping beside the environment."""
+    """A regular PID for comparison, with a virtual mass and damping in place of the coupling."""
 
     kp: NotNegative = Field(description="Gain on the position error, N/m.")
-    ki: NotNegative = Field(0.0, description="Gain on its integral, N/(m s).")
+    ki: NotNegative = Field(0.0, description="Gain on the integral of the position error, N/(m s).")
     kd: NotNegative = Field(description="Gain on the velocity error, N s/m.")
     mass: NotNegative = Field(description="Virtual mass, kg.")
     damping: NotNegative = Field(description="Virtual damping, N s/m.")

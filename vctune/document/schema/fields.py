@@ -1,4 +1,4 @@
-"""Types of keys that the documents share."""
+"""The types of keys that several documents share."""
 
 from __future__ import annotations
 

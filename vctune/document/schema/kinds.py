@@ -1,4 +1,4 @@
-"""The kind of device of gains, a design or a region; vctune refuses those of another kind than the problem's."""
+"""The kind of device for which gains, a design or a region were made. vctune refuses those of another kind."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ DISPLAYS: Mapping[DisplayName, str] = MappingProxyType(
 
 
 def require_gains_of(file: ProblemFile, given: GainsFile) -> None:
-    """Make sure that gains are for the kind of device that a problem has.
+    """Make sure that gains are for the same kind of device as a problem.
 
     Parameters
     ----------
     file : the problem
-    given : the gains; units that they do not state are not compared
+    given : the gains; the function does not compare units that they do not state
 
     Raises
     ------
     InputError
-        If display or units differ, naming both.
+        If display or units differ; the message names both.
     """
     lines = toml.Lines(given.text)
     telling = ("coupling", "stiffness" if given.kind is IMPEDANCE else "mass")
@@ -43,19 +43,19 @@ def require_gains_of(file: ProblemFile, given: GainsFile) -> None:
 
 
 def require_record_of(file: ProblemFile, record: ProblemRecord, source: str, what: str) -> None:
-    """Make sure that a record of another problem is for the problem's kind of device.
+    """Make sure that a record is for the same kind of device as a problem.
 
     Parameters
     ----------
     file : the problem
-    record : the problem that it was made for
-    source : the file that holds the record
+    record : the problem for which the record was made
+    source : file that contains the record
     what : the kind of record, "design" or "region"
 
     Raises
     ------
     InputError
-        If display or units differ, naming both.
+        If display or units differ; the message names both.
     """
     table: Any = toml.parse(record.text, source).get("device")
     device = table if isinstance(table, dict) else {}
@@ -66,7 +66,7 @@ def require_record_of(file: ProblemFile, record: ProblemRecord, source: str, wha
 
 
 def _differences(file: ProblemFile, display: DisplayName, units: UnitSystem | None, what: str) -> list[tuple[str, str]]:
-    """Return the differences, "display" or "units", each with its message."""
+    """Return the differences, each as "display" or "units" with its message."""
     device, remedy = file.problem.device, f"name the problem of the {what}, or solve this one"
     verb = "are" if what == "gains" else "is"
     sides = [("display", DISPLAYS[display], DISPLAYS[device.display])]

@@ -15,7 +15,7 @@ UNITS: dict[str, float] = {
     "m/s": 1.0, "mm/s": 1e-3, "rad/s": 1.0, "deg/s": 0.017453292519943295,
     "N": 1.0, "mN": 1e-3, "kN": 1e3, "Nm": 1.0, "mNm": 1e-3,
 }  # fmt: skip
-"""Units of a column by name, in SI units."""
+"""Units of a column by name, each in SI units."""
 Unit = Literal[
     "s",
     "ms",
@@ -88,13 +88,15 @@ class ColumnsTable(Table):
     )
     hand: Column | None = Field(None, description="Sensed force of the hand on the handle.")
     handle: Column | None = Field(None, description="Position of the handle behind a spring, if it is measured too.")
-    reference: Column | None = Field(None, description="Commanded position of the firmware; used as an instrument.")
+    reference: Column | None = Field(
+        None, description="Commanded position of the firmware, used as an instrumental variable."
+    )
     velocity_command: Column | None = Field(
         None, description="Velocity command of a servo (--servo), held until the next sample."
     )
     position_command: Column | None = Field(
         None,
-        description="Position command of a servo (--servo), instead of a velocity; interpolated over a sample.",
+        description="Position command of a servo (--servo), instead of a velocity command; interpolated over a sample.",
     )
 
 
@@ -105,14 +107,16 @@ class KnownVelocityTable(VelocityTable):
         None,
         alias="from",
         description="Source of the velocity: a sensor, or the backward difference of the sampled position. Default: "
-        "difference, which the file then states as an assumption.",
+        "difference, which device.toml then states as an assumption.",
     )
 
 
 class KnownDeviceTable(Table):
     """Known numbers of the device, which vctune copies to device.toml without identifying them."""
 
-    delay: NotNegative | None = Field(None, description="Delay from sampling to actuation beyond the hold, s.")
+    delay: NotNegative | None = Field(
+        None, description="Delay between sampling and actuation, s, without the delay of the hold."
+    )
     delay_uncertainty: NotNegative = Field(0.0, description="Half-width of a known delay, s.")
     velocity: KnownVelocityTable | None = Field(None, description="Default: see `from`.")
     actuator: ActuatorTable | None = Field(None, description="Default: not known.")
@@ -122,14 +126,16 @@ class KnownDeviceTable(Table):
 class ClassicalTable(Table):
     """The classical inverse model for comparison: ordinary least squares, with its own intervals."""
 
-    filter_hz: Positive = Field(description="Corner of a fourth-order Butterworth low-pass, both ways, Hz.")
+    filter_hz: Positive = Field(
+        description="Corner frequency of a fourth-order Butterworth low-pass, applied forwards and backwards, Hz."
+    )
     decimate: Annotated[int, Field(strict=True, ge=1, le=1000)] = Field(
-        description="Factor n of the decimation: every n-th sample is used."
+        description="Factor n of the decimation, which keeps every n-th sample."
     )
 
 
 class LogDocument(Table):
-    """The columns of a log. Without this file their headers must be time_s, position_m, command_N and the like."""
+    """The columns of a log. Without this file, their headers must be time_s, position_m, command_N and similar."""
 
     name: Text | None = Field(
         None,
@@ -139,7 +145,9 @@ class LogDocument(Table):
     )
     description: Text = Field("", description="Free text for the reader.")
     rotary: bool = Field(
-        False, strict=True, description="Whether kg, m and N stand for kg m2, rad and N m; device.units then says so."
+        False,
+        strict=True,
+        description='Whether kg, m and N stand for kg m2, rad and N m. device.toml then has units = "rotary".',
     )
     sample_time: Positive | None = Field(None, description="T, s. Default: the median step of the column time.")
     columns: ColumnsTable = Field(default_factory=ColumnsTable)

@@ -1,4 +1,4 @@
-"""The unit of every number of a problem file, by its quantity and the motion of the device."""
+"""The unit of every number in a problem file, from its quantity and the motion of the device."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ QUANTITIES = {
     "time": ("sample_time", "delay"),
     "frequency": ("band_hz", "bandwidth_hz", "filter_hz", "frequency_hz", "corner_hz"),
 }
-"""Which keys are which quantity (`vctune.model.numbers.units`), whatever table they stand in."""
+"""Quantity of a number by the last part of its key (`vctune.model.numbers.units`), in any table."""
 BY_KEY = OF_VARIABLES | {f"operator.{name}": quantity for name, quantity in OF_HAND.items()}
-"""Those that are told by their whole keys."""
+"""Quantity of numbers that only their whole keys determine."""
 SHARES = ("uncertainty", "weights")
-"""Tables of numbers without a unit."""
+"""Tables of numbers that have no unit."""
 
 
 def units_stated(raw: dict[str, Any]) -> Units:
-    """Return the units of a problem's tables, valid or not."""
+    """Return the units that a problem's tables state, whether the tables are valid or not."""
     device = raw.get("device")
     return UNITS["rotary" if isinstance(device, dict) and device.get("units") == "rotary" else "linear"]
 
 
 def unit_of(path: KeyPath, units: Units) -> str:
-    """Return the unit of a number of a problem file, "" for one without.
+    """Return the unit of a number in a problem file; "" for a number without a unit.
 
     Parameters
     ----------
-    path : path of its key
+    path : path of the number's key
     units : units of the problem
     """
     names = [step for step in path if isinstance(step, str) and step not in ("min", "max")]
@@ -49,11 +49,11 @@ def unit_of(path: KeyPath, units: Units) -> str:
 
 
 def heading(name: str, unit: str) -> str:
-    """Return the heading of a column: the name with its unit, unless the name contains it.
+    """Return the heading of a column: its name with its unit, unless the name contains the unit.
 
     Parameters
     ----------
     name : name of the column
-    unit : "" for none
+    unit : unit of the column; "" for none
     """
     return f"{name} [{unit}]" if unit and "_hz" not in name else name

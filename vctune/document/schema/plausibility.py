@@ -1,4 +1,4 @@
-"""Values that are valid but probably not intended: a number in another unit, a name that a system reserves."""
+"""Values that are valid but probably not intended: numbers in another unit, names that a system reserves."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from vctune.model.problem import Problem
 from vctune.model.worlds import Worlds
 
 SLOWEST = 0.1
-"""Sample time, s, from which on vctune asks whether it is in seconds: twice that of the slowest example."""
+"""Sample time, s, above which vctune asks whether it is in seconds: twice that of the slowest example."""
 STIFFEST = 1e6
-"""Greatest stiffness of a hand, N/m or N m/rad, from which on vctune asks whether it is in SI units: ten times that of
-a stiff fixture, a thousand times that of a firm grip."""
+"""Stiffness of a hand, N/m or N m/rad, above which vctune asks whether it is in SI units: ten times that of a stiff
+fixture, and a thousand times that of a firm grip."""
 FIRM = 1e3
 """Stiffness of a firm grip, N/m."""
 FINER = ((1e-6, "microseconds"), (1e-3, "milliseconds"))
@@ -25,7 +25,7 @@ def doubts(problem: Problem) -> Iterator[Note]:
 
     Parameters
     ----------
-    problem : a valid one
+    problem : a valid problem
     """
     T, name = problem.device.sample_time, problem.name
     if T >= SLOWEST:
@@ -48,7 +48,7 @@ def doubts(problem: Problem) -> Iterator[Note]:
 
 
 def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | None:
-    """Return a number of an environment that is outside a problem's box, in words, and its key; None if none is."""
+    """Return words on a number of an environment outside a problem's box, and its key; None if every number is in it."""
     worlds, units = problem.worlds, problem.units
     if worlds is None:
         return None
@@ -80,7 +80,7 @@ def _stepped_alike(environment: Environment, worlds: Worlds) -> bool:
 
 
 def in_finer_unit(value: float, most: float) -> tuple[str, float]:
-    """Return the unit in which a number of seconds may have been written instead, and its value in seconds.
+    """Return the finer unit in which a number of seconds may have been written, and the value in seconds.
 
     Parameters
     ----------

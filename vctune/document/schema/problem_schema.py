@@ -59,8 +59,8 @@ class OperatorTable(Table):
     """The hands at the handle, mass s + damping + stiffness/s. { min, max } is a range; a number is its minimum.
 
     The ranges are the hands of the criterion "hands". The criterion "passive" uses only the least mass and damping,
-    which are always at the handle, such as a tool. A rotary device has no defaults, because its hands depend on their
-    distance from the axis.
+    which stand for what is always at the handle, such as a tool. A rotary device has no defaults, because its hands
+    depend on their distance from the axis.
     """
 
     # a plain number is the least of a range whose greatest is a human hand's (`defaults.resolve`), so that the 0.0 of a
@@ -98,8 +98,8 @@ class WorldStiffnessTable(Table):
 class WorldsTable(Table):
     """The environments that the device renders, mass s + damping + stiffness/s.
 
-    The claims then hold for every environment of this box in every hand of [operator]. Without this table they hold for
-    every environment that is passive as it runs, including tools of a gram and walls of any stiffness.
+    With this table, the claims hold for every environment of this box in every hand of [operator]. Without it, they
+    hold for every environment that is passive as it runs, including tools of a gram and walls of any stiffness.
     """
 
     mass: WorldMassTable = Field(default_factory=WorldMassTable)
@@ -108,11 +108,14 @@ class WorldsTable(Table):
     walls: bool = Field(
         False,
         strict=True,
-        description="Whether springs may be walls: a force that depends on the position alone and rises with slopes of "
-        "the range of stiffness, one-sided or piecewise linear, anywhere. They do not move; no damper is one-sided.",
+        description="Whether springs may be walls. The force of a wall depends only on the position, and rises with "
+        "slopes in the range of stiffness. A wall is one-sided or piecewise linear, at any position. It does not move, "
+        "and its damper is not one-sided.",
     )
     corner_hz: Positive | None = Field(
-        None, description="Corner of the multiplier that proves the walls, Hz. Default: the one with the most room."
+        None,
+        description="Corner frequency of the multiplier that proves the walls, Hz. Default: the one with the greatest "
+        "margin.",
     )
     rule: WorldRule = Field(
         "trapezoid",
@@ -129,44 +132,50 @@ class GainsTable(Table):
 
     velocity: Variable | None = Field(
         None,
-        description="K_v, N s/m. Default { min = 1e-8 mass/sample_time, max = 2 Z } with Z = mass/tau + damping and "
-        "tau = sample_time/2 + delay and the lags of actuator and velocity estimate; min is at most 1e-5 Z.",
+        description="K_v, N s/m. Default { min = 1e-8 mass/sample_time, max = 2 Z } with Z = mass/tau + damping. tau "
+        "is the sum of sample_time/2, delay and the lags of actuator and velocity estimate. min is at most 1e-5 Z.",
     )
     position: Variable | None = Field(None, description="K_p, N/m. Default { min = 0, max = 2 Z/tau }.")
 
 
 class CouplingTable(Table):
-    """The virtual coupling Z_c: drag + damping and mass in series; for an impedance display damping + stiffness/s."""
+    """The virtual coupling Z_c: a drag in parallel with damping and mass in series.
+
+    For an impedance display, Z_c = damping + stiffness/s.
+    """
 
     damping: Damping | None = Field(
         None,
-        description="b_c, N s/m. Default { min = 1e-6 Z_0, max = 1e6 Z_0 }; min = 0 for an impedance display, which "
-        "alone allows 0. For a servo, inf makes the coupling rigid: mass and drag alone, the usual law of robots.",
+        description="b_c, N s/m. Default { min = 1e-6 Z_0, max = 1e6 Z_0 }. For an impedance display the default min "
+        "is 0; other devices do not allow 0. For a servo, inf makes the coupling rigid, so that only mass and drag "
+        "remain, as in the usual law of robots.",
     )
     mass: PositiveVariable | None = Field(
         None,
-        description="m_c, kg. Default { min = 1e-6 M, max = 1e6 M } with M = Z_0/(2 pi f) and f the middle of the "
-        "transparency band on a log scale.",
+        description="m_c, kg. Default { min = 1e-6 M, max = 1e6 M } with M = Z_0/(2 pi f), where f is the middle of "
+        "the transparency band on a log scale.",
     )
     drag: Variable | None = Field(
         None,
-        description='b_0, N s/m. Default { min = 0, max = Z_0 } with the criteria "hands" and "both", since a stiff '
+        description='b_0, N s/m. Default { min = 0, max = Z_0 } with the criteria "hands" and "both", because a stiff '
         'hand with little damping requires some drag. Default 0 with the criterion "passive", or if the other four '
         "numbers are fixed.",
     )
     stiffness: PositiveVariable | None = Field(
         None,
-        description="k_c of an impedance display, N/m. Default { min = 1e-6 K, max = 1e6 K } with K = 2 pi f Z_0 and f "
-        "the middle of the transparency band.",
+        description="k_c of an impedance display, N/m. Default { min = 1e-6 K, max = 1e6 K } with K = 2 pi f Z_0, "
+        "where f is the middle of the transparency band.",
     )
 
 
 class WeightsTable(Table):
     """Weights of the three terms of the error; a weight of 0 removes the term."""
 
-    admittance: NotNegative = Field(1.0, description="Weight of Z_0 |G_hh|; for an impedance display of |1/G_hh|/Z_0.")
-    tracking: NotNegative = Field(1.0, description="Weight of |1 - G_he|; for an impedance display of |1 - A H/N|.")
-    coupling: NotNegative = Field(1.0, description="Weight of |Z_c|/Z_0; for an impedance display of Z_0 |1/Z_c|.")
+    admittance: NotNegative = Field(
+        1.0, description="Weight of Z_0 |G_hh|, or of |1/G_hh|/Z_0 for an impedance display."
+    )
+    tracking: NotNegative = Field(1.0, description="Weight of |1 - G_he|, or of |1 - A H/N| for an impedance display.")
+    coupling: NotNegative = Field(1.0, description="Weight of |Z_c|/Z_0, or of Z_0 |1/Z_c| for an impedance display.")
 
 
 class TransparencyTable(Table):
@@ -177,8 +186,8 @@ class TransparencyTable(Table):
     )
     reference_impedance: Positive | None = Field(
         None,
-        description="Z_0, N s/m. Default mass 2 pi f: the device's own inertia at the middle f of the band on a log "
-        "scale.",
+        description="Z_0, N s/m. Default 2 pi f mass, the impedance of the device's own mass at the middle f of the "
+        "band on a log scale.",
     )
     norm: Literal["rms", "peak"] = Field(
         "rms", description="Norm of the error: root mean square over log frequency, or the greatest value."
@@ -191,20 +200,22 @@ class StabilityTable(Table):
 
     band_hz: tuple[Edge, Edge] | None = Field(
         None,
-        description="Band, Hz. Default: the transparency band's lower edge to 0.05/tau, a tenth of the sampling rate "
-        'without delay. The lower edge may be 0, the upper inf with hold "lag", no delay and an ideal device.',
+        description="Band, Hz. Default: from the lower edge of the transparency band to 0.05/tau, which is a tenth of "
+        "the sampling rate if there is no delay. The lower edge may be 0. The upper edge may be inf for an ideal "
+        'device with hold "lag" and no delay.',
     )
     safety_factor: Positive = Field(
-        1.05, description="Least Re Z_c / R, at least 1. vctune refuses gains below it; 1 leaves no reserve."
+        1.05, description="Least permitted Re Z_c / R, at least 1. vctune refuses gains below it. 1 leaves no reserve."
     )
     max_sensitivity: Positive = Field(
-        2.0, description="Greatest |S| of the exact sampled loop, up to the Nyquist frequency."
+        2.0, description="Greatest permitted |S| of the exact sampled loop, up to the Nyquist frequency."
     )
     criterion: Literal["passive", "hands", "both"] = Field(
         "both",
-        description='"passive": any passive hand, on band_hz. "hands": every hand of [operator] with every passive '
-        'environment, or with every environment of [environment], in the sampled loop at every frequency. "both": '
-        'both claims. A servo, or a file with [environment], has the default "hands".',
+        description='What vctune proves stability for. "passive": any passive hand, on band_hz. "hands": every hand of '
+        '[operator], in the sampled loop at every frequency. "both": both claims. A servo, or a file with '
+        '[environment], has the default "hands". The environment is any passive one or, if the file has [environment], '
+        "any one in its box.",
     )
 
 
@@ -224,7 +235,10 @@ class AxisTable(Table):
 
 
 class ProblemDocument(Table):
-    """A vctune problem file. Only [device] mass, damping and sample_time are required, or sample_time and servo."""
+    """A vctune problem file. Only mass, damping and sample_time in [device] are required.
+
+    For a servo, only sample_time and servo are required.
+    """
 
     name: Text | None = Field(
         None,
@@ -259,13 +273,13 @@ class FixedGainsTable(Table):
 class FixedCouplingTable(Table):
     """Coupling of a gains file."""
 
-    damping: PositiveOrInf = Field(description="b_c, N s/m; inf for mass and drag alone.")
+    damping: PositiveOrInf = Field(description="b_c, N s/m; inf for a coupling of mass and drag alone.")
     mass: Positive = Field(description="m_c, kg.")
     drag: NotNegative = Field(0.0, description="b_0, N s/m.")
 
 
 class OriginTable(Table):
-    """The origin of gains and the kind of device that they are for; any other key is a remark."""
+    """The origin of gains and the kind of device that they are for. vctune treats any other key as a remark."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Text] = Field(init=False)
@@ -278,8 +292,10 @@ class OriginTable(Table):
         None,
         description="Digest of the problem with every default, without comments, name, description and experiments.",
     )
-    numbers: Text | None = Field(None, description="The numbers of the solved design, in their order.")
-    corner_hz: Positive | None = Field(None, description="Corner of the multiplier that proved the walls, Hz.")
+    numbers: Text | None = Field(None, description="The numbers of the solved design, in the order of the file.")
+    corner_hz: Positive | None = Field(
+        None, description="Corner frequency of the multiplier that proved the walls, Hz."
+    )
 
 
 class GainsDocument(Table):

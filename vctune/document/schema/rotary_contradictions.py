@@ -16,7 +16,8 @@ from vctune.model.problem import HUMAN_HANDS
 
 
 def missing_of_rotary(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Return the numbers that a rotary device's problem must state: hands of the criterion, and of experiments."""
+    """Yield the numbers that a rotary device's problem must state: those of its hands, and of its experiments'
+    hands."""
     if units_stated(raw) is not ROTARY:
         return
     if _hands_are_met(raw):
@@ -29,7 +30,7 @@ def missing_of_rotary(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _hands_are_met(raw: dict[str, Any]) -> bool:
-    """Return whether hands of a box are required: on an impedance display any passive hand is in their place."""
+    """Return whether a box of hands is required. On an impedance display any passive hand takes its place."""
     stability, display = raw.get("stability", {}), raw["device"].get("display")
     criterion = stability.get("criterion", "both") if isinstance(stability, dict) else "both"
     return criterion == "hands" or (criterion == "both" and display != "impedance")
@@ -52,7 +53,7 @@ def _hands(operator: Any, *, servo: bool) -> Iterator[Contradiction]:
 
 
 def _defaults(path: tuple[str | int, ...], stated: Any, table: type[BaseModel]) -> Iterator[Contradiction]:
-    """Return the absent keys of a table whose defaults are in units of a linear device."""
+    """Yield the absent keys of a table whose defaults are in units of a linear device."""
     if not isinstance(stated, dict):
         return
     for name, field in table.model_fields.items():

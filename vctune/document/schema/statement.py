@@ -1,4 +1,4 @@
-"""A problem as a document that states every default: the inverse of `vctune.document.schema.defaults`."""
+"""Write a problem as a document that states every default: the inverse of `vctune.document.schema.defaults`."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from vctune.model.problem import Band, Bounds, Problem, Range
 from vctune.model.worlds import Worlds
 
 SERVO_KEYS = ("units", "sample_time", *(key for key, part in PARTS.items() if "servo" not in part.lacking))
-"""Keys of the table of a device that is a servo."""
+"""Keys in the table of a servo."""
 
 
 def statement(problem: Problem) -> dict[str, Any]:
     """Return the document of a problem, as a problem file would state it.
 
-    Reading it gives the same problem, with edges of bands to the last place but one.
+    Reading it gives the same problem. Only the edges of bands may differ, in the second last place.
     """
     device = table_of(problem.device)
     operator = device.pop("operator", None)
@@ -67,7 +67,7 @@ def table_of(value: Any) -> dict[str, Any]:
 
     Parameters
     ----------
-    value : a `Device`, one of its parts, `Range` and the like
+    value : a `Device`, one of its parts, a `Range` or a similar object
     """
     table = {field.name: getattr(value, field.name) for field in fields(value)}
     table = {
@@ -76,7 +76,7 @@ def table_of(value: Any) -> dict[str, Any]:
         if entry is not None
     }
     if isinstance(value, Servo):
-        del table["radii"]  # which [uncertainty] states
+        del table["radii"]  # [uncertainty] states the radii
     elif isinstance(value, Environment) and not value.late:
         del table["late"]
     elif isinstance(value, VelocityEstimate):
@@ -88,7 +88,7 @@ def table_of(value: Any) -> dict[str, Any]:
         table = {key: entry for key, entry in table.items() if not absent.get(key)}
     for number in (each for part in PARTS.values() if isinstance(value, part.record) for each in part.numbers):
         if number.order and number.name not in table:
-            del table[number.order]  # of a low-pass that is not there
+            del table[number.order]  # the low-pass does not exist
     return table
 
 
@@ -120,7 +120,7 @@ def _hz(band: Band) -> list[float]:
 
 
 def _edge(omega: float) -> float:
-    """Return a frequency in hertz: the short decimal that it was, if it was one."""
+    """Return a frequency in hertz. If it was a short decimal, it is that decimal again."""
     short = hertz(omega)
     return short if omega == inf or 2 * pi * short == omega else omega / (2 * pi)
 

@@ -1,4 +1,4 @@
-"""Schema of the study file: the types of its tables. `vctune.document.axes` reads the text of an axis."""
+"""Schema of the study file: the types of its tables. `vctune.document.axes` reads the value of an axis."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class SampleTable(_Table):
 
     kind: Literal["grid", "lhs", "list"] = Field(
         "grid",
-        description="Sampling: every combination, a Latin hypercube, or the axes' lists side by side.",
+        description="Sampling: every combination, a Latin hypercube, or the lists of the axes element by element.",
     )
     n: Count | None = Field(None, description="Number of points of a Latin hypercube.")
     seed: Annotated[int, Field(strict=True, ge=0)] | None = Field(
@@ -32,10 +32,10 @@ class SampleTable(_Table):
 class StudyDocument(_Table):
     """A vctune study file: a problem solved at many points."""
 
-    problem: Text = Field(min_length=1, description="Path of the problem file, from the study file's folder.")
+    problem: Text = Field(min_length=1, description="Path of the problem file, relative to the study file's folder.")
     axes: dict[str, Any] = Field(
         min_length=1,
-        description='Numbers of the problem by dotted key, "stability.band_hz[1]" for the element of a list; each a '
-        "list of numbers, { linear = [a, b], n = ... } or { log = [a, b], n = ... }.",
+        description='Numbers of the problem that vary, by dotted key, as in "stability.band_hz[1]" for the element of '
+        "a list. Each is a list of numbers, { linear = [a, b], n = ... } or { log = [a, b], n = ... }.",
     )
     sample: SampleTable = Field(default_factory=SampleTable)

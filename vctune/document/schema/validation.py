@@ -1,4 +1,4 @@
-"""From a TOML text to a valid document, or to all of its mistakes."""
+"""Turn a TOML text into a valid document, or into a list of all its mistakes."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from vctune.document.text.hints import CALLED, commas_meant, number_meant
 
 MAX_MISTAKES = 25
 TAGS = ("<number>", "<range>", "<text>", "<column>", "<mass>", "<spring>", "<mechanism>", "<servo>")
-"""Tags of a key's alternative forms, which are no part of its path."""
+"""Tags of a key's alternative forms. They are not part of its path."""
 LONG = 60
 
 KeyPath = tuple[str | int, ...]
 Contradiction = tuple[KeyPath, str]
-"""Path of a key, and the contradiction between its value and others that are valid on their own."""
+"""Path of a key, and how its value contradicts other values that are valid on their own."""
 
 
 class Fault(NamedTuple):
-    """A fault of a key of a document."""
+    """A fault in a key of a document."""
 
     path: KeyPath
     message: str
@@ -40,13 +40,13 @@ MOVED: dict[KeyPath, str] = {
     ("sensors", "velocity"): "is the device's now, of design and simulation alike: write it as [device.velocity] from",
     ("sensors", "filter_hz"): "is the device's now, of design and simulation alike: write it in [device.velocity]",
 }
-"""Keys of earlier versions, and their present places."""
+"""Keys of earlier versions, with their present places."""
 PAIR_LISTS: dict[KeyPath, tuple[str, str]] = {
     ("uncertainty", "unmodelled"): ("[Hz, radius]", "unmodelled = [[1.0, 0.02], [100.0, 0.1]]"),
 }
-"""Keys that are lists of pairs: the meaning of a pair, and how to write the list."""
+"""Keys that are lists of pairs, with the meaning of a pair and the written form of the list."""
 Check = Callable[[dict[str, Any]], list[Contradiction]]
-"""A function that finds contradictions between valid values, in the valid parts of a document."""
+"""A function that finds contradictions between valid values in the valid parts of a document."""
 Document = TypeVar("Document", bound=BaseModel)
 
 
@@ -56,14 +56,14 @@ def validated(model: type[Document], text: str, source: str, check: Check) -> Do
     Parameters
     ----------
     model : class of the document
-    text : TOML
-    source : its name in messages
+    text : text in TOML
+    source : name of the file in messages
     check : function that finds contradictions between valid values
 
     Raises
     ------
     InputError
-        Listing every mistake in the order of the lines, each with dotted key, value and remedy.
+        If the text is invalid; the error lists every mistake in line order, with dotted key, value and remedy.
     """
     document, faults = examined(model, toml.parse(text, source), check)
     if document is None or faults:
@@ -72,12 +72,12 @@ def validated(model: type[Document], text: str, source: str, check: Check) -> Do
 
 
 def examined(model: type[Document], raw: dict[str, Any], check: Check) -> tuple[Document | None, list[Fault]]:
-    """Return the document that parsed TOML states, if it states one, and everything that is wrong with it.
+    """Return the document that parsed TOML states, or None, and all faults.
 
     Parameters
     ----------
     model : class of the document
-    raw : tables
+    raw : tables of the document
     check : function that finds contradictions between valid values
     """
     between = [Fault(path, message, "contradiction") for path, message in check(raw)]
@@ -95,13 +95,13 @@ def examined(model: type[Document], raw: dict[str, Any], check: Check) -> tuple[
 
 
 def refusal(faults: list[Fault], text: str | None, source: str) -> InputError:
-    """Return the error that lists faults, the first `MAX_MISTAKES` of them, with their lines if there is a text.
+    """Return the error that lists the first `MAX_MISTAKES` faults, with their lines if there is a text.
 
     Parameters
     ----------
-    faults : at least one
-    text : text that was read; None if there is no file
-    source : its name in the message
+    faults : faults, at least one
+    text : text of the file; None without a file
+    source : name of the file in the message
     """
     lines = toml.Lines(text) if text is not None else None
     listed = faults[:MAX_MISTAKES]
@@ -115,7 +115,7 @@ def refusal(faults: list[Fault], text: str | None, source: str) -> InputError:
 
 
 def _line(lines: toml.Lines, path: KeyPath) -> int:
-    """Return the line of a key, or of the nearest table that should have held it."""
+    """Return the line of a key or, if it is absent, of the nearest table that should contain it."""
     while path:
         line = lines.locate(path)
         if line is not None:
@@ -125,7 +125,7 @@ def _line(lines: toml.Lines, path: KeyPath) -> int:
 
 
 def dotted(path: KeyPath) -> str:
-    """Return a key in its written form: tables joined by dots, elements of lists in brackets."""
+    """Return a key in its written form: tables joined by dots, list elements in brackets."""
     text = ""
     for step in path:
         name = step if isinstance(step, int) or re.fullmatch(r"[\w-]+", step) else json.dumps(step, ensure_ascii=False)
@@ -154,7 +154,7 @@ def _fault(model: type[BaseModel], details: Any, means: Callable[[KeyPath, str],
 
 
 Message = Callable[[Any, dict[str, Any]], str]
-"""A function that makes a message from a value and its constraint."""
+"""A function that makes a message from a value and the constraint that it violates."""
 
 
 def _range_messages(model: type[BaseModel], path: KeyPath) -> dict[str, Message]:
@@ -194,10 +194,10 @@ def untagged(path: KeyPath) -> KeyPath:
 
 
 def shown(value: Any) -> str:
-    """Return a value as a mistake quotes it."""
+    """Return a value in the form in which a mistake quotes it."""
     try:
         text = json.dumps(value, ensure_ascii=False, default=str)
-    except ValueError:  # an integer of thousands of digits
+    except ValueError:  # an integer with thousands of digits
         return "this integer"
     return _short(text)
 
@@ -207,17 +207,17 @@ def _short(text: str) -> str:
 
 
 def _elements(path: KeyPath) -> str:
-    """Return the elements of a list, and how to write them."""
+    """Return the names of a list's elements, and how to write the list."""
     return f"pairs; write {PAIR_LISTS[path][1]}" if path in PAIR_LISTS else f"tables; write [[{dotted(path)}]]"
 
 
 def _pair(path: KeyPath) -> str:
-    """Return the written form of the pair at a path, or of the pair that contains it."""
+    """Return the written form of the pair at a path, or of the pair that contains the path."""
     return next((form for key, (form, _) in PAIR_LISTS.items() if path[: len(key)] == key), "[lower, upper]")
 
 
 def _number(model: type[BaseModel], path: KeyPath, value: Any) -> str:
-    """Return a hint how to write an invalid number."""
+    """Return a hint on how to write an invalid number."""
     meant = number_meant(value) if isinstance(value, str) else ""
     return meant or f"; write a number{_or_range(model, path)}"
 
@@ -234,9 +234,9 @@ def _field_at(model: type[BaseModel], path: KeyPath) -> FieldInfo | None:
 
 
 def _table_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
-    """Return the table at a path: a key's own, that of each element of a list, or an optional one.
+    """Return the table at a path: a key's own table, that of each element of a list, or an optional one.
 
-    A tag in the path says which of several tables a key holds; without a tag it is the first.
+    A tag in the path selects one of several tables that a key may hold. Without a tag, the function returns the first.
     """
     tables, annotation = [model], None
     for step in path:
@@ -259,7 +259,7 @@ def _table_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
 
 
 def _tables_in(annotation: Any, tag: str | None = None) -> list[type[BaseModel]]:
-    """Return the tables that a key may hold, of a tag those with it."""
+    """Return the tables that a key may hold, or only those with a given tag."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     parts = get_args(annotation)
@@ -271,7 +271,7 @@ def _tables_in(annotation: Any, tag: str | None = None) -> list[type[BaseModel]]
 
 
 def _with(raw: Any, path: KeyPath) -> Any:
-    """Return tables with some number at a path."""
+    """Return tables with a number set at a path."""
     if not path:
         return 0.1
     if isinstance(raw, list):
@@ -281,13 +281,13 @@ def _with(raw: Any, path: KeyPath) -> Any:
 
 
 def _unknown(model: type[BaseModel], path: KeyPath, has_a_meaning: Callable[[str], bool]) -> str:
-    """Return the message on an unknown key: the probable intention, or where it belongs.
+    """Return the message on an unknown key: the key that was probably intended, or the table where it belongs.
 
     Parameters
     ----------
     model : class of the document
-    path : path of the key, with the tags of the forms on its way
-    has_a_meaning : whether a key of its table has one beside the others that are stated
+    path : path of the key, with the tags of alternative forms
+    has_a_meaning : function that returns whether a key of the table has a meaning with the other stated keys
     """
     table = _table_at(model, path[:-1])
     known = [field.alias or name for name, field in table.model_fields.items()] if table else ["min", "max"]
@@ -305,7 +305,7 @@ def _unknown(model: type[BaseModel], path: KeyPath, has_a_meaning: Callable[[str
 
 
 def _tables(model: type[BaseModel], told: KeyPath, tag: KeyPath) -> Iterator[tuple[str, set[str]]]:
-    """Yield the tables of a document with their keys; at `told` only the table of the tag."""
+    """Yield the tables of a document with their keys. At the path `told`, yield only the table that the tag selects."""
     for name in model.model_fields:
         table = _table_at(model, (name, *(tag if (name,) == told else ())))
         if table:

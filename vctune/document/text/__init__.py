@@ -1,1 +1,1 @@
-"""Text to raw values and back: TOML, JSON, digests, files written whole, and every error and its code."""
+"""Text and raw values: TOML, JSON, digests, atomic writing of files, errors and their codes."""

@@ -1,7 +1,7 @@
-"""The stable code of every refusal, warning, remark and left-out line.
+"""The stable codes of all refusals, warnings, remarks and omitted lines.
 
-Each has a heading of its own in the README of the folder that uses it, from which `vctune explain CODE` takes its page:
-a code without a page, and a page whose example does not give its code, fail the tests.
+Each code has a heading in the README of the folder that uses it. `vctune explain CODE` takes its page from there. Tests
+fail if a code has no page, or if the example on a page does not produce the code.
 """
 
 from __future__ import annotations
@@ -111,12 +111,12 @@ Code = Literal[
     "warn-yields",
     "wrong-type",
 ]
-"""To add a code, write it here, use it in its message, and explain it in a README."""
+"""All codes. To add a code, write it here, use it in its message, and explain it in a README."""
 ENDING = re.compile(r" \[([a-z]+(?:-[a-z]+)*)\]$")
 
 
 def coded(text: str, code: Code) -> str:
-    """Return a line with its code at its end, from which `vctune explain` continues.
+    """Return a line with its code in brackets at the end, as an argument for `vctune explain`.
 
     Parameters
     ----------
@@ -131,8 +131,8 @@ def has_code(line: str | None, code: Code) -> bool:
 
     Parameters
     ----------
-    line : the text, if any
-    code : sought
+    line : the line; may be None
+    code : the code to look for
     """
     found = ENDING.search(line or "")
     return found is not None and found[1] == code
@@ -140,13 +140,13 @@ def has_code(line: str | None, code: Code) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """A note for the reader: a warning, a part that a search left out, a remark on a log.
+    """A note for the reader: a warning, a part that a search omitted, or a remark on a log.
 
     Attributes
     ----------
-    code : its code
-    text : the text
-    path : the key in a problem file that it is about; empty if it is about no single one
+    code : code of the note
+    text : text of the note
+    path : key of the problem file that the note is about; empty if it is not about a single key
     """
 
     code: Code

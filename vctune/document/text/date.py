@@ -1,4 +1,4 @@
-"""The current day: the only clock whose reading gets into a file."""
+"""The current day, which is the only clock reading that is written into a file."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ from datetime import UTC, datetime
 
 
 def today() -> str:
-    """Return the day in UTC, such as 2026-01-31; that of SOURCE_DATE_EPOCH if it is set, for reproducible builds."""
+    """Return the day in UTC, such as 2026-01-31.
+
+    If SOURCE_DATE_EPOCH is set, return its day, for reproducible builds.
+    """
     stated = os.environ.get("SOURCE_DATE_EPOCH", "")
     now = datetime.fromtimestamp(int(stated), UTC) if stated.isdigit() else datetime.now(UTC)
     return now.date().isoformat()

@@ -1,4 +1,4 @@
-"""Digests of the meaning of a document: the same for every spelling, different if a number differs."""
+"""Digests of the meaning of a document. They are equal for every spelling, and different if a number differs."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from vctune.model.problem import Problem
 def problem_digest(problem: Problem) -> str:
     """Return the digest of all that a design depends on: the problem without name, description and experiments."""
     stated = asdict(replace(problem, name="", description="", experiments=()))
-    # what an ideal device has not is not in it: a digest of before there was anything else still holds
+    # absent parts are not included, so that digests from before the parts existed remain valid
     absent = {key for key in (*PARTS, "unmodelled") if stated["device"][key] is None}
     stated["device"] = {key: value for key, value in stated["device"].items() if key not in absent}
     for part, key in (path.split(".") for path in OF_FIRMWARE):
         if (table := stated["device"].get(part)) is not None and table[key] is None:
             del table[key]
-    for end in stated["hands"].values():  # likewise a number of a hand that has a default
+    for end in stated["hands"].values():  # the same for the numbers of a hand that have a default
         for known in (each for each in fields(Hand) if end[each.name] == each.default):
             del end[known.name]
     if problem.device.kind is ADMITTANCE:
@@ -55,12 +55,12 @@ def experiments_digest(experiments: Sequence[Experiment]) -> str:
 
 
 def digest(value: Any) -> str:
-    """Return the SHA-256 of tables, lists, texts and numbers as JSON, its keys sorted, floats in shortest decimals."""
+    """Return the SHA-256 of tables, lists, texts and numbers as JSON with sorted keys and shortest exact decimals."""
     return sha256(json.dumps(_canonical(value), sort_keys=True, allow_nan=False).encode()).hexdigest()
 
 
 def _canonical(value: Any) -> Any:
-    """Return a value with floats as texts, for infinity is no JSON, and without the sign of 0."""
+    """Return a value with floats as texts, because JSON lacks infinity, and with 0 instead of -0."""
     if isinstance(value, dict):
         return {key: _canonical(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""Errors in the user's input, with text that tells the user how to correct them."""
+"""Errors in the user's input, with texts that tell the user how to correct them."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ class Mistake:
 
     Attributes
     ----------
-    code : its code; `vctune explain CODE` tells more
-    key : dotted key, "" for the document as a whole
-    message : the fault, with the value, and what to do
-    line : line number from 1, or None
+    code : code of the mistake; `vctune explain CODE` tells more
+    key : dotted key; "" for the document as a whole
+    message : the fault, with the value and what to do
+    line : line number from 1; None without a line
     """
 
     code: Code
@@ -27,15 +27,16 @@ class Mistake:
 
 
 def printable(text: str) -> str:
-    """Return a text whose characters that do not print are escaped.
+    """Return a text with all unprintable characters escaped.
 
-    It stays one line, cannot steer a terminal or turn its direction, and fits into any document.
+    The result stays on one line, cannot steer a terminal or change the direction of text, and fits into any document.
     """
     return "".join(char if is_plain(char) else _escaped(ord(char)) for char in text)
 
 
 def is_plain(char: str) -> bool:
-    """Whether a character prints as itself: no control, format, line separator, lone surrogate or noncharacter."""
+    """Return whether a character prints as itself: it is not a control, format, separator, surrogate or
+    noncharacter."""
     return unicodedata.category(char) not in ("Cc", "Cf", "Cs", "Zl", "Zp") and ord(char) & 0xFFFE != 0xFFFE
 
 
@@ -44,7 +45,7 @@ def _escaped(code: int) -> str:
 
 
 class InputError(ValueError):
-    """The user's input, a file, an option or a number, cannot be used; `mistakes` lists all of its faults."""
+    """The user's input (a file, an option or a number) cannot be used. `mistakes` lists all of its faults."""
 
     def __init__(self, source: str, mistakes: list[Mistake]) -> None:
         self.source = source
@@ -53,15 +54,15 @@ class InputError(ValueError):
 
     @classmethod
     def of(cls, source: str, code: Code, message: str, *, key: str = "", line: int | None = None) -> InputError:
-        """Return the error of a single mistake; the arguments are those of `Mistake`.
+        """Return the error with a single mistake. The arguments are those of `Mistake`.
 
         Parameters
         ----------
         source : path of the file, or another source of the fault
         code : code of the mistake
-        message : the fault, by how much, and what to do
+        message : the fault, its amount, and what to do
         key : dotted key; empty if no key is at fault
-        line : line of the file, from 1; None if it has none
+        line : line of the file, from 1; None without a line
         """
         return InputError(source, [Mistake(code, key, message, line)])
 

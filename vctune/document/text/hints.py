@@ -1,4 +1,4 @@
-"""The probable intention behind a number that does not parse, such as a decimal comma or a unit."""
+"""Guess the number that the user meant by a text that does not parse, such as 0,4 or "400 g"."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ PREFIXED = {"g": ("kg", 1e-3), "ms": ("s", 1e-3), "us": ("s", 1e-6), "µs": ("s"
     "g cm2": ("kg m2", 1e-7), "kg cm2": ("kg m2", 1e-4), "mNm": ("N m", 1e-3), "mN m": ("N m", 1e-3),
     "deg": ("rad", pi / 180), "rpm": ("rad/s", pi / 30),
 }  # fmt: skip
-"""Units that users write instead of those of the file, and their conversion."""
+"""Units that users write instead of the file's units, with the conversion."""
 CALLED = {
     "inertia": "mass",
     "moment_of_inertia": "mass",
     "handle_inertia": "handle_mass",
 }
-"""Keys by what a rotary device's numbers are called; a key of a torque is that of a force."""
+"""Other names that users give to keys, in particular those of rotary devices. A torque's key is that of a force."""
 WITH_COMMA = re.compile(r"([-+]?\d+),(\d+)")
 WITH_UNIT = re.compile(r"([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?) *([A-Za-zµ][\w /^²·*]*)")
 ASSIGNED = re.compile(r"=\s*([^#]*?)\s*(?:#.*)?$")
 
 
 def number_meant(text: str) -> str:
-    """Return the hint at the number that a text probably means, with a decimal comma or a unit; "" if there is none.
+    """Return a hint on the number that a text probably means, with a decimal comma or a unit; "" without a guess.
 
     Parameters
     ----------
-    text : the written text
+    text : text as the user wrote it
     """
     comma = WITH_COMMA.fullmatch(text)
     if comma:
@@ -42,7 +42,7 @@ def number_meant(text: str) -> str:
 
 
 def hint_on_line(line: str) -> str:
-    """Return the hint at the number that a line of TOML, which does not parse, probably means; "" if there is none.
+    """Return a hint on the number that an unparsable line of TOML probably means; "" without a guess.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def hint_on_line(line: str) -> str:
 
 
 def commas_meant(values: list[object]) -> str:
-    """Return the hint at the pair of numbers with decimal commas that a list probably means; "" if there is none.
+    """Return a hint on the pair of numbers that a list split by decimal commas probably means; "" without a guess.
 
     Parameters
     ----------

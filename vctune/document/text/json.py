@@ -1,4 +1,4 @@
-"""Strict reading of JSON files: finite numbers, a plausible size, and the records that they state."""
+"""Read JSON files strictly: numbers must be finite, and the size must be plausible."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ def read_json(path: Path, kind: str, max_bytes: int) -> Any:
 
     Parameters
     ----------
-    path : the file
-    kind : expected kind, for the message about a file that is too long
-    max_bytes : the most that such a file can have
+    path : path of the file
+    kind : expected kind of file, for the message about a file that is too long
+    max_bytes : greatest size of such a file
 
     Raises
     ------
     InputError
-        If it cannot be read, is too long, or is not strict JSON.
+        If the file cannot be read, is too long, or is not strict JSON.
     """
     try:
         with path.open("rb") as file:
@@ -51,16 +51,16 @@ def as_record(value: Any, part: type[Record], source: str, *, kind: str, remedy:
 
     Parameters
     ----------
-    value : the object
+    value : object of the file
     part : class of the record
-    source : its name in messages
-    kind : the expected object, for the message
-    remedy : remedy for one that is damaged
+    source : name of the file in messages
+    kind : expected kind of object, for the message
+    remedy : remedy for a damaged object, for the message
 
     Raises
     ------
     InputError
-        If it is another object, or listing the parts that are missing or wrong.
+        If it is another kind of object, or if parts are missing or wrong; the error lists them.
     """
     if not isinstance(value, dict) or value.get("schema") != part.SCHEMA:
         raise InputError.of(source, "other-document", f"is not {part.SCHEMA}; name {kind}", key="schema")

@@ -1,4 +1,4 @@
-"""The files of one run: written beside their places, then moved in an order that never mixes two runs."""
+"""Write the files of one run together: first next to their places, then moved in an order that never mixes two runs."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from vctune.interrupt import interrupt_deferred
 Content = str | bytes | memoryview
 MAX_NAME_BYTES = 100
 RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d) *(\.|$)", re.IGNORECASE)
-"""Names of devices on Windows, which no file or folder can have there."""
+"""Names of devices on Windows, which a file or folder cannot have."""
 
 
 def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = (), aside: Iterable[Path] = ()) -> None:
-    """Replace the files of an earlier run by those of one run; SIGINT and SIGTERM wait meanwhile.
+    """Replace the files of an earlier run by those of a new run. SIGINT and SIGTERM wait until this is done.
 
-    When all the new files are complete, the older ones go, the last first; then those to keep are renamed; then the
-    first is replaced; then the others come in their order. So the files are always those of one run, even if the
-    process is killed. The first must be useful alone, and the last should be the one that shows the others.
+    When all new files are complete, the function deletes the stale files, the last first. It then renames the files to
+    set aside, replaces the first file, and then the others in order. So the files always belong to one run, even if the
+    process is killed. The first file must be useful alone. The last file should be the one that displays the others.
 
     Parameters
     ----------
-    files : contents by place
-    stale : files of an earlier run that the new one has not; they go first
-    aside : files and folders that are not up to date any more but may be wanted, renamed from NAME.SUFFIX to
-        NAME.previous.SUFFIX, also where a new one takes their place
+    files : contents by path
+    stale : files of an earlier run that the new run does not write; they are deleted first
+    aside : outdated files and folders that may still be wanted; they are renamed from NAME.SUFFIX to
+        NAME.previous.SUFFIX, also if a new file takes their place
 
     Raises
     ------
     InputError
-        If a place cannot be written; the older files are then untouched.
+        If a file cannot be written; the files of the earlier run are then untouched.
     """
     first, *others = files
     renamed = {path: previous(path) for path in aside if path.exists()}
@@ -67,7 +67,7 @@ def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = (), as
 
 
 def previous(path: Path) -> Path:
-    """Return where `write_together` sets a file aside."""
+    """Return the path to which `write_together` renames a file that it sets aside."""
     return path.with_suffix(f".previous{path.suffix}")
 
 
@@ -77,7 +77,7 @@ def make_folder(path: Path) -> None:
     Raises
     ------
     InputError
-        If it cannot.
+        If the folder cannot be created or written.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -91,9 +91,9 @@ def make_folder(path: Path) -> None:
 
 
 def folder_name(name: str) -> str:
-    """Return a design's name as a valid name of a folder on any system.
+    """Return a design's name as a folder name that is valid on any system.
 
-    Without separators, characters that do not print, leading dots or names of devices.
+    It has no separators, no unprintable characters, no leading dots, and is not the name of a device.
     """
     plain = "".join(char if is_plain(char) and char not in '/\\:*?"<>|' else "_" for char in name)
     short = plain.encode()[:MAX_NAME_BYTES].decode(errors="ignore").strip().lstrip(".").rstrip(". ")

@@ -1,4 +1,4 @@
-"""Numbers of a document whose other parts may be invalid."""
+"""Access to numbers of a document whose other parts may be invalid."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 
 def number_at(raw: dict[str, Any], *path: str | int) -> float | None:
-    """Return the number at a path, or None if there is no finite one."""
+    """Return the number at a path; None if there is no finite number."""
     node: Any = raw
     for step in path:
         try:
@@ -20,14 +20,14 @@ def number_at(raw: dict[str, Any], *path: str | int) -> float | None:
 
 
 def placed(document: dict[str, Any], numbers: Iterable[tuple[tuple[str | int, ...], float]]) -> dict[str, Any]:
-    """Return a copy of a document with numbers set at their paths; tables and pairs that are not there are made.
+    """Return a copy of a document with numbers set at their paths. Missing tables and pairs are created.
 
     An invalid value is replaced by the given number.
 
     Parameters
     ----------
     document : tables
-    numbers : each with its path of keys and places in lists
+    numbers : pairs of a path (keys and list indices) and a number
     """
     copy = deepcopy(document)
     for path, number in numbers:

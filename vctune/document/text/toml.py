@@ -1,4 +1,4 @@
-"""TOML with line numbers: tomllib parses; parsing beginnings of the text finds the line of a key."""
+"""TOML with line numbers. tomllib parses the text; parsing its beginnings finds the line of a key."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vctune.document.text.hints import hint_on_line
 
 MAX_BYTES = 100_000
 STDIN = Path("-")
-"""The name of standard input in place of a file."""
+"""Path that stands for standard input instead of a file."""
 
 KeyPath = Sequence[str | int]
 
@@ -26,7 +26,7 @@ def read_text(path: Path) -> str:
     Raises
     ------
     InputError
-        If it is missing, a directory, unreadable, longer than `MAX_BYTES` or not UTF-8.
+        If the file is missing, a directory, unreadable, longer than `MAX_BYTES`, or not UTF-8.
     """
     source = str(called(path))
     if path == STDIN and (sys.stdin is None or sys.stdin.buffer.closed):
@@ -53,12 +53,12 @@ def read_text(path: Path) -> str:
 
 
 def called(path: Path) -> Path:
-    """Return the name of a file in messages: its path, or "stdin"."""
+    """Return the name of a file for messages: its path, or "stdin"."""
     return Path("stdin") if path == STDIN else path
 
 
 def _is_json(text: str) -> bool:
-    """Whether a text that is no TOML begins as a JSON object."""
+    """Return whether a text that is not TOML begins like a JSON object."""
     return text.lstrip().startswith("{")
 
 
@@ -68,7 +68,7 @@ def parse(text: str, source: str) -> dict[str, Any]:
     Parameters
     ----------
     text : text of a file
-    source : its name in messages
+    source : name of the file in messages
 
     Returns
     -------
@@ -78,7 +78,7 @@ def parse(text: str, source: str) -> dict[str, Any]:
     Raises
     ------
     InputError
-        With the line of the first syntax error.
+        If the text is not TOML; the error has the line of the first syntax error.
     """
     try:
         return tomllib.loads(text)
@@ -98,9 +98,9 @@ def parse(text: str, source: str) -> dict[str, Any]:
 class Lines:
     """The lines of the keys in a TOML text.
 
-    tomllib gives no positions, but parses beginnings of the text: the last line of the longest parsable beginning
-    that lacks a key is the line before it. Whether a beginning has a key grows with its length, so a bisection finds
-    the place in a few parses, which are remembered for the next key.
+    tomllib gives no positions, but it can parse beginnings of the text. The key stands on the line after the longest
+    parsable beginning that lacks it. Whether a beginning has the key grows with its length, so a bisection finds the
+    line in a few parses, which are remembered for the next key.
     """
 
     def __init__(self, text: str) -> None:
@@ -108,7 +108,7 @@ class Lines:
         self._parsed: dict[int, dict[str, Any] | None] = {}
 
     def locate(self, path: KeyPath) -> int | None:
-        """Return the line on which the key at `path` starts, or None if the text does not have it."""
+        """Return the line on which the key at `path` starts; None if the text does not have the key."""
         without, having = 0, len(self._lines)
         if not self._has(having, path):
             return None

@@ -1,4 +1,4 @@
-"""Writing a document as TOML text, which `vctune.document.text.toml` reads."""
+"""Write a document as TOML text, which `vctune.document.text.toml` reads."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ def toml_text(document: Mapping[str, Any]) -> str:
 
     Parameters
     ----------
-    document : texts, booleans, numbers (in their shortest exact decimals), lists and tables of such
+    document : texts, booleans, numbers (written in their shortest exact decimals), and lists and tables of these
 
     Returns
     -------
     str
-        Each table under its own heading, tables within tables inline.
+        Each table has its own heading; nested tables are inline.
     """
     plain = {key: value for key, value in document.items() if not _headed(value)}
     blocks = ["\n".join(_entries(plain))] if plain else []
@@ -31,12 +31,12 @@ def toml_text(document: Mapping[str, Any]) -> str:
 
 
 def quoted(text: str) -> str:
-    """Return a TOML basic string; JSON's escapes are TOML's, except that TOML also escapes DEL."""
+    """Return a TOML basic string. JSON's escapes are valid in TOML, except that TOML also escapes DEL."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _headed(value: Any) -> bool:
-    """Whether a value is a table, or a list of tables, which TOML writes under headings."""
+    """Return whether TOML writes a value under headings, because it is a table or a list of tables."""
     tables = isinstance(value, list | tuple) and len(value) > 0 and all(isinstance(item, Mapping) for item in value)
     return isinstance(value, Mapping) or tables
 

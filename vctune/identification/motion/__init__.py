@@ -1,1 +1,1 @@
-"""A recording of any motion, fitted in time."""
+"""Fit a recording of any motion in the time domain."""

@@ -10,13 +10,14 @@ import numpy as np
 from vctune.document.recording import Floats
 
 TOGETHER = 0.95
-"""Probability that all the intervals of a box hold at once."""
+"""Probability that all intervals of a box hold together."""
 BLOCK = 1 << 16
-"""Rows that are summed at once."""
+"""Number of rows that are summed together."""
 
 
 class Scores(Protocol):
-    """Residual times sensitivity, shape (n, p), one row per sample or line: an array, or a function that makes rows."""
+    """Residual times sensitivity, shape (n, p), with one row per sample or line: an array, or an object that makes
+    rows."""
 
     @property
     def shape(self) -> tuple[int, ...]: ...
@@ -28,8 +29,8 @@ def robust_covariance(scores: Scores, information: Floats, reach: int) -> Floats
 
     Parameters
     ----------
-    scores : shape (n, p)
-    information : shape (p, p), of the sensitivities
+    scores : residual times sensitivity, shape (n, p)
+    information : information matrix of the sensitivities, shape (p, p)
     reach : number of rows over which residuals are correlated
 
     Returns
@@ -40,7 +41,7 @@ def robust_covariance(scores: Scores, information: Floats, reach: int) -> Floats
     n, p = scores.shape
     window = min(reach, n - 1) + 1
     middle = np.zeros((p, p))
-    # Bartlett's weights are those of the products of all sums over a window, the windows over the ends too.
+    # Bartlett's weights result from the products of all sums over a window, including windows beyond the ends
     for first in range(0, n + window - 1, BLOCK):
         ends = np.arange(first, min(first + BLOCK, n + window - 1)) + 1
         low, high = max(first + 1 - window, 0), min(int(ends[-1]), n)
@@ -53,14 +54,14 @@ def robust_covariance(scores: Scores, information: Floats, reach: int) -> Floats
 
 
 def least_squares(sensitivity: Floats, measured: Floats) -> Floats:
-    """Return the least-squares solution, as NumPy does but without a copy of a long table.
+    """Return the least-squares solution, as NumPy does, but without copying a long table.
 
-    Block after block of rows is reduced to the triangle of its QR factors, which has the same least squares.
+    The function reduces block after block of rows to the triangle of its QR factors, which has the same least squares.
 
     Parameters
     ----------
-    sensitivity : shape (n, p)
-    measured : shape (n,)
+    sensitivity : sensitivities, shape (n, p)
+    measured : measured values, shape (n,)
     """
     count = sensitivity.shape[1]
     triangle = np.zeros((0, count + 1))
@@ -72,8 +73,7 @@ def least_squares(sensitivity: Floats, measured: Floats) -> Floats:
 
 
 def joint_factor(count: int) -> float:
-    """Return the number of standard deviations that covers `count` numbers at once with probability `TOGETHER`; at
-    least 2.
+    """Return how many standard deviations cover `count` numbers together with probability `TOGETHER`; at least 2.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The lag and delay from command to measured force (README, section 3)."""
+"""Fit the lag and the delay from command to measured force (README, section 3)."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ PI2 = 2 * np.pi
 
 @dataclass(frozen=True, slots=True)
 class DriveFit:
-    """A first-order lag and a delay between two sampled columns; the hold's half sample is in them.
+    """A first-order lag and a delay between two sampled columns. They include half a sample for the hold.
 
     Attributes
     ----------
-    lag, delay : s
-    lag_sigma, delay_sigma : s
-    residual : root mean square, relative
+    lag, delay : lag and delay, s
+    lag_sigma, delay_sigma : their standard deviations, s
+    residual : relative root mean square of the residual
     """
 
     lag: float
@@ -38,7 +38,7 @@ def fit_drive(lines: Lines, sample_time: float) -> DriveFit:
     Parameters
     ----------
     lines : measured response from command to force
-    sample_time : s
+    sample_time : T, s
 
     Returns
     -------

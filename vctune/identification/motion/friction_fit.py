@@ -1,4 +1,4 @@
-"""Friction for the simulation: Coulomb's, and Stribeck's curve if the data show one (README, section 2)."""
+"""Fit friction for the simulation: Coulomb's, and Stribeck's curve if the data show it (README, section 2)."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from vctune.identification.motion.signals import Signals
 from vctune.identification.motion.spectral_filters import filtered, smooth, spectrum, stride
 
 CLEAR = 4.0
-"""Required significance of the rise at low speed, in standard deviations: its velocity is chosen after the data were
-seen."""
+"""Required significance of the rise at low speed, in standard deviations. It is high because the velocity of the rise
+is chosen after looking at the data."""
 TRIED = 24
-"""Velocities of the curve that are tried, from a hundredth of the peak speed to a half."""
+"""Number of velocities tried for the curve, from a hundredth to a half of the peak speed."""
 WITHIN = 12
-"""Greatest rise, in units of Coulomb's friction, of Stribeck's curve."""
+"""Greatest rise of Stribeck's curve, in units of Coulomb's friction."""
 
 
 @dataclass(frozen=True, slots=True)
 class FrictionFound:
-    """Friction as the simulation has it.
+    """Friction in the form of the simulation.
 
     Attributes
     ----------
     coulomb : friction at high speed, N
-    stiction, stribeck_velocity : at vanishing speed, N, and where one becomes the other, m/s; None if the data do not
-        show it
+    stiction, stribeck_velocity : friction at vanishing speed, N, and speed of the transition, m/s; None if the data do
+        not show them
     """
 
     coulomb: float
@@ -45,8 +45,8 @@ def friction_of(signals: Signals, fit: MotionFit, known: dict[str, float]) -> Fr
     Parameters
     ----------
     signals : signals of the recording
-    fit : fit of its motion, the same both ways
-    known : delays that need not be found
+    fit : fit of its motion, symmetric in both directions
+    known : delays that a fit need not find
     """
     coulomb = fit.value("coulomb")
     if coulomb <= 2 * fit.sigma("coulomb"):
@@ -76,7 +76,7 @@ def _speeds(v: Floats) -> Sequence[float]:
 
 
 def _risen(signals: Signals, fit: MotionFit, samples: FittedSamples, speed: float) -> tuple[Floats, _Risen]:
-    """Return the sensitivity and the fit with a rise of the friction towards low speed too."""
+    """Return the sensitivity, and the fit with an additional rise of the friction towards low speed."""
     T, cutoff, v = signals.sample_time, fit.cutoff_hz, signals.velocity
     column = spectrum(np.sign(v) * np.exp(-((v / speed) ** 2)), T)
     rise = filtered(column, lambda w: smooth(w, cutoff), stride(cutoff, T))[samples.rows]

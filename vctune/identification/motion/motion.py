@@ -1,9 +1,9 @@
-"""Regression of any motion: the force that mass, viscous and Coulomb friction leave unexplained (README, section 2).
+"""Regress any motion: the force that mass, viscous and Coulomb friction explain (README, section 2).
 
     F(t - delay) + f_h(t + sensor) = m a + b_+ v_+ + b_- v_- + c_+ [v > 0] - c_- [v < 0]
 
-linear in all but the delays, which are found by Gauss and Newton. Both sides go through the same low-pass, the signs of
-the velocity too.
+is linear in all numbers except the delays, which the method of Gauss and Newton finds. Both sides pass the same
+low-pass, and so do the signs of the velocity.
 """
 
 from __future__ import annotations
@@ -23,29 +23,31 @@ from vctune.identification.motion.spectral_filters import Complex, edge, filtere
 DIRECTIONAL = ("mass", "damping_forwards", "damping_backwards", "coulomb_forwards", "coulomb_backwards")
 SYMMETRIC = ("mass", "damping", "coulomb", "offset")
 MEMORY = 1.0
-"""How long residuals are correlated, s: half and twice change the intervals of the test data by less than a fifth."""
+"""Time over which residuals are correlated, s. Half and twice this time change the intervals of the test data by less
+than a fifth."""
 SLOW = 0.05
-"""Share of the peak speed below which friction is not Coulomb's and the sign of the velocity is in doubt."""
+"""Share of the peak speed below which friction does not follow Coulomb's law and the sign of the velocity is
+unclear."""
 LEAST_KEPT = 0.3
-"""Least share of the samples away from turns; with less, turns are kept."""
+"""Least share of the samples away from turning points. If fewer are left, the samples at turning points are kept."""
 STEPS = 60
 STRIDE = 4.0
-"""Most that a delay changes at once, sample times."""
+"""Greatest change of a delay in one step, in sample times."""
 Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
 class MotionFit:
-    """A regression.
+    """The result of a regression.
 
     Attributes
     ----------
-    names : names of the numbers, in the order of `values`; the delays last
-    values : shape (p,), SI units
-    covariance : shape (p, p), of correlated residuals
-    cutoff_hz : of the low-pass on both sides
-    samples : number of used samples, and number of the log's samples
-    residual, force : root mean squares, N
+    names : names of the numbers in the order of `values`, with the delays last
+    values : estimates, SI units, shape (p,)
+    covariance : covariance for correlated residuals, shape (p, p)
+    cutoff_hz : cut-off of the low-pass on both sides, Hz
+    samples : number of samples used, and number of samples in the log
+    residual, force : root mean square of residual and of force, N
     """
 
     names: tuple[str, ...]
@@ -61,20 +63,20 @@ class MotionFit:
         return float(self.values[self.names.index(name)])
 
     def sigma(self, name: str) -> float:
-        """Return its standard deviation."""
+        """Return the standard deviation of a number by its name."""
         at = self.names.index(name)
         return sqrt(max(float(self.covariance[at, at]), 0.0))
 
 
 @dataclass(frozen=True, slots=True)
 class FittedSamples:
-    """The data of a regression and its result, with as many samples as the cut-off requires.
+    """The data of a regression and its result, at as many samples as the cut-off requires.
 
     Attributes
     ----------
-    rows : their places among every `stride` sample of the log
-    step : step from one of these to the next, s
-    measured, fitted : N
+    rows : indices of the samples among every `stride`-th sample of the log
+    step : time between two of these, s
+    measured, fitted : measured and fitted force, N
     sensitivity : sensitivity of the fitted force to each number, shape (samples, p)
     """
 
@@ -86,7 +88,7 @@ class FittedSamples:
 
     @property
     def time(self) -> Floats:
-        """When they were taken, s."""
+        """The times of the samples, s."""
         return np.asarray(self.rows * self.step, dtype=np.float64)
 
     @property
@@ -103,17 +105,17 @@ def motion_fit(
     Parameters
     ----------
     signals : position, force and time of a recording, prepared for the regression
-    cutoff_hz : of the low-pass on both sides, at most `HIGHEST` of the sampling rate
+    cutoff_hz : cut-off of the low-pass on both sides, Hz, at most `HIGHEST` of the sampling rate
     names : `DIRECTIONAL` or `SYMMETRIC`
-    known : delays that are given and not fitted, by "delay" and "sensor_delay", s
+    known : delays that are given instead of fitted, by "delay" and "sensor_delay", s
     slow : share of the peak speed below which samples are not used
 
     Returns
     -------
     MotionFit
-        Of the numbers in `names` and the delays that are not known.
+        The estimates of the numbers in `names` and of the delays that are not known.
     FittedSamples
-        The samples of the fit.
+        The samples used in the fit.
     """
     delays = _delays(signals, known)
     free = [name for name in delays if name not in known]
@@ -159,7 +161,7 @@ def _delays(signals: Signals, known: Mapping[str, float]) -> dict[str, float]:
 def _covariance(
     sensitivity: Floats, residual: Floats, information: Floats, kept: Flags, cutoff_hz: float, step: float
 ) -> Floats:
-    """Return the covariance, with residuals in their place in time: dropped samples are 0."""
+    """Return the covariance with residuals at their places in time; dropped samples count as 0."""
     reach = int(min(max(MEMORY, 3 / cutoff_hz) / step, 0.1 * kept.size))
     scores = PlacedScores(sensitivity, residual, np.flatnonzero(kept), kept.size)
     return robust_covariance(scores, information, reach)
@@ -167,12 +169,12 @@ def _covariance(
 
 @dataclass(frozen=True, slots=True)
 class PlacedScores:
-    """Residual times sensitivity at every sample in time, made in pieces for the sum.
+    """Residual times sensitivity at every sample in time, made in pieces for summation.
 
     Attributes
     ----------
-    sensitivity, residual : at the used samples
-    places : their indices, rising
+    sensitivity, residual : values at the used samples
+    places : indices of the used samples, in ascending order
     count : number of all samples
     """
 
@@ -202,7 +204,7 @@ def _pushed(
     kept: Flags,
     slopes: Floats,
 ) -> Floats:
-    """Return the force at the used samples; `slopes` is filled with those of the fitted force by free delays."""
+    """Return the force at the used samples, and fill `slopes` with its derivatives with respect to free delays."""
     every = stride(cutoff_hz, signals.sample_time)
     force = np.zeros(len(slopes))
     for name, column, sign in (("delay", "command", -1j), ("sensor_delay", "hand", 1j)):
@@ -223,7 +225,7 @@ def _pushed(
 
 
 def _kept(signals: Signals, cutoff_hz: float, least: float) -> Flags:
-    """Return the used samples: neither at an end nor at a turn."""
+    """Return flags of the used samples: those away from ends and turning points."""
     T, v = signals.sample_time, signals.velocity
     kept = np.ones(v.size, dtype=bool)
     margin = edge(cutoff_hz, 4 * T, T)
@@ -237,18 +239,18 @@ def _kept(signals: Signals, cutoff_hz: float, least: float) -> Flags:
 
 
 def _regressors(signals: Signals, cutoff_hz: float, names: Sequence[str], every: int) -> Iterator[Floats]:
-    """Return a column for each name."""
+    """Yield the column of each name."""
     a = acceleration(signals.spectra["position"], cutoff_hz, every)
     return regressors_of(a, lambda way: filtered(signals.spectra[way], lambda w: smooth(w, cutoff_hz), every), names)
 
 
 def regressors_of(a: Floats, behind: Callable[[str], Floats], names: Sequence[str]) -> Iterator[Floats]:
-    """Return the factor of each number, one after the other.
+    """Yield the factor of each number, one after the other.
 
     Parameters
     ----------
     a : acceleration behind the low-pass, m/s2
-    behind : gives a column of `WAYS` behind the low-pass
+    behind : function that returns a column of `WAYS` behind the low-pass
     names : `DIRECTIONAL` or `SYMMETRIC`
     """
     made: dict[str, Callable[[], Floats]] = {

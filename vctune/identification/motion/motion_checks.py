@@ -1,4 +1,5 @@
-"""Other estimates of the same numbers: blocks of the log, an instrument, the classical recipe (README, section 2)."""
+"""Estimate the same numbers in other ways: blocks of the log, an instrument, the classical recipe (README, section
+2)."""
 
 from __future__ import annotations
 
@@ -15,20 +16,20 @@ from vctune.identification.motion.signals import Signals, acceleration, speed, w
 from vctune.identification.motion.spectral_filters import filtered, smooth, spectrum, stride
 
 BLOCKS = 400
-"""Resamplings; half and twice as many change a deviation by a twentieth."""
+"""Number of resamplings. Half and twice as many change a deviation by a twentieth."""
 SEED = 1
 
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """A number by another way.
+    """A number, estimated in another way.
 
     Attributes
     ----------
     code : code of the method
-    name : name of the number and of the way
-    value : SI units
-    sigma : standard deviation of this estimate; None if it has none of its own
+    name : name of the number and of the method
+    value : estimate, SI units
+    sigma : standard deviation of this estimate; None if the method gives none
     """
 
     code: Code
@@ -38,7 +39,8 @@ class Check:
 
 
 def bootstrap(fit: MotionFit, samples: FittedSamples) -> Check | None:
-    """Return the mass from blocks of the log drawn at random, and its deviation; None for a log that has no two blocks.
+    """Return the mass and its deviation from randomly drawn blocks of the log; None if the log has fewer than two
+    blocks.
 
     Parameters
     ----------
@@ -62,13 +64,12 @@ def bootstrap(fit: MotionFit, samples: FittedSamples) -> Check | None:
 
 
 def instrumental(signals: Signals, fit: MotionFit, samples: FittedSamples) -> Check | None:
-    """Return the mass with the reference's motion as an instrument, which is free of the loop's noise; None without
-    one.
+    """Return the mass with the reference's motion as instrument, which is free of the loop's noise; None without one.
 
     Parameters
     ----------
     signals : signals of the recording
-    fit : fit of its motion, each way
+    fit : directional fit of its motion
     samples : data of the fit
     """
     if signals.reference is None:
@@ -88,12 +89,12 @@ def instrumental(signals: Signals, fit: MotionFit, samples: FittedSamples) -> Ch
 
 @dataclass(frozen=True, slots=True)
 class Classical:
-    """The inverse model by ordinary least squares, with the deviations that it believes in.
+    """The inverse model by ordinary least squares, with the deviations that this method claims.
 
     Attributes
     ----------
     checks : mass, damping, Coulomb friction and offset
-    residual_share : norm of the residual over that of the force
+    residual_share : norm of the residual divided by that of the force
     """
 
     checks: tuple[Check, ...]
@@ -101,12 +102,12 @@ class Classical:
 
 
 def classical(recording: Recording, sample_time: float, recipe: ClassicalTable) -> Classical | None:
-    """Return the classical inverse model: filtered both ways, central differences, decimated, white residuals.
+    """Return the classical inverse model: filtered in both directions, central differences, decimated, white residuals.
 
     Parameters
     ----------
-    recording : recording with a force on the motor; None is returned without
-    sample_time : s
+    recording : recording; the function returns None if it has no force on the motor
+    sample_time : T, s
     recipe : filter and decimation
     """
     from scipy.signal import butter, decimate, filtfilt
@@ -138,4 +139,4 @@ def classical(recording: Recording, sample_time: float, recipe: ClassicalTable) 
 
 
 EDGE = 5
-"""Decimated samples at each end that the filters spoil."""
+"""Number of decimated samples at each end that the filters distort."""

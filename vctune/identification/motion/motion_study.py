@@ -1,5 +1,6 @@
-"""A recording of any motion: fits at several cut-offs, in each direction and both, and their results (README, section
-2).
+"""Study a recording of any motion: fits at several cut-offs, for each direction and for both, and their results.
+
+See README, section 2.
 """
 
 from __future__ import annotations
@@ -25,14 +26,14 @@ from vctune.identification.motion.spectral_filters import HIGHEST, smooth, spect
 from vctune.model.parts import Actuator
 
 UNEXPLAINED = 0.6
-"""Greatest relative residual of the force at which a log is one of a mass with friction."""
+"""Greatest relative residual of the force at which a log counts as that of a mass with friction."""
 SUSPICIOUS = 0.05
-"""Residual, of the force, from which on it is tried whether the two columns are swapped."""
+"""Relative residual of the force above which the study tests whether two columns are swapped."""
 CLEAR = 2.0
-"""Difference between the directions, in standard deviations, from which on they are two."""
+"""Difference between the directions, in standard deviations, above which they get separate numbers."""
 FRICTION = Note("limit-friction", "friction is not quite Coulomb's")
 MASSES = {False: (1e-4, 5e3), True: (1e-8, 5e3)}
-"""Range of masses of a haptic device, kg and, if it is rotary, kg m2."""
+"""Range of masses of a haptic device, kg, or kg m2 if it is rotary."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,17 +42,17 @@ class MotionStudy:
 
     Attributes
     ----------
-    directional, symmetric : fits with friction each way, and the same both ways
+    directional, symmetric : fits with separate friction for each direction, and with the same friction for both
     samples : samples of the directional fit
     others : directional fits at other cut-offs
-    force_noise : standard deviation of a sample of the sensed force, N; None without one
-    checks : other ways to the mass
-    classical : the classical inverse model, if requested
+    force_noise : standard deviation of a sample of the sensed force, N; None without that column
+    checks : estimates of the mass in other ways
+    classical : the classical inverse model; None if not requested
     friction : friction for the simulation; None if there is none
-    speed : root mean square of the speed, m/s
+    speed : root mean square speed, m/s
     position_noise : standard deviation of a position sample, m
-    chi2 : power of the residual over that of the encoder's noise in it
-    sharp_chi2 : the same at the highest cut-off, and its degrees of freedom: where two models differ most
+    chi2 : power of the residual divided by that of the encoder's noise in it
+    sharp_chi2 : chi2 at the highest cut-off, where two models differ the most, and its degrees of freedom
     """
 
     directional: MotionFit
@@ -68,7 +69,7 @@ class MotionStudy:
     sharp_chi2: tuple[float, float]
 
     def encoder_noise(self, hertz: Floats, sample_time: float) -> Floats:
-        """Return the root mean square of the encoder's noise in the force, of each bin of a spectrum, N.
+        """Return the root mean square of the encoder's noise in the force, for each bin of a spectrum, N.
 
         Parameters
         ----------
@@ -80,7 +81,7 @@ class MotionStudy:
         return share * self.position_noise / np.sqrt(0.5 / sample_time / (hertz[1] - hertz[0]))
 
     def estimates(self, source: str) -> list[Estimate]:
-        """Return its estimates of the numbers of a problem file."""
+        """Return the estimates of the numbers in a problem file."""
         fit, text = self.directional, f"{source}: motion"
         found = [Estimate("mass", fit.value("mass"), fit.sigma("mass"), text, self._excess("mass"))]
         found += self._dampings(text)
@@ -90,7 +91,7 @@ class MotionStudy:
         return found
 
     def _excess(self, name: str) -> tuple[float, float]:
-        """Return the difference of the other cut-offs beyond their own spread, below and above."""
+        """Return how far the other cut-offs differ beyond their own spread, below and above."""
         own, below, above = self.directional.value(name), 0.0, 0.0
         for fit in self.others:
             beyond = abs(fit.value(name) - own) - 2 * fit.sigma(name) - 2 * self.directional.sigma(name)
@@ -99,7 +100,7 @@ class MotionStudy:
         return float(below), float(above)
 
     def _dampings(self, text: str) -> list[Estimate]:
-        """Return the damping, or one each way if the directions differ."""
+        """Return the estimate of the damping, or one for each direction if they differ."""
         fit = self.directional
         ways = [fit.names.index(f"damping_{way}") for way in ("forwards", "backwards")]
         difference = fit.values[ways[0]] - fit.values[ways[1]]
@@ -123,10 +124,10 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
 
     Parameters
     ----------
-    recording : checked
-    sample_time : s
-    actuator : actuator between command and motor, if it is known
-    known : delays that need not be found
+    recording : a checked recording
+    sample_time : T, s
+    actuator : actuator between command and motor; None if it is not known
+    known : log.toml, which may state delays
 
     Returns
     -------
@@ -136,7 +137,7 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
     Raises
     ------
     InputError
-        If no mass and friction explain the force.
+        If no mass with friction explains the force.
     """
     signals = signals_of(recording, sample_time, actuator)
     delays = known_delays(known)
@@ -146,7 +147,7 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
         raise InputError.of(recording.source, "log-unexplained", message, key=recording.channels["position"].header)
     fits = {cutoff: motion_fit(signals, cutoff, DIRECTIONAL, delays)[0] for cutoff in usable}
     best = min(fits, key=lambda cutoff: fits[cutoff].sigma("mass"))
-    samples = motion_fit(signals, best, DIRECTIONAL, delays)[1]  # again: those of all fits at once are too many
+    samples = motion_fit(signals, best, DIRECTIONAL, delays)[1]  # again, since keeping all takes memory
     _check_explained(recording, signals, fits[best], delays)
     hand, recipe = recording.values("hand"), known.document.classical
     symmetric = motion_fit(signals, best, SYMMETRIC, delays)[0]
@@ -200,7 +201,7 @@ def _check_explained(recording: Recording, signals: Signals, fit: MotionFit, del
 
 
 def _swapped(signals: Signals, delays: Mapping[str, float]) -> float | None:
-    """Return the share of the residual with force and position in each other's place."""
+    """Return the relative residual with force and position swapped."""
     if signals.command is None:
         return None
     T, position = signals.sample_time, signals.command
@@ -214,7 +215,7 @@ def _swapped(signals: Signals, delays: Mapping[str, float]) -> float | None:
 
 
 def force_noise(hand: Floats) -> float:
-    """Return the standard deviation of a force sample, from its third difference, which no hand's motion contributes
-    to."""
+    """Return the standard deviation of a force sample from its third difference, to which no hand's motion
+    contributes."""
     third = np.diff(hand, 3)
     return float(1.4826 * np.median(np.abs(third)) / sqrt(20))

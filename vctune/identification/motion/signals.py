@@ -1,4 +1,4 @@
-"""A recording as input of a regression: columns, derivatives, and the encoder's noise in them."""
+"""Prepare a recording for a regression: columns, derivatives, and the encoder's noise in them."""
 
 from __future__ import annotations
 
@@ -24,29 +24,28 @@ from vctune.model.device import Device
 from vctune.model.parts import Actuator
 
 WAYS = ("forwards", "backwards", "ahead", "back", "always")
-"""The regressors of friction."""
+"""Names of the regressors of friction."""
 
 ATTENUATION = 1e-4
-"""Greatest share of the acceleration's power that may be the encoder's noise: it takes as much from the mass."""
+"""Greatest share of the acceleration's power that may be encoder noise, which reduces the mass by the same share."""
 
 
 @dataclass(frozen=True, slots=True)
 class Signals:
-    """A recording as the regression sees it.
+    """A recording, prepared for the regression.
 
     Attributes
     ----------
-    position : shape (n,), m
-    command : the force on the motor, as commanded or as measured, N; None if no such column moves
-    hand : the sensed force of the hand, N; None without
-    reference : commanded position, m; None without
-    sample_time : s
-    is_command : whether the force is a command, held between samples
-    actuator : actuator behind a held command, if it is known
+    position : position, m, shape (n,)
+    command : force on the motor, commanded or measured, N; None if no such column moves
+    hand : sensed force of the hand, N; None without that column
+    reference : commanded position, m; None without that column
+    sample_time : T, s
+    is_command : whether the force is a command, which is held between samples
+    actuator : actuator after a held command; None if it is not known
     noise : standard deviation of a position sample, m
-    velocity : behind the highest cut-off that its noise allows, m/s; gives the direction of motion
-    spectra : spectra of position, command and hand, the command's behind hold and actuator, and of the columns of
-        `WAYS`
+    velocity : velocity behind the highest cut-off that its noise permits, m/s; it gives the direction of motion
+    spectra : spectra of position, of command (behind hold and actuator), of hand, and of the columns of `WAYS`
     """
 
     position: Floats
@@ -73,17 +72,17 @@ def signals(
     is_command: bool = False,
     actuator: Actuator | None = None,
 ) -> Signals:
-    """Return columns with their spectra, as `Signals` describes them.
+    """Return columns with their spectra as `Signals`.
 
     Parameters
     ----------
-    position, force : m and N, shape (n,); no force where none moves
-    sample_time : s
+    position, force : position, m, and force, N, shape (n,); force is None if no force column moves
+    sample_time : T, s
     noise : standard deviation of a position sample, m
-    velocity : m/s
-    hand, reference : N and m; None without
-    is_command : whether the force is a command, held between samples
-    actuator : actuator behind a held command, if it is known
+    velocity : velocity, m/s
+    hand, reference : force of the hand, N, and commanded position, m; None without the column
+    is_command : whether the force is a command, which is held between samples
+    actuator : actuator after a held command; None if it is not known
     """
     columns = {"position": position - position.mean()} | ways(velocity)
     columns |= {} if hand is None else {"hand": hand}
@@ -100,7 +99,7 @@ def signals(
 
 
 def ways(velocity: Floats) -> dict[str, Floats]:
-    """Return the regressors of friction: the velocity each way, its sign each way, and the constant."""
+    """Return the regressors of friction: velocity and its sign in each direction, and the constant."""
     ahead, back = np.maximum(np.sign(velocity), 0.0), np.maximum(np.sign(-velocity), 0.0)
     columns = (velocity * ahead, velocity * back, ahead, back, np.ones(velocity.size))
     return dict(zip(WAYS, columns, strict=True))
@@ -111,9 +110,9 @@ def acceleration(position: Spectrum, cutoff_hz: float, every: int = 1) -> Floats
 
     Parameters
     ----------
-    position : about its mean, m or rad
-    cutoff_hz : of the low-pass, Hz
-    every : which samples
+    position : spectrum of the position about its mean, m or rad
+    cutoff_hz : cut-off of the low-pass, Hz
+    every : the function returns every `every`-th sample
     """
     return filtered(position, lambda w: -(w**2) * smooth(w, cutoff_hz), every)
 
@@ -123,14 +122,14 @@ def speed(position: Spectrum, cutoff_hz: float) -> Floats:
 
     Parameters
     ----------
-    position : about its mean, m or rad
-    cutoff_hz : of the low-pass, Hz
+    position : spectrum of the position about its mean, m or rad
+    cutoff_hz : cut-off of the low-pass, Hz
     """
     return filtered(position, lambda w: 1j * w * smooth(w, cutoff_hz))
 
 
 def cutoffs(signals: Signals) -> list[float]:
-    """Return cut-offs at which the encoder's noise spoils no acceleration, the highest first, Hz."""
+    """Return cut-offs at which the encoder's noise does not spoil the acceleration, the highest first, Hz."""
     T, found = signals.sample_time, []
     for halvings in range(7):
         cutoff = HIGHEST / T / 2**halvings
@@ -145,25 +144,25 @@ def cutoffs(signals: Signals) -> list[float]:
 
 
 def acceleration_noise(signals: Signals, cutoff_hz: float) -> float:
-    """Return the standard deviation of an acceleration behind the low-pass, of the encoder alone, m/s2.
+    """Return the standard deviation of an acceleration behind the low-pass due to the encoder alone, m/s2.
 
     Parameters
     ----------
     signals : signals of the recording
-    cutoff_hz : of the low-pass, Hz
+    cutoff_hz : cut-off of the low-pass, Hz
     """
     omega = np.linspace(0, np.pi / signals.sample_time, 4096)
     return signals.noise * sqrt(float(np.mean((omega**2 * smooth(omega, cutoff_hz)) ** 2)))
 
 
 def signals_of(recording: Recording, sample_time: float, actuator: Actuator | None) -> Signals:
-    """Return the columns that the regression needs of a recording.
+    """Return the columns of a recording that the regression needs.
 
     Parameters
     ----------
-    recording : its position, and its force or command
-    sample_time : s
-    actuator : actuator between command and motor, if it is known
+    recording : recording with position, and with force or command
+    sample_time : T, s
+    actuator : actuator between command and motor; None if it is not known
     """
     force, held = recording.values("force"), False
     if force is None:
@@ -200,12 +199,12 @@ def _velocity(position: Spectrum, noise: float) -> Floats:
 
 
 def position_noise(position: Floats, quantum: float | None) -> float:
-    """Return the standard deviation of a position sample: its rounding, and the noise above half of Nyquist.
+    """Return the standard deviation of a position sample, from its rounding and the noise above half of Nyquist.
 
     Parameters
     ----------
-    position : m
-    quantum : quantum as stated, m; None for the least step between samples
+    position : position, m
+    quantum : stated resolution, m; None for the least step between samples
     """
     step = np.abs(np.diff(position))
     least = float(step[step > 0].min(initial=np.inf)) if quantum is None else quantum

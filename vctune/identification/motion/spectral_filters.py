@@ -1,6 +1,6 @@
-"""Filters without phase, by their frequency response: the same for every column, so that no column leads another.
+"""Zero-phase filters that act on the spectrum. All columns pass the same filter, so that none leads another.
 
-After a low-pass, fewer samples suffice: `stride` says which to keep.
+After a low-pass fewer samples suffice; `stride` tells which to keep.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ from vctune.model.numbers.arithmetic import FLOATS
 
 Complex = NDArray[np.complex128]
 Response = Callable[[Floats], Any]
-"""A frequency response, real or complex, of omega, rad/s."""
+"""A frequency response, real or complex, as a function of omega, rad/s."""
 HIGHEST = 0.08
-"""Greatest cut-off as a share of the sampling rate: 1e-6 remains at the Nyquist frequency. Twice: 1 %."""
+"""Greatest cut-off as a share of the sampling rate, with 1e-6 left at the Nyquist frequency. Twice this leaves 1 %."""
 REACH = 1.1
-"""Reach of the kernel in units of 1/cut-off: beyond it is less than 1e-14 of its height."""
+"""Reach of the kernel in units of 1/cut-off. Beyond it the kernel is less than 1e-14 of its height."""
 LONGEST = 64
 """Greatest stride."""
 BEHIND = 1 << 16
-"""Zeros behind a long column, samples: longer than the lowest cut-off's kernel, the longest delay and an actuator's
-ringing together."""
+"""Number of zeros after a long column: more than the sum of the lowest cut-off's kernel, the longest delay and an
+actuator's ringing."""
 
 
 @dataclass(frozen=True, slots=True)
 class Spectrum:
-    """The spectrum of a column with zeros behind it.
+    """The spectrum of a column that is followed by zeros.
 
     Attributes
     ----------
-    lines : shape (size // 2 + 1,)
-    samples, size : those of the column, and with its zeros
-    sample_time : s
+    lines : complex spectrum, shape (size // 2 + 1,)
+    samples, size : number of samples of the column, without and with the zeros
+    sample_time : T, s
     """
 
     lines: Complex
@@ -49,18 +49,18 @@ class Spectrum:
     sample_time: float
 
     def omega(self, every: int = 1) -> Floats:
-        """Return the frequencies up to the Nyquist frequency of every which sample, rad/s."""
+        """Return the frequencies up to the Nyquist frequency of every `every`-th sample, rad/s."""
         numbers = np.arange(self.size // (2 * every) + 1, dtype=np.float64)
         return numbers * (2 * np.pi / (self.size * self.sample_time))
 
 
 def spectrum(values: Floats, sample_time: float) -> Spectrum:
-    """Return the spectrum of a column, to be filtered as often as one likes.
+    """Return the spectrum of a column, for any number of filters.
 
     Parameters
     ----------
-    values : shape (n,)
-    sample_time : s
+    values : column, shape (n,)
+    sample_time : T, s
     """
     from scipy.fft import next_fast_len
 
@@ -74,19 +74,19 @@ def smooth(omega: Floats, cutoff_hz: float) -> Floats:
 
     Parameters
     ----------
-    omega : rad/s
-    cutoff_hz : Hz
+    omega : frequencies, rad/s
+    cutoff_hz : cut-off, Hz
     """
     return np.exp(-0.5 * log(2) * (omega / (2 * np.pi * cutoff_hz)) ** 2)
 
 
 def stride(cutoff_hz: float, sample_time: float) -> int:
-    """Return the stride n of samples that a low-pass leaves independent: every n-th suffices, with aliasing of 1e-6.
+    """Return the stride n after a low-pass: every n-th sample suffices, with an aliasing of 1e-6.
 
     Parameters
     ----------
-    cutoff_hz : of the low-pass, Hz
-    sample_time : s
+    cutoff_hz : cut-off of the low-pass, Hz
+    sample_time : T, s
     """
     every = 1
     while every < LONGEST and 2 * every * cutoff_hz * sample_time <= HIGHEST * (1 + 1e-9):
@@ -95,13 +95,13 @@ def stride(cutoff_hz: float, sample_time: float) -> int:
 
 
 def filtered(column: Spectrum, response: Response, every: int = 1) -> Floats:
-    """Return a column behind a filter of any response; its ends, a reach of the kernel long, are not of the log.
+    """Return a column behind a filter. Its ends, as long as the kernel's reach, do not depend on the log alone.
 
     Parameters
     ----------
-    column : its spectrum
-    response : function of omega, rad/s
-    every : which samples are returned; a power of two, at most `LONGEST`
+    column : spectrum of the column
+    response : response of the filter as a function of omega, rad/s
+    every : the function returns every `every`-th sample; a power of two, at most `LONGEST`
     """
     omega = column.omega(every)
     values = np.fft.irfft(column.lines[: omega.size] * response(omega), column.size // every)
@@ -113,20 +113,20 @@ def edge(cutoff_hz: float, delay: float, sample_time: float) -> int:
 
     Parameters
     ----------
-    cutoff_hz : of the low-pass, Hz
+    cutoff_hz : cut-off of the low-pass, Hz
     delay : shift of the column, s
-    sample_time : s
+    sample_time : T, s
     """
     return ceil((REACH / cutoff_hz + abs(delay)) / sample_time) + 1
 
 
 def drive(device: Device, omega: Floats) -> Complex:
-    """Return A H e^(-s delay) of a device, from the held command to the motor's force.
+    """Return A H e^(-s delay) of a device, the response of the motor's force to the held command.
 
     Parameters
     ----------
-    device : its sample time, delay, hold and actuator are used
-    omega : rad/s
+    device : device; the function uses its sample time, delay, hold and actuator
+    omega : frequencies, rad/s
     """
     at = device_response(device, omega, FLOATS).drive
     return np.asarray(at.re - 1j * omega * at.lag)

@@ -1,1 +1,1 @@
-"""A periodic excitation: its response, and the physics fitted to it."""
+"""A periodic excitation: its response, and the physics that is fitted to it."""

@@ -1,4 +1,4 @@
-"""A response and a candidate for it: the errors for any numbers, and the search for the least."""
+"""A response with a candidate structure: the errors for given numbers, and the search for the least errors."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from vctune.model.parts import Actuator
 
 Ints = NDArray[np.int64]
 FLOOR = (1e-5, 10.0)
-"""Range of the model-error floor, a share of the response."""
+"""Range of the model-error floor, relative to the response."""
 EVALUATIONS = 100
-"""Evaluations of a search; a start that needs more is no good."""
+"""Greatest number of evaluations in a search. A start that needs more is not a good start."""
 DECADES = 5.0
-"""How far a number that cannot be 0 may go in one search, as a logarithm."""
+"""Greatest change of a positive number in one search, as a natural logarithm."""
 OUTLYING = 1.0
-"""Greatest relative spread of a line that is used; beyond it the line is noise."""
+"""Greatest relative spread of a line that is used. A line with a greater spread is noise."""
 
 
 @dataclass(frozen=True, slots=True)
 class FitTask:
-    """A response and a candidate: the residuals of any numbers.
+    """A response and a candidate structure, which give the residuals of any numbers.
 
     Attributes
     ----------
-    measured, candidate, actuator : the measured response, its candidate, and the actuator before it
-    left_out : skipped lines; None for none
-    aliased : the sampled response of the command over the continuous one
+    measured, candidate, actuator : the measured response, the candidate, and the actuator in front of it
+    left_out : lines to skip; None to use all
+    aliased : ratio of the sampled to the continuous response to the command
     """
 
     measured: Response
@@ -45,12 +45,12 @@ class FitTask:
     aliased: Complex | float = 1.0
 
     def numbers(self, at: Floats) -> dict[str, float]:
-        """Return the numbers of a point of the search."""
+        """Return the numbers at a point of the search."""
         named = zip(self.candidate.names, at, strict=True)
         return {name: float(np.exp(value)) if name in SCALED else float(value) for name, value in named}
 
     def outputs(self, at: Floats) -> tuple[Device, Complex, Complex]:
-        """Return the device of a point, and its response at position and handle, m/N."""
+        """Return the device at a point, and its responses at position and handle, m/N."""
         numbers, measured = self.numbers(at), self.measured
         omega = measured.position.omega
         device = device_of(numbers, measured.sample_time, self.actuator)
@@ -63,8 +63,7 @@ class FitTask:
         return device, motor * pushed, handle * pushed
 
     def sampled(self, at: Floats) -> FitTask:
-        """Return the task with the aliasing of the samples, which hardly depends on the numbers, computed at a
-        point."""
+        """Return the task with the aliasing of the samples computed at a point. It hardly depends on the numbers."""
         if self.measured.input == "force":
             return self
         device, omega = self.outputs(at)[0], self.measured.position.omega
@@ -72,7 +71,7 @@ class FitTask:
         return replace(self, aliased=held_compliance(device, omega) / continuous)
 
     def errors(self, at: Floats) -> tuple[Complex, Floats, Ints]:
-        """Return relative errors of the used lines of all outputs, their relative spreads, and whose they are."""
+        """Return the relative errors of the used lines of all outputs, their relative spreads, and their outputs."""
         _, motor, handle = self.outputs(at)
         pairs: list[tuple[Complex, Lines]] = [(motor, self.measured.position)]
         if self.measured.handle is not None:
@@ -86,12 +85,12 @@ class FitTask:
         return np.concatenate(errors), np.concatenate(spreads), np.concatenate(owners)
 
     def residuals(self, at: Floats, model_errors: Floats) -> Floats:
-        """Return them over their standard deviation, real parts and imaginary parts one after the other.
+        """Return the errors divided by their standard deviations, first all real parts, then all imaginary parts.
 
         Parameters
         ----------
-        at : numbers of the candidate as `point` has them, shape (n,)
-        model_errors : model errors of each output, relative, shape (outputs,)
+        at : numbers of the candidate, in the form of `point`, shape (n,)
+        model_errors : relative model error of each output, shape (outputs,)
         """
         errors, spread, owners = self.errors(at)
         weighed = errors * sqrt(2) / np.hypot(spread, np.maximum(model_errors, FLOOR[0])[owners])
@@ -99,24 +98,24 @@ class FitTask:
 
 
 def point(numbers: Mapping[str, float], candidate: Candidate) -> Floats:
-    """Return the numbers of a candidate as the search has them: those of `SCALED` by their logarithms.
+    """Return the numbers of a candidate in the form of the search: those of `SCALED` as logarithms.
 
     Parameters
     ----------
-    numbers : by name, SI units
-    candidate : the numbers and their order
+    numbers : numbers by name, SI units
+    candidate : candidate, which determines the numbers and their order
     """
     return np.array([log(numbers[name]) if name in SCALED else numbers[name] for name in candidate.names])
 
 
 def solved_from(task: FitTask, start: Floats, model_errors: Floats) -> Floats:
-    """Return the point of the least weighted squares that is found from a start.
+    """Return the point with the least weighted squares that the search finds from a start.
 
     Parameters
     ----------
     task : the response and its candidate
-    start : in the form of `point`, shape (n,)
-    model_errors : model errors of each output, relative, shape (outputs,)
+    start : start in the form of `point`, shape (n,)
+    model_errors : relative model error of each output, shape (outputs,)
     """
     from scipy.optimize import least_squares
 
@@ -134,11 +133,11 @@ def solved_from(task: FitTask, start: Floats, model_errors: Floats) -> Floats:
 
 
 def scale_of(at: Floats, names: tuple[str, ...], measured: Response) -> Floats:
-    """Return how large a change of each number is: the search's own units.
+    """Return the size of a typical change of each number, which the search uses as its unit.
 
     Parameters
     ----------
-    at : in the form of `point`, shape (n,)
+    at : point in the form of `point`, shape (n,)
     names : names of the numbers, n of them
     measured : the response, whose frequencies and friction set the units
     """

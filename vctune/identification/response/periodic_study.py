@@ -1,4 +1,4 @@
-"""A recording of a periodic excitation: its response, the chosen structure, and the results."""
+"""Study a recording of a periodic excitation: its response, the chosen structure, and the results."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vctune.identification.response.response_fit import ResponseFit
 from vctune.model.device import Device
 
 TOLD = 3.0
-"""Significance of a lag in deviations: no interval of a box is wider."""
+"""Significance of a lag in standard deviations; no interval of a box is wider."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,8 +27,8 @@ class PeriodicStudy:
     Attributes
     ----------
     measured : the averaged response
-    fit, candidates : the structure that was chosen, and all of them
-    drive : lag and delay from command to force; None if only one of them was recorded
+    fit, candidates : fit of the chosen structure, and fits of all structures
+    drive : lag and delay from command to force; None if only one of these was recorded
     """
 
     measured: Response
@@ -38,12 +38,12 @@ class PeriodicStudy:
 
     @property
     def left(self) -> Floats:
-        """Relative difference of the fit from each line of the position."""
+        """The relative difference of the fit from each line of the position."""
         return np.abs(self.fit.position / self.measured.position.ratio - 1)
 
     @property
     def lag(self) -> tuple[float, float] | None:
-        """The actuator's lag and its deviation, s; None if no lag was fitted."""
+        """The actuator's lag and its standard deviation, s; None if no lag was fitted."""
         if self.drive is not None:
             return self.drive.lag, self.drive.lag_sigma
         return (self.fit.numbers["lag"], self.fit.sigma("lag")) if "lag" in self.fit.numbers else None
@@ -58,12 +58,12 @@ class PeriodicStudy:
 
 
 def periodic_estimates(study: PeriodicStudy, source: str, T: float) -> list[Estimate]:
-    """Return a periodic record's estimates of the numbers of a problem file, for a handle without damping of its own.
+    """Return the estimates of the numbers in a problem file, for a handle without its own damping.
 
     Parameters
     ----------
     study : study of the recording
-    source : its name, for the reader
+    source : name of the recording, for the reader
     T : sample time, s
     """
     fit, found = study.fit, []
@@ -105,13 +105,13 @@ def _bandwidth(lag: float, sigma: float) -> tuple[float, float]:
 def behind_force(
     study: PeriodicStudy, T: float, device: Device, bounds: Sequence[Bounded]
 ) -> tuple[Device, list[Bounded]]:
-    """Return device and box as the recorded force sees them: a measured one has the actuator and its delay behind it.
+    """Return device and box as seen from the recorded force. A measured force comes after the actuator and its delay.
 
     Parameters
     ----------
     study : study of the recording
     T : sample time, s
-    device, bounds : from the command on
+    device, bounds : device and box as seen from the command
     """
     if study.measured.input == "command":
         return device, list(bounds)

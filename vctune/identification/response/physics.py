@@ -1,4 +1,4 @@
-"""The device in the fit of a response: its numbers, by structure, and their effect on a line."""
+"""The device in the fit of a response: its numbers for each structure, and their effect on a line."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ Complex = NDArray[np.complex128]
 RIGID = ("mass", "damping", "coulomb", "delay")
 SPRING = ("handle_mass", "frequency_hz", "damping_ratio")
 SCALED = ("mass", "handle_mass", "frequency_hz", "lag")
-"""Numbers that cannot be 0, and are found by their logarithms."""
+"""Numbers that are positive, so that the search uses their logarithms."""
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A structure that may be the device's.
+    """A structure that the device may have.
 
     Attributes
     ----------
-    masses : 1 or 2
-    lag : whether a first-order actuator is between command and motor
-    load : whether the handle has a damping of its own, which a problem file cannot state
+    masses : number of masses, 1 or 2
+    lag : whether there is a first-order actuator between command and motor
+    load : whether the handle has its own damping, which a problem file cannot state
     """
 
     masses: int
@@ -41,7 +41,7 @@ class Candidate:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Its numbers."""
+        """The names of the structure's numbers."""
         return (
             RIGID
             + (SPRING if self.masses == 2 else ())
@@ -55,13 +55,13 @@ class Candidate:
 
 
 def device_of(numbers: Mapping[str, float], sample_time: float, actuator: Actuator | None = None) -> Device:
-    """Return the device that some numbers make.
+    """Return the device with given numbers.
 
     Parameters
     ----------
-    numbers : by name, as `Candidate.names`
-    sample_time : s
-    actuator : one that is known
+    numbers : numbers by the names of `Candidate.names`
+    sample_time : T, s
+    actuator : known actuator; None without one
     """
     structure = None
     if "handle_mass" in numbers:
@@ -76,12 +76,12 @@ def device_of(numbers: Mapping[str, float], sample_time: float, actuator: Actuat
 
 
 def compliances(device: Device, omega: Floats) -> tuple[Complex, Complex]:
-    """Return the response of motor and handle to a force on the motor, m/N.
+    """Return the responses of motor and handle to a force on the motor, m/N.
 
     Parameters
     ----------
-    device : the mechanism
-    omega : rad/s, > 0
+    device : device; the function uses its mechanism
+    omega : frequencies, rad/s, > 0
     """
     at = device_response(
         Device(device.mass, device.damping, device.sample_time, structure=device.structure), omega, FLOATS
@@ -99,12 +99,13 @@ def compliances(device: Device, omega: Floats) -> tuple[Complex, Complex]:
 
 
 def held_compliance(device: Device, omega: Floats) -> Complex:
-    """Return the exact response of the motor, at the samples, to a command that is held between them, m/N.
+    """Return the exact response of the motor at the samples to a command that is held between them, m/N.
 
     Parameters
     ----------
-    device : device with its delay and actuator; a delay below 0 is a sample earlier and the rest of it later
-    omega : rad/s, 0 < omega <= pi/T
+    device : device with its delay and actuator; a negative delay shifts the response by a sample and delays it by the
+        rest
+    omega : frequencies, rad/s, 0 < omega <= pi/T
     """
     T = device.sample_time
     early = max(0, ceil(-float(device.delay) / T))
@@ -113,7 +114,7 @@ def held_compliance(device: Device, omega: Floats) -> Complex:
 
 
 def antiresonance_hz(device: Device) -> float | None:
-    """Return the antiresonance of the motor, the handle on its spring alone, Hz; None for a rigid device."""
+    """Return the antiresonance of the motor, at which the handle oscillates alone on its spring, Hz; None if rigid."""
     if device.structure is None:
         return None
     return sqrt(mechanism(device, device.structure, FLOATS).stiffness / device.structure.handle_mass) / (2 * pi)

@@ -1,4 +1,4 @@
-"""Detection of a periodic excitation, and its averaged lines, each with its variance (README, section 3)."""
+"""Detect a periodic excitation, and average its lines, each with its variance (README, section 3)."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from vctune.document.recording import Channel, Floats, Recording
 
 Complex = NDArray[np.complex128]
 LEAST_PERIODS = 4
-"""Least number of periods; fewer do not show a line's variance once the first is dropped."""
+"""Least number of periods. Fewer do not show a line's variance once the first is dropped."""
 LEAST_LINES = 8
 REPEATS = 0.9
-"""Least correlation of a column with itself a period later. Noise of a tenth of the power takes away less."""
+"""Least correlation of a column with itself one period later. Noise with a tenth of the power reduces it less."""
 EXCITED = 0.05
-"""Least amplitude of an excited line, of the greatest's."""
+"""Least amplitude of an excited line, relative to the greatest amplitude."""
 ABOVE_NOISE = 5.0
-"""Least amplitude of an excited line in standard deviations of its mean."""
+"""Least amplitude of an excited line, in standard deviations of its mean."""
 FINER = 32
-"""Points per sample for the direction of motion. Half and twice change the lines by a thousandth."""
+"""Number of points per sample for the direction of motion. Half and twice as many change the lines by a thousandth."""
 MOST_POINTS = 1 << 21
-"""Most points of half a period; a very long one has fewer for each sample."""
+"""Greatest number of points in half a period. A very long period has fewer points per sample."""
 HIGHEST_LINE = 0.45
-"""Highest line as a share of the sampling rate: beyond it, anti-aliasing filters matter more than the device."""
+"""Highest line as a share of the sampling rate. Above it, anti-aliasing filters matter more than the device."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +33,10 @@ class Lines:
 
     Attributes
     ----------
-    omega : shape (n,), rad/s
-    ratio : ratio of output to input, mean over periods, shape (n,)
-    spread : relative standard deviation of that mean, both parts together, shape (n,)
-    coherence : between periods, shape (n,)
+    omega : frequencies, rad/s, shape (n,)
+    ratio : ratio of output to input, averaged over periods, shape (n,)
+    spread : relative standard deviation of that mean, for both parts together, shape (n,)
+    coherence : coherence between periods, shape (n,)
     """
 
     omega: Floats
@@ -51,14 +51,14 @@ class Response:
 
     Attributes
     ----------
-    period : samples
+    period : length of a period in samples
     periods : number of averaged periods
-    input : "force" or "command", the divisor of position and handle
-    position, handle : m/N; None if the handle was not recorded
-    drive : lag and delay from command to force, where both were recorded
-    friction : lines of Coulomb friction over those of the input, 1/N, for 1 N
-    speed : root mean square of the motor's, m/s
-    sample_time : s
+    input : "force" or "command", by which position and handle are divided
+    position, handle : responses, m/N; None if the handle was not recorded
+    drive : response from command to force; None unless both were recorded
+    friction : lines of a Coulomb friction of 1 N divided by those of the input, 1/N
+    speed : root mean square speed of the motor, m/s
+    sample_time : T, s
     """
 
     period: int
@@ -77,8 +77,8 @@ def response(recording: Recording, sample_time: float) -> Response | None:
 
     Parameters
     ----------
-    recording : its position, and its command or force
-    sample_time : s
+    recording : recording with position, and with command or force
+    sample_time : T, s
     """
     excited = recording.values("command")
     excited = recording.values("force") if excited is None else excited
@@ -116,7 +116,7 @@ def response(recording: Recording, sample_time: float) -> Response | None:
 
 
 def find_period(values: Floats) -> int | None:
-    """Return the period of a column in samples, if it repeats at least `LEAST_PERIODS` times; None if it does not."""
+    """Return the period of a column in samples, if it repeats at least `LEAST_PERIODS` times; else None."""
     centred = values - values.mean()
     n = centred.size
     size = 1 << (2 * n - 1).bit_length()
@@ -126,7 +126,7 @@ def find_period(values: Floats) -> int | None:
     summed = np.fft.irfft(np.abs(np.fft.rfft(centred, size)) ** 2, size)[: n // LEAST_PERIODS + 1]
     overlap = n / (n - np.arange(summed.size))
     correlation = summed * overlap / power
-    ahead = np.flatnonzero(correlation < 0.5)  # past the width of its own peak
+    ahead = np.flatnonzero(correlation < 0.5)  # past the width of the correlation's own peak
     if not ahead.size:
         return None
     start = int(ahead[0])
@@ -145,7 +145,7 @@ def _spectra(values: Floats, period: int, first: int) -> Complex:
 
 
 def _without_drift(values: Floats, period: int, first: int) -> Complex:
-    """Return the same for a position that drifts, by its second difference, which hardly drifts."""
+    """Return the spectra of a position that drifts, by its second difference, which hardly drifts."""
     second = np.zeros(values.size)
     second[1:-1] = values[2:] - 2 * values[1:-1] + values[:-2]
     second[-1] = second[-1 - period] if values.size > period else 0.0
@@ -164,11 +164,11 @@ def _excited(spectra: Complex, sample_time: float, period: int) -> NDArray[np.in
 
 
 def _direction(position: Complex) -> Complex:
-    """Return the lines of the sign of the velocity, with its turns between samples.
+    """Return the lines of the velocity's sign, whose changes may lie between samples.
 
     Parameters
     ----------
-    position : spectrum of a period, without drift
+    position : spectrum of one period, without drift
     """
     count = position.size
     finer = max(2, min(FINER, MOST_POINTS // count))
@@ -180,7 +180,7 @@ def _direction(position: Complex) -> Complex:
 
 
 def _rounding(channel: Channel, period: int) -> float:
-    """Return the error of a line from rounding to a quantum: equal in each period, so that no average shows it."""
+    """Return the error of a line due to rounding. It is equal in each period, so that no average shows it."""
     quantum = channel.quantum
     if quantum is None:
         steps = np.abs(np.diff(channel.values))

@@ -1,4 +1,4 @@
-"""A response fitted by physics: weighted least squares with a model-error floor, order by chi2 (README, section 3)."""
+"""Fit physics to a response: weighted least squares with a model-error floor, order by chi2 (README, section 3)."""
 
 from __future__ import annotations
 
@@ -17,39 +17,39 @@ from vctune.model.device import Device
 from vctune.model.parts import Actuator
 
 START_FLOOR = 0.1
-"""Model error with which the search starts: half and twice it lead to the same fits."""
+"""Model error with which the search starts. Half and twice it lead to the same fits."""
 ROUNDS = 20
 CLEARER = 2.0
-"""Factor by which a second mass has to reduce chi2: model errors of neighbouring lines are alike, and friction bends a
-response a little everywhere, while a resonance reduces it by a hundred."""
+"""Factor by which a second mass must reduce chi2. Model errors of neighbouring lines are similar, and friction bends a
+response slightly everywhere, while a resonance reduces chi2 by a hundred."""
 DAMPED = 0.5
-"""Damping ratio from which on a peak does not count."""
+"""Damping ratio above which a peak does not count as a resonance."""
 UNKNOWN = 1e-12
-"""Amount added to the information, whose diagonal is 1, so that a number that no line determines has a huge deviation.
-"""
+"""Number added to the diagonal of the information, which is 1, so that a number that no line determines gets a huge
+deviation."""
 BLOCKS = 8
-"""Blocks of neighbouring lines, left out in turn: model error extends over many lines, and these intervals allow for
-it."""
+"""Number of blocks of neighbouring lines that are omitted in turn. Model error extends over many lines, and the
+resulting intervals allow for it."""
 
 
 @dataclass(frozen=True, slots=True)
 class ResponseFit:
-    """A candidate fitted.
+    """The fit of a candidate.
 
     Attributes
     ----------
-    candidate : its structure
-    numbers : by name, SI units
+    candidate : fitted structure
+    numbers : numbers by name, SI units
     names : names of the free numbers in the order of `covariance`
-    covariance : shape (p, p), diagonal: the larger of those from correlated and independent residuals
-    model_errors : model errors of position and of handle, shares of the response with which chi2/dof is 1; 0 where
-        noise
-        alone explains the residual
-    chi2 : chi2 with the noise alone, over degrees of freedom
+    covariance : diagonal matrix, shape (p, p), with the larger of the variances from correlated and from independent
+        residuals
+    model_errors : relative model errors of position and handle with which chi2 per degree of freedom is 1; 0 where
+        noise alone explains the residual
+    chi2 : chi2 with the noise alone, per degree of freedom
     lines : number of lines of all outputs
-    speed : root mean square of the motor's, m/s
+    speed : root mean square speed of the motor, m/s
     device : device with the fitted numbers
-    position, handle : those of the model at the lines, m/N
+    position, handle : responses of the model at the lines, m/N
     """
 
     candidate: Candidate
@@ -73,13 +73,14 @@ class ResponseFit:
 def fit_response(
     measured: Response, actuator: Actuator | None = None
 ) -> tuple[ResponseFit, tuple[ResponseFit, ...]] | None:
-    """Return the simplest candidate that explains a response as well as the best does, and all candidates; None with
-    too few lines.
+    """Return the simplest candidate that explains a response as well as the best one, and all candidates.
+
+    Return None if there are too few lines.
 
     Parameters
     ----------
     measured : averaged response of a periodic recording
-    actuator : actuator between command and motor, if it is known
+    actuator : actuator between command and motor; None if it is not known
     """
     lags = (False, True) if measured.input == "command" and actuator is None else (False,)
     shapes = ((1, False), (2, False), (2, True))
@@ -100,7 +101,7 @@ def fit_response(
 
 
 def _resonates(fit: ResponseFit, measured: Response) -> bool:
-    """Whether the resonance of a fit is one, and within the measured band; a rigid fit has none."""
+    """Return whether the resonance of a fit is pronounced and within the measured band; False for a rigid fit."""
     if fit.candidate.masses == 1:
         return True
     omega, at = measured.position.omega, 2 * np.pi * fit.numbers["frequency_hz"]
@@ -109,7 +110,7 @@ def _resonates(fit: ResponseFit, measured: Response) -> bool:
 
 
 def _criterion(measured: Response, fit: ResponseFit, actuator: Actuator | None, model_errors: Floats) -> float:
-    """Return chi2 with the best candidate's model error, and the price of the numbers (Bayes's criterion)."""
+    """Return chi2 with the best candidate's model error, plus the penalty for the numbers (Bayes's criterion)."""
     task = FitTask(measured, fit.candidate, actuator)
     at = point(fit.numbers, fit.candidate)
     residuals = task.sampled(at).residuals(at, model_errors)
@@ -137,7 +138,7 @@ def _fitted(measured: Response, candidate: Candidate, actuator: Actuator | None)
 
 
 def _floors(task: FitTask, at: Floats) -> Floats:
-    """Return the model error of each output with which its chi2 is its share of the degrees of freedom."""
+    """Return the model error of each output with which its chi2 equals its share of the degrees of freedom."""
     errors, spread, owners = task.errors(at)
     model_errors = np.zeros(2)
     for owner in range(2):
@@ -157,7 +158,7 @@ def _floors(task: FitTask, at: Floats) -> Floats:
 
 
 def _starts(measured: Response, candidate: Candidate) -> list[dict[str, float]]:
-    """Return the start of the search: the mass from the lowest lines, the spring at each peak of |omega^2 G|."""
+    """Return the starts of the search: the mass from the lowest lines, the spring at each peak of |omega^2 G|."""
     lines = measured.position
     inertia = 1 / np.abs(lines.omega**2 * lines.ratio)
     few = max(3, inertia.size // 10)
@@ -210,7 +211,7 @@ def _result(task: FitTask, at: Floats, model_errors: Floats, chi2: float) -> Res
 
 
 def _deleted(task: FitTask, at: Floats, model_errors: Floats) -> Floats:
-    """Return the deviation of the point, from leaving out one block of neighbouring lines after the other."""
+    """Return the standard deviations of the point, from omitting one block of neighbouring lines at a time."""
     blocks = np.array_split(np.arange(task.measured.position.omega.size), BLOCKS)
     left = np.array([solved_from(replace(task, left_out=block), at, model_errors) for block in blocks if block.size])
     return np.sqrt((len(left) - 1) * np.var(left, axis=0))

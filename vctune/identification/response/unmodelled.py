@@ -1,5 +1,6 @@
-"""The disc around 1 that covers the distance between the measured response and the devices of the box (README, section
-4).
+"""Find the disc around 1 that covers the distance between the measured response and the devices of the box.
+
+See README, section 4.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from vctune.identification.response.response import Response
 from vctune.model.device import Device
 
 TRIED = 600
-"""Devices of the box that a line is compared with: a tenth makes radii a fifth larger on the bench, ten times as many
-3 % smaller."""
+"""Number of devices of the box with which a line is compared. On the bench data, a tenth of them make the radii a fifth
+larger, ten times as many 3 % smaller."""
 KNOTS = 24
-"""Frequencies at which the radius is stated, where there are more lines."""
+"""Greatest number of frequencies at which the radius is stated."""
 SEED = 1
 LEAST = 1e-6
 MARGIN = 1 + 1e-6
@@ -28,14 +29,14 @@ MARGIN = 1 + 1e-6
 def distances(device: Device, bounds: Sequence[Bounded], measured: Response, coulomb: float) -> Floats:
     """Return the relative difference of each line of the position from the nearest device of the box.
 
-    Coulomb friction is first subtracted from the line, because it is not linear.
+    The function first subtracts Coulomb friction from the line, because it is not linear.
 
     Parameters
     ----------
-    device : device in the middle of the box, without the parts before the recorded force
-    bounds : the box; numbers that the device has not got are skipped
+    device : device at the centre of the box, without the parts before the recorded force
+    bounds : intervals of the box; the function skips numbers that the device lacks
     measured : averaged response of a periodic recording
-    coulomb : friction, N
+    coulomb : Coulomb friction, N
     """
     held, omega = measured.input == "command", measured.position.omega
     needed = np.full(omega.size, np.inf)
@@ -48,12 +49,12 @@ def distances(device: Device, bounds: Sequence[Bounded], measured: Response, cou
 
 
 def devices(device: Device, bounds: Sequence[Bounded]) -> list[Device]:
-    """Return devices of a box: its middle, corners and any others.
+    """Return devices of a box: its centre, its corners, and random ones.
 
     Parameters
     ----------
-    device : device in the middle
-    bounds : the box; numbers that the device has not got are skipped
+    device : device at the centre
+    bounds : intervals of the box; the function skips numbers that the device lacks
     """
     has = device.numbers()
     varied = [bounded for bounded in bounds if bounded.key in has]
@@ -71,18 +72,19 @@ def devices(device: Device, bounds: Sequence[Bounded]) -> list[Device]:
 def covered(
     device: Device, bounds: Sequence[Bounded], radii: Sequence[tuple[float, float]], omega: Floats, *, held: bool
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return least and greatest size and phase of the responses in the file: a device of the box, times 1 + delta.
+    """Return least and greatest magnitude and phase over all responses of the file: a device of the box times 1 +
+    delta.
 
     Parameters
     ----------
-    device, bounds, radii : as in the file
-    omega : rad/s
+    device, bounds, radii : device, box and radii of the file
+    omega : frequencies, rad/s
     held : whether the force is a command
 
     Returns
     -------
     tuple of four arrays
-        m/N and degrees.
+        Magnitudes in m/N and phases in degrees.
     """
     x, y = np.log(np.array(radii)).T
     radius = np.exp(np.interp(np.log(omega / (2 * np.pi)), x, y))
@@ -103,11 +105,11 @@ def covered(
 
 
 def envelope(hertz: Floats, needed: Floats) -> tuple[tuple[float, float], ...]:
-    """Return a few points whose straight line on logarithmic axes lies above all radii that are needed.
+    """Return a few points whose polyline on logarithmic axes lies above all required radii.
 
     Parameters
     ----------
-    hertz, needed : shape (n,), increasing frequencies and radii
+    hertz, needed : frequencies in ascending order, and required radii, shape (n,)
     """
     count = min(KNOTS, hertz.size)
     knots = np.unique(np.round(np.exp(np.linspace(np.log(hertz[0]), np.log(hertz[-1]), count)), 6))
@@ -118,13 +120,13 @@ def envelope(hertz: Floats, needed: Floats) -> tuple[tuple[float, float], ...]:
 
 
 def within(hertz: Floats, needed: Floats, stated: Sequence[tuple[float, float]]) -> bool:
-    """Return whether radii that are needed are within those that are stated.
+    """Return whether required radii lie within stated radii.
 
     Parameters
     ----------
     hertz : frequencies of the lines, Hz, shape (n,)
-    needed : radius of each, relative, shape (n,)
-    stated : (Hz, radius) of a device file, straight between them on logarithmic axes
+    needed : required relative radius of each line, shape (n,)
+    stated : points (Hz, radius) of a device file, with straight lines between them on logarithmic axes
     """
     x, y = np.log(np.array(stated)).T
     return bool(np.all(np.log(np.maximum(needed, LEAST)) <= np.interp(np.log(hertz), x, y)))

@@ -1,1 +1,1 @@
-"""A recording of a vendor's servo: its delay and its bandwidth."""
+"""Identify the delay and the bandwidth of a vendor's servo from a recording."""

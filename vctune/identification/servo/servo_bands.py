@@ -12,26 +12,26 @@ from vctune.identification.servo.servo_fit import ServoFit, ServoLog
 from vctune.identification.servo.servo_motion import Complex, positions, sampled_response
 
 PER_OCTAVE = 3
-"""Bands."""
+"""Number of bands per octave."""
 LOWEST = 3.0
-"""Lowest frequency of a band, of the log's resolution."""
+"""Lowest frequency of a band, in units of the log's frequency resolution."""
 CLEAR = 0.02
-"""Greatest relative deviation of a band that is used."""
+"""Greatest relative standard deviation of a band that is used."""
 HANN = 1.5
-"""Number of bins in a window."""
+"""Width of the window in bins."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bands:
-    """Measured response over that of a fit.
+    """The measured response divided by the response of a fit, in bands.
 
     Attributes
     ----------
-    hertz : middles, shape (n,)
-    ratio : measured over fitted response
-    spread : its relative standard deviation
-    fitted : response of the fit, from commanded velocity to that between samples
-    share : share of the motion's power, root mean square
+    hertz : centres of the bands, Hz, shape (n,)
+    ratio : measured response divided by the fitted response
+    spread : relative standard deviation of the ratio
+    fitted : response of the fit, from commanded velocity to the velocity between samples
+    share : share of the motion's power in the band, root mean square
     """
 
     hertz: Floats

@@ -1,4 +1,4 @@
-"""Delay and low-pass of a servo, by maximum likelihood over the steps of its position (README, section 9)."""
+"""Fit delay and low-pass of a servo by maximum likelihood over the steps of its position (README, section 9)."""
 
 from __future__ import annotations
 
@@ -14,37 +14,37 @@ from vctune.identification.servo.servo_motion import modes, positions
 from vctune.identification.servo.servo_noise import Noise, exposure, jitter, likeliest, whitened
 
 BANDWIDTHS = (2e-4, 8.0)
-"""Range of a low-pass as shares of the sampling rate: from a lag of 800 samples to a fiftieth of one."""
+"""Range of the low-pass as shares of the sampling rate: from a lag of 800 samples to a fiftieth of a sample."""
 TRIED = 24
-"""Bandwidths from which the search starts, evenly on a logarithmic axis."""
+"""Number of bandwidths from which the search starts, spaced evenly on a logarithmic axis."""
 SETTLED = 6.0
-"""Lags after which it is forgotten how the servo moved before the log."""
+"""Number of lags after which the servo's motion before the log has no effect."""
 VALLEYS = 14
-"""Bandwidths at which a better fit is sought."""
+"""Number of other bandwidths at which a better fit is sought."""
 ROUNDS = 2
-"""Number of alternations between fitting noise and numbers."""
+"""Number of alternations between fitting the noise and fitting the numbers."""
 LEAST_SPAN = 8
-"""Rows over which a motion is compared: one row shows only the encoder's noise."""
+"""Least number of rows over which a motion is compared; one row shows only the encoder's noise."""
 FINE = 1e-4
-"""Relative step of a derivative."""
+"""Relative step of a numerical derivative."""
 WILD = 1.5
-"""Greatest ratio of a deviation to the half-width by chi2."""
+"""Greatest ratio of a standard deviation to the half-width by chi2."""
 STATED = 2
-"""Numbers that are stated together: delay and bandwidth."""
+"""How many numbers are stated together: delay and bandwidth."""
 
 
 @dataclass(frozen=True, slots=True)
 class ServoLog:
-    """A log as the fit sees it.
+    """A log, prepared for the fit.
 
     Attributes
     ----------
-    time : time of the rows, s
-    velocity : commanded, held from each row to the next, m/s
-    position : measured, m
-    sample_time : s
-    is_position : whether the command was a position, interpolated
-    rounding : least deviation of a position sample, m
+    time : times of the rows, s
+    velocity : commanded velocity, held from each row to the next, m/s
+    position : measured position, m
+    sample_time : T, s
+    is_position : whether the command is a position, which the servo interpolates
+    rounding : least standard deviation of a position sample, m
     """
 
     time: Floats
@@ -72,18 +72,18 @@ class ServoFit:
     Attributes
     ----------
     order : order of the low-pass
-    delay, bandwidth : s and Hz; the ends hold both at once
+    delay, bandwidth : intervals of the delay, s, and of the bandwidth, Hz, which hold together
     gain, gain_sigma : motion relative to the command, and its standard deviation
-    lag : lag of its low-pass at rest, s
-    jitter : standard deviation of its delay from command to command, s
-    noise : Noise, as the likelihood has it
-    exposed : variance of the jitter in each row, over that of the delay
-    first : row from which on it was fitted
+    lag : lag of the low-pass at rest, s
+    jitter : standard deviation of the delay from command to command, s
+    noise : noise in the likelihood
+    exposed : variance that jitter causes in each row, divided by the variance of the delay
+    first : first row of the fit
     unlikely : -2 log likelihood
-    inflation : factor by which the residuals' correlation increases a variance
-    left : steps of the position that the fit leaves, m
-    left_share : residual motion in as many rows as the servo is late by, root mean square
-    told : whether the bandwidth ends below the highest tried one
+    inflation : factor by which correlation of the residuals increases a variance
+    left : steps of the position that the fit leaves unexplained, m
+    left_share : root mean square residual motion over as many rows as the servo's delay
+    told : whether the interval of the bandwidth ends below the highest tried bandwidth
     """
 
     order: int
@@ -105,7 +105,7 @@ class ServoFit:
 
 @dataclass(frozen=True, slots=True)
 class _Task:
-    """Least squares of whitened steps; numbers are latency in samples and log of bandwidth times sample time."""
+    """Least squares of whitened steps. The numbers are latency in samples, and log of bandwidth times sample time."""
 
     seen: ServoLog
     order: int
@@ -114,13 +114,13 @@ class _Task:
     exposed: Floats
 
     def numbers(self, at: Floats) -> tuple[float, float]:
-        """Return delay and bandwidth, s and Hz."""
+        """Return delay, s, and bandwidth, Hz."""
         T = self.seen.sample_time
         bandwidth = float(np.exp(at[1])) / T
         return float(at[0]) * T - modes(bandwidth, self.order)[0], bandwidth
 
     def steps(self, at: Floats) -> Floats:
-        """Return the measured steps and those that these numbers make, m, shape (n, 2)."""
+        """Return the measured steps and the steps predicted from given numbers, m, shape (n, 2)."""
         moved = positions(self.seen.time, self.seen.velocity, *self.numbers(at), self.order)
         return np.diff(np.stack([self.seen.position, moved], axis=1)[self.first :], axis=0)
 
@@ -135,12 +135,12 @@ class _Task:
         return float(np.sqrt(robust_covariance(made * self.white(at)[:, None], made.T @ made, reach)[0, 0]))
 
     def left(self, at: Floats) -> Floats:
-        """Return the steps that these numbers leave, m."""
+        """Return the steps that given numbers leave unexplained, m."""
         measured, made = self.steps(at).T
         return np.asarray(measured - self.gain(at) * made)
 
     def white(self, at: Floats) -> Floats:
-        """Return the whitened residual; the gain is the best fit."""
+        """Return the whitened residual with the best gain."""
         measured, made = self._whitened(self.steps(at)).T
         return np.asarray(measured - (measured @ made / (made @ made)) * made)
 
@@ -148,7 +148,7 @@ class _Task:
         return whitened(steps, self.noise, self.exposed, is_position=self.seen.is_position)[0]
 
     def slopes(self, at: Floats, which: tuple[int, ...] = (0, 1)) -> Floats:
-        """Return derivatives of `white`, shape (n, p)."""
+        """Return the derivatives of `white`, shape (n, p)."""
         found = []
         for i in which:
             by = np.zeros(2)
@@ -171,7 +171,7 @@ def fit_servos(seen: ServoLog) -> tuple[ServoFit, ServoFit]:
 
 
 def _found(seen: ServoLog, order: int) -> tuple[_Task, Floats]:
-    """Return the numbers that fit best, with their noise."""
+    """Return the numbers of the best fit, with their noise."""
     at = _coarse(seen, order)
     task = _prepared(seen, order, at, Noise(seen.rounding, 0.01 * seen.sample_time))
     for _ in range(ROUNDS):
@@ -182,7 +182,7 @@ def _found(seen: ServoLog, order: int) -> tuple[_Task, Floats]:
 
 
 def _refined(task: _Task, at: Floats) -> tuple[_Task, Floats]:
-    """Return the task with the noise that is likeliest near some numbers, and the numbers that then fit best."""
+    """Return the task with the likeliest noise near given numbers, and the numbers that then fit best."""
     seen = task.seen
     noise, _ = likeliest(
         task.left(at), task.noise, seen.rounding, seen.sample_time, task.exposed, is_position=seen.is_position
@@ -192,7 +192,7 @@ def _refined(task: _Task, at: Floats) -> tuple[_Task, Floats]:
 
 
 def _better_elsewhere(task: _Task, at: Floats) -> Floats:
-    """Return numbers of another bandwidth that fit better, if there are any: the least squares have valleys."""
+    """Return numbers at another bandwidth that fit better, if there are any, because the least squares have valleys."""
     best, least = at, float(np.sum(task.white(at) ** 2))
     for logarithm in np.linspace(log(10 * BANDWIDTHS[0]), log(BANDWIDTHS[1] / 4), VALLEYS):
         tried = _best_latency(task, at, logarithm)
@@ -203,7 +203,7 @@ def _better_elsewhere(task: _Task, at: Floats) -> Floats:
 
 
 def _prepared(seen: ServoLog, order: int, at: Floats, noise: Noise, first: int | None = None) -> _Task:
-    """Return the task near some numbers: which rows are fitted, and how the link's jitter goes into them."""
+    """Return the task near given numbers, with the rows to fit and the effect of the link's jitter on each."""
     lag = modes(float(np.exp(at[1])), order)[0]
     if first is None:
         first = min(ceil(max(float(at[0]), 0.0) + SETTLED * lag) + 2, seen.time.size // 4)
@@ -213,7 +213,7 @@ def _prepared(seen: ServoLog, order: int, at: Floats, noise: Noise, first: int |
 
 
 def _coarse(seen: ServoLog, order: int) -> Floats:
-    """Return the best of all whole delays and some bandwidths, by correlation of steps."""
+    """Return the best of all whole delays and several bandwidths, by correlation of steps."""
     n, T = seen.time.size, seen.sample_time
     measured = np.diff(seen.position)
     best, least = np.zeros(2), np.inf
@@ -254,7 +254,7 @@ def _with_intervals(task: _Task, at: Floats) -> ServoFit:
     reach = ceil(max(np.sqrt(white.size), 3 * lag))
     robust = robust_covariance(slopes * white[:, None], information, reach)
     plain = np.linalg.inv(information)
-    # of delay and log bandwidth: latency less lag, which goes down as the bandwidth goes up
+    # from delay and log bandwidth to latency: the lag decreases as the bandwidth increases
     turn = np.array([[1.0, lag], [0.0, 1.0]])
     robust, plain = turn @ robust @ turn.T, turn @ plain @ turn.T
     inflation = max(1.0, float(np.max(np.diag(robust) / np.diag(plain))))
@@ -280,16 +280,16 @@ def _with_intervals(task: _Task, at: Floats) -> ServoFit:
 
 
 def _share(left: Floats, position: Floats, span: int) -> float:
-    """Return the residual motion in some rows, root mean square, without the drift over the whole log."""
+    """Return the root mean square residual motion over some rows, without the drift over the whole log."""
     span = min(span, left.size // 2)
     of = np.sqrt(np.mean((position[span:] - position[:-span]) ** 2))
     return float(np.sqrt(np.mean((left[span:] - left[:-span]) ** 2)) / of)
 
 
 def _profile(task: _Task, at: Floats, sigma: Floats, inflation: float) -> tuple[Interval, Interval]:
-    """Return intervals of delay and bandwidth, which end where the least chi2 at a given bandwidth is too great.
+    """Return intervals of delay and bandwidth. They end where the least chi2 at a given bandwidth exceeds its limit.
 
-    For a short lag chi2 is not a parabola: a deviation would not give the end of the bandwidth.
+    For a short lag chi2 is not a parabola, so that a standard deviation would not give the ends of the bandwidth.
     """
     T, factor = task.seen.sample_time, joint_factor(STATED)
     least = float(np.sum(task.white(at) ** 2))
@@ -306,13 +306,16 @@ def _profile(task: _Task, at: Floats, sigma: Floats, inflation: float) -> tuple[
 
 
 def _interval(value: float, sigma: float, low: float, high: float, factor: float) -> Interval:
-    """Return an interval; where its deviation is far beyond an end chi2 is no parabola, and the ends are right."""
+    """Return an interval.
+
+    If the deviation is far beyond an end, chi2 is not a parabola, and the given ends are right.
+    """
     sigma = min(sigma, WILD * min(value - low, high - value) / factor)
     return Interval(value, sigma, min(low, value - factor * sigma), max(high, value + factor * sigma))
 
 
 def _end(task: _Task, at: Floats, least: float, most: float, side: int, sigma: float) -> Floats:
-    """Return the numbers at an end of the bandwidth's interval."""
+    """Return the numbers at one end of the bandwidth's interval."""
     limit = log(BANDWIDTHS[0]) if side < 0 else log(BANDWIDTHS[1])
     inside, step = at, min(max(sigma, 1e-5), 0.5)
     for _ in range(60):
@@ -338,7 +341,7 @@ def _excess(task: _Task, at: Floats, least: float) -> float:
 
 
 def _best_latency(task: _Task, at: Floats, logarithm: float) -> Floats:
-    """Return the latency that is best at another bandwidth, by Gauss and Newton."""
+    """Return the numbers with the best latency at another bandwidth, by the method of Gauss and Newton."""
     low, high = (log(each) for each in BANDWIDTHS)
     at = np.array([at[0], min(max(logarithm, low), high)])
     for _ in range(6):

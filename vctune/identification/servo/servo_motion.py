@@ -1,11 +1,11 @@
-"""How a servo moves: delay, low-pass and integration of a held velocity, exactly, at the instants of a log.
+"""The exact motion of a servo at the instants of a log: delay, low-pass and integration of a held velocity.
 
-A low-pass H with poles p_i answers a step of the velocity command with the position
+A low-pass H with poles p_i responds to a step of the velocity command with the position
 
     S(t) = t - lag + sum r_i e^(p_i t),   H(s)/s^2 = 1/s^2 - lag/s + sum r_i/(s - p_i).
 
 A held velocity is a sum of such steps, one for each of its jumps. A position command that is interpolated linearly over
-a sample is the held velocity that it takes.
+a sample equals the held velocity that reaches it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Complex = NDArray[np.complex128]
 
 
 def modes(bandwidth_hz: float, order: int) -> tuple[float, complex, complex]:
-    """Return lag, a pole and twice its residue; a response is the real part of their sum.
+    """Return the lag, a pole, and twice its residue. A response is the real part of their sum.
 
     Parameters
     ----------
@@ -40,8 +40,8 @@ def interpolating_velocity(time: Floats, command: Floats) -> Floats:
 
     Parameters
     ----------
-    time : time of the rows, s
-    command : position, m
+    time : times of the rows, s
+    command : commanded position, m
     """
     steps = np.diff(time)
     travel = np.diff(command, prepend=command[0])
@@ -55,10 +55,10 @@ def positions(time: Floats, velocity: Floats, delay: float, bandwidth_hz: float,
 
     Parameters
     ----------
-    time : time of the rows, s, increasing
-    velocity : commanded, from each row to the next, m/s; before the first row it was the same as there
-    delay : delay from a row to when its command acts, s
-    bandwidth_hz, order : those of the low-pass
+    time : times of the rows in ascending order, s
+    velocity : commanded velocity from each row to the next, m/s; before the first row it equals the first value
+    delay : delay from a row to the action of its command, s
+    bandwidth_hz, order : bandwidth, Hz, and order of the low-pass
     """
     lag, pole, residue = modes(bandwidth_hz, order)
     steps = np.diff(time)
@@ -72,7 +72,7 @@ def positions(time: Floats, velocity: Floats, delay: float, bandwidth_hz: float,
 
 
 def _decaying(jumps: Floats, factors: Complex) -> Complex:
-    """Return m of m[k] = factors[k - 1] m[k - 1] + jumps[k], by spans that double."""
+    """Return m with m[k] = factors[k - 1] m[k - 1] + jumps[k], by spans that double."""
     m, through = jumps.astype(complex), np.concatenate([[0.0], factors])
     span = 1
     while span < m.size and np.abs(through).max() > 1e-17:
@@ -87,9 +87,9 @@ def sampled_response(omega: Floats, T: float, delay: float, bandwidth_hz: float,
 
     Parameters
     ----------
-    omega : rad/s
+    omega : frequencies, rad/s
     T : sample time, s
-    delay, bandwidth_hz, order : those of the servo
+    delay, bandwidth_hz, order : delay, bandwidth and order of the servo
     """
     lag, pole, residue = modes(bandwidth_hz, order)
     whole = np.ceil(delay / T)

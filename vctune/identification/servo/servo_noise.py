@@ -1,8 +1,8 @@
-"""The noise of a servo's log: the encoder, and a link with jitter.
+"""The noise of a servo's log: an encoder, and a link with jitter.
 
-The steps of the position have a banded covariance. An encoder's noise r is in two steps that follow one another. A
-velocity command that arrives early or late by a random time, of deviation q, leaves the position off by q times its
-jump, for good; a position command by q times its speed, for that sample. Both are spread over the lag of the servo.
+The steps of the position have a banded covariance. An encoder's noise r affects two successive steps. Let a velocity
+command arrive early or late by a random time with deviation q. It permanently shifts the position by q times its jump.
+A position command shifts it by q times its speed, for that sample only. The servo's lag spreads both effects.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ import numpy as np
 from vctune.document.recording import Floats
 
 LEAST_LINK = 1e-3
-"""Jitter from which it is sought, sample times."""
+"""Jitter above which the fit looks for it, in sample times."""
 LEAST_WINDOWS = 10
-"""Least number of rows to detect jitter."""
+"""Least number of windows of rows for the detection of jitter."""
 
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Deviations of an encoder and of a link.
+    """Standard deviations of an encoder's and of a link's noise.
 
     Attributes
     ----------
-    encoder : noise of a position sample, m
-    link : jitter of the delay from command to command, s
+    encoder : standard deviation of a position sample, m
+    link : standard deviation of the delay from command to command, s
     """
 
     encoder: float
@@ -35,14 +35,14 @@ class Noise:
 
 
 def exposure(velocity: Floats, *, is_position: bool, late: int, lag: float) -> Floats:
-    """Return the variance of a link's jitter in each row, over that of the delay.
+    """Return the variance that a link's jitter causes in each row, divided by the variance of the delay.
 
     Parameters
     ----------
-    velocity : commanded, per row, m/s
-    is_position : whether the command was a position
+    velocity : commanded velocity in each row, m/s
+    is_position : whether the command is a position
     late : delay of the servo in rows
-    lag : lag of its low-pass, rows
+    lag : lag of its low-pass in rows
     """
     from scipy.signal import lfilter
 
@@ -53,14 +53,14 @@ def exposure(velocity: Floats, *, is_position: bool, late: int, lag: float) -> F
 
 
 def whitened(steps: Floats, noise: Noise, exposed: Floats, *, is_position: bool) -> tuple[Floats, float]:
-    """Return steps divided by the root of their covariance, and the logarithm of its determinant.
+    """Return steps divided by the square root of their covariance, and the logarithm of the covariance's determinant.
 
     Parameters
     ----------
     steps : differences of a position, shape (n,) or (n, p)
-    noise : deviations of a position sample and of the link's delay
+    noise : standard deviations of a position sample and of the link's delay
     exposed : `exposure` of the rows, shape (n + 1,)
-    is_position : whether the command was a position
+    is_position : whether the command is a position
     """
     from scipy.linalg import cholesky_banded, solve_banded
 
@@ -76,13 +76,13 @@ def whitened(steps: Floats, noise: Noise, exposed: Floats, *, is_position: bool)
 def likeliest(
     steps: Floats, near: Noise, least: float, T: float, exposed: Floats, *, is_position: bool
 ) -> tuple[Noise, float]:
-    """Return the noise under which steps are likeliest, and -2 log of that likelihood.
+    """Return the noise with which steps are likeliest, and -2 log of that likelihood.
 
     Parameters
     ----------
     steps : residuals of a fit, m
-    near : value near which it is sought
-    least : deviation of a position sample, m
+    near : noise near which the search starts
+    least : least standard deviation of a position sample, m
     T : sample time, s
     exposed, is_position : see `whitened`
     """
@@ -104,15 +104,15 @@ def likeliest(
 
 
 def jitter(left: Floats, encoder: float, lag: float, exposed: Floats, *, is_position: bool) -> float:
-    """Return the deviation of a link's delay, s; 0 if it is not significant by three deviations.
+    """Return the standard deviation of a link's delay, s; 0 if it is less than three deviations from 0.
 
-    The effect of a late command is spread over the lag of the servo, so that it is summed over some lags at once.
+    The lag of the servo spreads the effect of a late command, so the function sums over several lags.
 
     Parameters
     ----------
-    left : steps that a fit leaves, m
-    encoder : deviation of a position sample, m
-    lag : lag of the servo, in rows of the log
+    left : steps that a fit leaves unexplained, m
+    encoder : standard deviation of a position sample, m
+    lag : lag of the servo in rows of the log
     exposed, is_position : see `whitened`
     """
     window = max(ceil(2 * lag) + 2, 4)

@@ -1,4 +1,4 @@
-"""A recording of a servo: fits of both orders, their comparison, whether it yields, and the results."""
+"""Study a recording of a servo: fits of both orders, their comparison, and whether the servo yields to a force."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from vctune.identification.servo.servo_noise import Noise, whitened
 from vctune.model.numbers.units import Units
 
 EVIDENCE = 10.0
-"""Gain in -2 log likelihood, for independent residuals, that separates one order from the other."""
+"""Gain in -2 log likelihood, for independent residuals, that decides between the orders."""
 UNEXPLAINED = 0.5
-"""Residual, of the motion, from which on a log is refused."""
+"""Relative residual of the motion above which a log is refused."""
 GAINS = (0.8, 1.25)
-"""Range of a servo's motion relative to its command: beyond it the unit, or the axis, is wrong."""
+"""Range of a servo's motion relative to its command. Outside it the unit or the axis is wrong."""
 CLEAR = 4.0
-"""Deviations from which on a gain is not 1, and a servo yields."""
+"""Number of standard deviations above which a gain differs from 1, and above which a servo yields."""
 YIELDS = 0.005
-"""Share of the motion that goes with the force, from which on it matters."""
+"""Share of the motion that follows the force, above which it matters."""
 LATENCY, JITTER = Note("limit-latency", "a delay and a lag are alike in this motion"), Note("limit-jitter", "jitter")
 
 
@@ -40,9 +40,9 @@ class Yielding:
 
     Attributes
     ----------
-    compliance, mobility : m/N and m/(N s), with their standard deviations
-    share : share of the motion, root mean square, that the clearer of the two makes
-    clear : whether each of the two is there
+    compliance, mobility : m/N and m/(N s), each with its standard deviation
+    share : root mean square share of the motion that the clearer of the two causes
+    clear : whether each of the two is significant
     """
 
     compliance: tuple[float, float]
@@ -57,12 +57,12 @@ class ServoStudy:
 
     Attributes
     ----------
-    seen : the fitted log
-    fit : fit of the order that explains it best
+    seen : the log as fitted
+    fit : fit of the order that explains the log best
     other : fit of the other order
-    told : whether chi2 separates the orders
+    told : whether chi2 decides between the orders
     yielding : part of the motion that follows the force; None if no force was recorded
-    bands : measured response
+    bands : measured response in bands
     """
 
     seen: ServoLog
@@ -74,31 +74,31 @@ class ServoStudy:
 
     @property
     def fits(self) -> tuple[ServoFit, ...]:
-        """Those that explain the log."""
+        """The fits that explain the log."""
         return (self.fit,) if self.told else (self.fit, self.other)
 
     def of_order(self, order: int) -> ServoFit:
-        """Return the fit of an order."""
+        """Return the fit of a given order."""
         return self.fit if self.fit.order == order else self.other
 
     @property
     def chi2(self) -> float:
-        """Power of the residual over that of the encoder's noise, per row."""
+        """The power of the residual divided by that of the encoder's noise, per row."""
         return self.chi2_of(self.fit, Noise(self.fit.noise.encoder, 0.0))
 
     def chi2_of(self, fit: ServoFit, noise: Noise) -> float:
-        """Return the power of a fit's residual over that of a noise, per row.
+        """Return the power of a fit's residual divided by that of a noise, per row.
 
         Parameters
         ----------
         fit : fit of either order
-        noise : Noise
+        noise : noise for comparison
         """
         white, _ = whitened(fit.left, noise, fit.exposed, is_position=self.seen.is_position)
         return float(np.mean(white**2))
 
     def estimates(self, source: str) -> list[Estimate]:
-        """Return its estimates of the numbers of a problem file."""
+        """Return the estimates of the numbers in a problem file."""
         found = []
         for fit in self.fits:
             text = f"{source}: order {fit.order}"
@@ -108,11 +108,11 @@ class ServoStudy:
 
 
 def likelier_order(studies: Sequence[ServoStudy]) -> int:
-    """Return the order that all recordings together are likelier with, each counted as its residuals allow.
+    """Return the order that is likelier over all recordings, each weighted as its residuals permit.
 
     Parameters
     ----------
-    studies : studies of one servo
+    studies : studies of the same servo
     """
     gain = 0.0
     for study in studies:
@@ -122,7 +122,7 @@ def likelier_order(studies: Sequence[ServoStudy]) -> int:
 
 
 def _estimate(key: str, found: Interval, source: str, jitter: float) -> Estimate:
-    """Return an interval as an estimate; its excess is the width beyond its deviations."""
+    """Return an interval as an estimate. Its excess is the width beyond its standard deviations."""
     own = joint_factor(STATED) * found.sigma
     beyond = (max(found.value - own - found.low, 0.0), max(found.high - own - found.value, 0.0))
     reason = JITTER if jitter > max(beyond) else LATENCY
@@ -134,18 +134,14 @@ def servo_study(recording: Recording, sample_time: float) -> ServoStudy:
 
     Parameters
     ----------
-    recording : recording of position and command, checked by its caller; of a force too, if the servo may yield
+    recording : checked recording of position and command; it needs a force as well to show whether the servo yields
     sample_time : sample time of the servo's commands, s
 
     Returns
     -------
     ServoStudy
-        The fit that explains the log better, the other one, and whether the log separates them.
-
-    Returns
-    -------
-    ServoStudy
-        Both orders, SI units.
+        Fits of both orders in SI units: the one that explains the log better, the other, and whether the log decides
+        between them.
 
     Raises
     ------
@@ -205,12 +201,12 @@ def _check_explained(recording: Recording, study: ServoStudy) -> None:
 
 
 def commanded(recording: Recording) -> str:
-    """Return the role of the command that a servo was sent."""
+    """Return the role of the command that the servo received."""
     return "velocity_command" if "velocity_command" in recording.channels else "position_command"
 
 
 def _yielding(recording: Recording, seen: ServoLog, fit: ServoFit) -> Yielding | None:
-    """Return the part of the motion that follows the force, beside the part of the command, its delay and bandwidth."""
+    """Return the part of the motion that follows the force, fitted together with gain, delay and bandwidth."""
     force = recording.values("hand")
     force = recording.values("force") if force is None else force
     if force is None or np.ptp(force) == 0:
@@ -255,7 +251,7 @@ def servo_notes(name: str, study: ServoStudy, units: Units) -> list[Note]:
     ----------
     name : name of the recording
     study : study of the recording
-    units : units of its numbers
+    units : units of the recording
     """
     fit, T, said = study.fit, study.seen.sample_time, []
     if not study.told:

@@ -16,18 +16,19 @@ from vctune.identification.servo.servo_study import ServoStudy
 from vctune.model.device import Device
 
 RIDGE = 40
-"""Servos with the latency of the fit that are tried beside those at random: in a slow motion they are alike."""
+"""Number of servos with the latency of the fit that are tried in addition to random ones; a slow motion cannot tell
+them apart."""
 BEYOND = 40
-"""Frequencies up to Nyquist's at which a servo of the other order is compared with the box."""
+"""Number of frequencies up to Nyquist at which a servo of the other order is compared with the box."""
 
 
 def response_of(device: Device, omega: Floats) -> Complex:
-    """Return the response of a servo from its command to the velocity between samples.
+    """Return the response of a servo, from its command to the velocity between samples.
 
     Parameters
     ----------
     device : device with a servo
-    omega : rad/s
+    omega : frequencies, rad/s
     """
     servo = device.servo
     assert servo is not None
@@ -39,7 +40,7 @@ def servo_distances(device: Device, bounds: Sequence[Bounded], study: ServoStudy
 
     Parameters
     ----------
-    device, bounds : the box
+    device, bounds : device at the centre, and the intervals of the box
     study : study of a log
     """
     found = study.bands
@@ -47,11 +48,11 @@ def servo_distances(device: Device, bounds: Sequence[Bounded], study: ServoStudy
 
 
 def off_other_order(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> tuple[Floats, Floats]:
-    """Return frequencies up to Nyquist's, Hz, and the distance of a servo of the other order from the box.
+    """Return frequencies up to Nyquist, Hz, and the distance of a servo of the other order from the box at each.
 
     Parameters
     ----------
-    device, bounds : the box
+    device, bounds : device at the centre, and the intervals of the box
     study : study of a log
     """
     assert device.servo is not None
@@ -62,11 +63,11 @@ def off_other_order(device: Device, bounds: Sequence[Bounded], study: ServoStudy
 
 
 def tried(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> list[Device]:
-    """Return servos of the box, those among them that are as late as the fit of a log.
+    """Return servos of the box, some of which have the latency of a log's fit.
 
     Parameters
     ----------
-    device, bounds : the box
+    device, bounds : device at the centre, and the intervals of the box
     study : study of a log
     """
     assert device.servo is not None

@@ -1,1 +1,1 @@
-"""The velocity loop at a frequency, and its requirement on the coupling."""
+"""The velocity loop at a frequency, and the resistance that it requires of the coupling."""

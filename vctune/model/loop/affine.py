@@ -1,4 +1,4 @@
-"""The loop's constants at a frequency: every response is a quotient of expressions that are affine in the gains.
+"""The loop's constants at a frequency: every response is a quotient of two numbers that are affine in the gains.
 
 See model/README.md, section 12.
 """
@@ -14,11 +14,11 @@ from vctune.model.numbers.pair import Pair
 
 @dataclass(frozen=True, slots=True)
 class Affine:
-    """A complex number that is affine in the gains: constant + K_v velocity + K_p position, at a frequency.
+    """A complex number that is affine in the gains at a frequency: constant + K_v velocity + K_p position.
 
     Attributes
     ----------
-    constant, velocity, position : parts; None for 0
+    constant, velocity, position : the three coefficients; None for 0
     """
 
     constant: Pair | None
@@ -26,27 +26,27 @@ class Affine:
     position: Pair | None
 
     def closed(self, gains: Gains) -> Pair:
-        """Return the number for the given gains."""
+        """Return the number for given gains."""
         parts = [] if self.constant is None else [self.constant]
         parts += [] if self.velocity is None else [self.velocity.scaled(gains.velocity)]
         parts += [] if self.position is None else [self.position.scaled(gains.position)]
         return sum(parts[1:], start=parts[0]) if parts else Pair(0, 0)
 
     def driven(self, gains: Gains) -> Pair:
-        """Return the number for the given gains without its constant: the gains' contribution."""
+        """Return the gains' part of the number: K_v velocity + K_p position for given gains."""
         return Affine(None, self.velocity, self.position).closed(gains)
 
 
 @dataclass(frozen=True, slots=True)
 class LoopConstants:
-    """The constants of the loop, which is affine in the gains, not scaled.
+    """The constants of the loop, which is affine in the gains. They are not scaled.
 
     Attributes
     ----------
     controller, C : C_0 and F_s C_0
     D, miss, numerator, motor : D, D - C_0, N and W
-    factor : e = 1 + y Z_2, the factor of C_f in D: without a loop the motor's admittance is e/D, the handle's to the
-        motor's force 1/D
+    factor : e = 1 + y Z_2, the factor of C_f in D. Without a loop the motor's admittance is e/D, and the handle moves
+        by 1/D per unit of the motor's force
     """
 
     controller: Affine
@@ -59,10 +59,10 @@ class LoopConstants:
 
 
 def loop_constants(at: DeviceResponse) -> LoopConstants:
-    """Return the constants of a device's loop at omega > 0, which depend on the device alone.
+    """Return the constants of a device's loop at omega > 0. They do not depend on the gains.
 
-    K_p's share of C_0 is that of K_v turned by a right angle, and so is that of W and D unless the velocity is
-    estimated.
+    In C_0, the coefficient of K_p is that of K_v turned by a right angle. The same holds in W and D, unless the
+    firmware estimates the velocity.
     """
     if at.follows:
         return _following(at)
@@ -82,8 +82,8 @@ def loop_constants(at: DeviceResponse) -> LoopConstants:
     if spring is None:
         one = Pair(1, 0 * omega)
         return LoopConstants(told, C, motor, Affine(Z_1, lost, None), Affine(one, None, None), motor, one)
-    # the masses alone make j omega m (1 - g) of D_0, y Z_1 = -g m/m_2, y Z_2 = -g m/m_1: D_0 cancels next to the
-    # resonance, where enclosures are to be sharp
+    # the masses alone give j omega m (1 - g) of D_0, y Z_1 = -g m/m_2 and y Z_2 = -g m/m_1: D_0 cancels near the
+    # resonance, where enclosures must be sharp
     g, m, m_1, m_2 = Pair(spring.bent, spring.bent_im), spring.total, at.mass, spring.own_mass
     y = Pair(-g.im, g.re).scaled(m / (m_1 * m_2) / omega)
     bent, N_0 = g.scaled(-(m / m_1)), (g.scaled(-(m / m_2)) + y.scaled(at.damping)).plus(1)
@@ -104,7 +104,7 @@ def loop_constants(at: DeviceResponse) -> LoopConstants:
 
 
 def _following(at: DeviceResponse) -> LoopConstants:
-    """Return the constants of a servo, in which no gain is."""
+    """Return the constants of a servo, which do not contain the gains."""
     drive = Pair(at.drive.re, -(at.omega * at.drive.lag))
     heard = drive if at.sensor is None else Pair(at.sensor.re, -(at.omega * at.sensor.lag)) * drive
     one, none = Pair(1, 0 * at.omega), Pair(0, 0 * at.omega)

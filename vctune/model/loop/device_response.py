@@ -1,7 +1,7 @@
-"""The device's constants in its loop at a frequency, independent of the gains (README, sections 1 and 12).
+"""The device's response in its loop at a frequency, independent of the gains (model/README.md, sections 1 and 12).
 
-An ideal device is a mass and a damping, and a hold with its delay. Other parts (an actuator, a velocity estimate, a
-force sensor, a spring between motor and handle) are optional, and cost nothing if absent.
+An ideal device has a mass, a damping, and a hold with its delay. The other parts are optional and cost nothing if
+absent: actuator, velocity estimate, force sensor, and a spring between motor and handle.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class DriveResponse(NamedTuple):
     Attributes
     ----------
     re : Re A H
-    lag : -Im A H / omega, s, which tends to T/2 + delay and the actuator's lag for omega -> 0
+    lag : -Im A H / omega, s; for omega -> 0 it tends to T/2 + delay plus the actuator's lag
     """
 
     re: Number
@@ -38,14 +38,15 @@ class DriveResponse(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Spring:
-    """The handle on its spring: its impedance Z_2 and the spring's admittance y = omega^2 y_c + j omega y_k.
+    """The handle on its spring: the handle's impedance Z_2 and the spring's admittance y = omega^2 y_c + j omega y_k.
 
     Attributes
     ----------
-    mass, damping : those of the handle with its load, kg and N s/m; None without a load
+    mass, damping : mass and damping of the handle including its load, kg and N s/m; damping is None without a load
     y_c, y_k : c/(k^2 + (omega c)^2) and k/(k^2 + (omega c)^2), s m/N and m/N
-    total, own_mass : masses of the device and of its handle, without a load, kg
-    bent, bent_im : g = omega^2 mu/(k + j omega c), in which no mass is: real and imaginary part; y = j g/(omega mu)
+    total, own_mass : mass of the device and mass of its handle, both without a load, kg
+    bent, bent_im : real and imaginary part of g = omega^2 mu/(k + j omega c), which contains no mass; y = j g/(omega
+        mu)
     """
 
     mass: Number
@@ -59,19 +60,19 @@ class Spring:
 
 
 class DeviceResponse(NamedTuple):
-    """A device at a frequency.
+    """The response of a device at a frequency.
 
     Attributes
     ----------
-    omega : rad/s
-    mass, damping : those of the motor's part, all of the device if it is rigid, kg and N s/m
+    omega : frequency, rad/s
+    mass, damping : mass and damping of the motor's part, kg and N s/m; a rigid device is all motor's part
     drive : A H
-    estimate : F, from the motor's velocity to the firmware's; None for 1
+    estimate : F, from the motor's velocity to the firmware's estimate; None for 1
     sensor : F_s, from the hand's force to the sensed force; None for 1
-    spring : spring between motor and handle; None if rigid
-    operator : b_h, the damping of the least operator, N s/m; None without one
+    spring : spring between motor and handle; None for a rigid device
+    operator : b_h, the damping of the least operator, N s/m; None without an operator
     factor : x = 1 + delta, factor of the mechanism's response; None for 1
-    follows : whether the motion follows the command alone, as a servo's
+    follows : whether the motion follows the command alone, as a servo's does
     """
 
     omega: Number
@@ -88,13 +89,13 @@ class DeviceResponse(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Mechanism:
-    """A structure's two masses and the spring between them.
+    """The two masses of a structure, and the spring between them.
 
     Attributes
     ----------
-    motor, handle : kg
-    damping : damping of the handle, N s/m, None for none; the motor's is the device's
-    stiffness, viscosity : those of the spring between them, N/m and N s/m
+    motor, handle : the two masses, kg
+    damping : damping of the handle, N s/m; None without damping. The damping of the motor's part is the device's
+    stiffness, viscosity : stiffness and damping of the spring, N/m and N s/m
     """
 
     motor: Number
@@ -107,19 +108,19 @@ class Mechanism:
 def mechanism(device: Device, structure: Structure, ops: Arithmetic) -> Mechanism:
     """Return the masses and the spring of a structure from its free resonance (model/README.md, section 12).
 
-    With the reduced mass mu of motor and handle, k = mu (2 pi f)^2 and c = 2 zeta mu 2 pi f. A load adds to the handle
-    and leaves the spring as it is.
+    With the reduced mass mu of motor and handle, k = mu (2 pi f)^2 and c = 2 zeta mu 2 pi f. A load adds to the
+    handle's mass and does not change the spring.
 
     Parameters
     ----------
-    device : supplies the whole mass m and the motor's mass, kg
-    structure : the device's handle on its spring: handle's mass, kg, free resonance f, Hz, damping ratio zeta
+    device : device with the total mass m, kg
+    structure : handle's mass, kg, free resonance f, Hz, and damping ratio zeta
     ops : arithmetic of the numbers of both
 
     Returns
     -------
     Mechanism
-        Of the shape of the device's numbers.
+        It has the shape of the device's numbers.
     """
     motor, handle, swing = device.motor_mass, structure.handle_mass, 2 * ops.pi * structure.frequency_hz
     reduced = motor * handle / device.mass
@@ -138,14 +139,14 @@ def hold_response(device: Device, omega: Number, ops: Arithmetic) -> DriveRespon
 
     Parameters
     ----------
-    device : only sample_time, delay and hold are used
-    omega : rad/s, may be 0; a number or an array of any shape
+    device : device; the function uses only sample_time, delay and hold
+    omega : frequency, rad/s, may be 0; a number or an array of any shape
     ops : arithmetic of omega and of the device's numbers
 
     Returns
     -------
     DriveResponse
-        Both parts of the shape of omega.
+        Both parts have the shape of omega.
     """
     half = device.sample_time / 2
     if device.hold == "zoh":
@@ -177,7 +178,7 @@ def device_response(device: Device, omega: Number, ops: Arithmetic) -> DeviceRes
     Returns
     -------
     DeviceResponse
-        Its numbers have the shape of omega. Those that do not depend on omega may be plain.
+        Its numbers have the shape of omega. Numbers that do not depend on omega may be plain.
     """
     drive = hold_response(device, omega, ops)
     if device.servo is not None:
@@ -222,7 +223,7 @@ def device_response(device: Device, omega: Number, ops: Arithmetic) -> DeviceRes
 def _servo_response(
     device: Device, servo: Servo, drive: DriveResponse, omega: Number, ops: Arithmetic
 ) -> DeviceResponse:
-    """Return how the motion of a servo follows its command: hold, delay, low-pass and interpolation."""
+    """Return the response of a servo's motion to its command: hold, delay, low-pass and interpolation."""
     omega2 = omega * omega
     drive = _behind(drive, low_pass(servo.bandwidth_hz, servo.order, omega, ops), omega2)
     if servo.command == "position":

@@ -1,6 +1,6 @@
 """The drive, from the held command to the motor's force: its response, its states and their rates.
 
-A part of the drive adds to each function here; no other module knows which parts there are.
+A new part of the drive adds to each function of this module. No other module knows the parts of the drive.
 """
 
 from __future__ import annotations
@@ -13,31 +13,31 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import times
 
 COMMAND = "command"
-"""Column of the held command in the rates of a system."""
+"""Name of the held command's column in the rates of a system."""
 Rows = dict[str, dict[str, Number]]
-"""Rates of states by the names of what drives them."""
+"""Rates of the states, by the names of the states or inputs that drive them."""
 LowPassRows = Callable[[Rows, tuple[str, str], Number, int, Arithmetic], Number]
-"""Writes a low-pass into rates, as `filter_rows` does."""
+"""Function that writes a low-pass into the rates, such as `filter_rows`."""
 
 
 def drive_states(device: Device) -> tuple[str, ...]:
-    """Return the names of the drive's states; none if the motor's force is the command."""
+    """Return the names of the drive's states; the tuple is empty if the motor's force is the command."""
     return () if device.actuator is None else ("force", "rate")[: device.actuator.order]
 
 
 def drive_response(device: Device, omega: Number, ops: Arithmetic) -> FilterResponse | None:
-    """Return A, from the held command to the force on the motor, at s = j omega.
+    """Return A, the response of the force on the motor to the held command, at s = j omega.
 
     Parameters
     ----------
-    device : the parts of its drive are used
+    device : device; the function uses the parts of its drive
     omega : angular frequency, rad/s, >= 0
-    ops : arithmetic of both
+    ops : arithmetic of device and omega
 
     Returns
     -------
     FilterResponse or None
-        Of the shape of omega; None if the motor's force is the command.
+        It has the shape of omega; None if the motor's force is the command.
     """
     actuator = device.actuator
     return None if actuator is None else low_pass(actuator.bandwidth_hz, actuator.order, omega, ops)
@@ -46,19 +46,19 @@ def drive_response(device: Device, omega: Number, ops: Arithmetic) -> FilterResp
 def drive_rows(
     rows: Rows, device: Device, ops: Arithmetic, low_pass_rows: LowPassRows = filter_rows
 ) -> dict[str, Number]:
-    """Write the rates of the drive's states and return the motor's force, by the states and the command it is made of.
+    """Write the rates of the drive's states, and return the motor's force as shares of the states and the command.
 
     Parameters
     ----------
-    rows : rates of each state with T = 1; those of the drive are filled in here
-    device : the parts of its drive are used
+    rows : rates of each state with T = 1; the function adds the rates of the drive's states
+    device : device; the function uses the parts of its drive
     ops : arithmetic of the rates
-    low_pass_rows : the form of a low-pass's states
+    low_pass_rows : function that writes the states of a low-pass
 
     Returns
     -------
     dict
-        Shares, the integer 1 for a whole one.
+        The shares by name; a full share is the integer 1.
     """
     actuator = device.actuator
     if actuator is None:
@@ -69,26 +69,26 @@ def drive_rows(
 
 
 def drive_at_rest(device: Device) -> dict[str, float]:
-    """Return the drive's states under a steady command of 1, by name; those of a low-pass are as of `plain_rows`.
+    """Return the drive's states under a steady command of 1, by name. Low-passes have the states of `plain_rows`.
 
     Parameters
     ----------
-    device : the parts of its drive are used
+    device : device; the function uses the parts of its drive
     """
     return {} if device.actuator is None else {"force": 1.0}
 
 
 def pushed(force: dict[str, Number], share: Number) -> dict[str, Number]:
-    """Return what a force is made of, times a share.
+    """Return a force times a share.
 
     Parameters
     ----------
-    force : as of `drive_rows`
-    share : of it
+    force : the force as `drive_rows` returns it
+    share : factor of the force; the integer 1 leaves it as it is
 
     Returns
     -------
     dict
-        A whole share stays as it is, so that it adds no rounding.
+        The shares of the states and the command. A full share stays the integer 1, so that it adds no rounding.
     """
     return {name: share if type(part) is int and part == 1 else times(part, share) for name, part in force.items()}

@@ -1,6 +1,7 @@
 """Non-ideal parts of a device at a frequency: velocity estimate, actuator, force sensor (README, section 12).
 
-All have gain 1 at rest, so that the code computes their loss, not their remainder: nothing cancels.
+Each part has unit gain at omega = 0. The code computes 1 - H directly instead of subtracting H from 1, so that no
+digits cancel.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ from vctune.model.parts import ForceSensor, VelocityEstimate
 
 @dataclass(frozen=True, slots=True)
 class FilterResponse:
-    """A transfer function re - j omega lag of gain 1 at rest; both parts are even and smooth at omega = 0.
+    """A transfer function re - j omega lag with unit gain at omega = 0. Both parts are even and smooth at omega = 0.
 
     Attributes
     ----------
-    re : Re, which vanishes far above a low-pass, while its loss vanishes far below it
+    re : real part; far above the corner of a low-pass it vanishes, and far below, 1 - re vanishes
     curvature : (1 - Re)/omega^2, s^2
     lag : -Im/omega, s
     """
@@ -37,7 +38,7 @@ class FilterResponse:
         Returns
         -------
         FilterResponse
-            Its curvature is formed from those of the factors, not from 1 - Re, so that nothing cancels.
+            The function forms its curvature from those of the factors, not from 1 - Re, so that no digits cancel.
         """
         one, two = self, other
         crossed = one.curvature * two.curvature * omega2
@@ -49,7 +50,8 @@ class FilterResponse:
 
 
 def low_pass(bandwidth_hz: Number, order: int, omega: Number, ops: Arithmetic) -> FilterResponse:
-    """Return a low-pass at s = j omega: 1/(1 + s/w) of order 1, w^2/(s^2 + sqrt(2) w s + w^2) of order 2 (Butterworth).
+    """Return a low-pass at s = j omega: 1/(1 + s/w) of order 1, or w^2/(s^2 + sqrt(2) w s + w^2) of order 2
+    (Butterworth).
 
     Parameters
     ----------
@@ -61,7 +63,7 @@ def low_pass(bandwidth_hz: Number, order: int, omega: Number, ops: Arithmetic) -
     Returns
     -------
     FilterResponse
-        Of the shape of omega.
+        The result has the shape of omega.
     """
     time = 1 / (2 * ops.pi * bandwidth_hz)
     x, time2 = omega * time, time * time
@@ -85,7 +87,7 @@ def pure_delay(delay: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
     Returns
     -------
     FilterResponse
-        Of the shape of omega.
+        The result has the shape of omega.
     """
     turn = omega * delay
     half = ops.sinc(turn / 2)
@@ -95,8 +97,8 @@ def pure_delay(delay: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
 def interpolation(sample_time: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
     """Return (1 + e^(-s T))/2 at s = j omega, the filter between a held velocity and an interpolated position.
 
-    A position command that the servo interpolates over a sample is a held velocity command behind this filter
-    (model/README.md, section 17).
+    If the servo interpolates a position command over a sample, the effect is that of a held velocity command behind
+    this filter (model/README.md, section 17).
 
     Parameters
     ----------
@@ -107,7 +109,7 @@ def interpolation(sample_time: Number, omega: Number, ops: Arithmetic) -> Filter
     Returns
     -------
     FilterResponse
-        Of the shape of omega.
+        The result has the shape of omega.
     """
     half = sample_time / 2
     cos, sinc = ops.cos(omega * half), ops.sinc(omega * half)
@@ -115,7 +117,8 @@ def interpolation(sample_time: Number, omega: Number, ops: Arithmetic) -> Filter
 
 
 def smoothing(filter_hz: Number, sample_time: Number, ops: Arithmetic) -> tuple[Number, Number]:
-    """Return both coefficients of the firmware's low-pass y += a (x - y), a = 1 - e^(-2 pi f T).
+    """Return the coefficients a and p of the firmware's low-pass y += a (x - y) = p y + a x, with a = 1 - e^(-2 pi f
+    T).
 
     Parameters
     ----------
@@ -125,7 +128,7 @@ def smoothing(filter_hz: Number, sample_time: Number, ops: Arithmetic) -> tuple[
 
     Returns
     -------
-    a, p : a and p = 1 - a, dimensionless; each by its own formula, so that neither cancels
+    a, p : a and p = 1 - a, dimensionless; each has its own formula, so that no digits cancel
     """
     x = 2 * ops.pi * filter_hz * sample_time
     return x * ops.phi_1(x), ops.exp(-x)
@@ -134,14 +137,16 @@ def smoothing(filter_hz: Number, sample_time: Number, ops: Arithmetic) -> tuple[
 def velocity_estimate(
     estimate: VelocityEstimate, sample_time: Number, omega: Number, ops: Arithmetic
 ) -> FilterResponse | None:
-    """Return F, from the true velocity to the firmware's, at z = e^(j omega T) (model/README.md, section 12).
+    """Return F, the response of the firmware's velocity to the true velocity, at z = e^(j omega T).
+
+    See model/README.md, section 12.
 
     A backward difference of the position is the mean velocity of the last sample interval, (1 - e^(-sT))/(sT). The
     firmware's low-passes follow it.
 
     Parameters
     ----------
-    estimate : source of the velocity, "difference" or measured, and its low-passes
+    estimate : source of the velocity, "difference" or "measured", and the low-passes
     sample_time : T, s
     omega : angular frequency, rad/s, >= 0
     ops : arithmetic of the other arguments
@@ -149,7 +154,7 @@ def velocity_estimate(
     Returns
     -------
     FilterResponse or None
-        An array of the shape of omega; None if the firmware measures the true velocity.
+        It has the shape of omega; None if the firmware measures the true velocity.
     """
     theta, T, found = omega * sample_time, sample_time, None
     half = ops.sinc(theta / 2)
@@ -169,7 +174,8 @@ def firmware_low_pass(
 
     Parameters
     ----------
-    estimate : its corner frequency is used; its order is not, since the result is one stage
+    estimate : velocity estimate; the function uses its corner frequency, and ignores its order because it returns one
+        stage
     sample_time : T, s
     omega : angular frequency, rad/s, >= 0
     ops : arithmetic of the other arguments
@@ -177,7 +183,7 @@ def firmware_low_pass(
     Returns
     -------
     FilterResponse or None
-        An array of the shape of omega; None if the firmware has no low-pass.
+        It has the shape of omega; None if the firmware has no low-pass.
     """
     if estimate.filter_hz is None:
         return None
@@ -194,18 +200,18 @@ def firmware_low_pass(
 
 
 def sensor_response(sensor: ForceSensor, omega: Number, ops: Arithmetic) -> FilterResponse | None:
-    """Return F_s, from the hand's force to the sensed force, at s = j omega.
+    """Return F_s, the response of the sensed force to the hand's force, at s = j omega.
 
     Parameters
     ----------
-    sensor : bandwidth, Hz, and order of its low-pass, and its delay, s
+    sensor : force sensor with bandwidth, Hz, and order of its low-pass, and delay, s
     omega : angular frequency, rad/s, >= 0
     ops : arithmetic of the sensor's numbers and omega
 
     Returns
     -------
     FilterResponse or None
-        An array of the shape of omega; None if the sensor senses the force without delay.
+        It has the shape of omega; None if the sensor is ideal.
     """
     found = None
     if sensor.bandwidth_hz is not None:
@@ -222,26 +228,26 @@ def filter_rows(
     """Write a low-pass of order 1, or of order 2 with damping ratio 1/sqrt(2), into the rates of a system.
 
     The states of order 2 are y and y + y'/a with 2 a^2 = w^2, not y and y'. For a fast low-pass f(A/E) is about half of
-    |A/E|, and `inverse` divides by its diagonal, which would be close to 0 with the states y and y'.
+    |A/E|, and `inverse` divides by its diagonal. With the states y and y' the diagonal would be close to 0.
 
     Parameters
     ----------
-    rows : rates of each state by the names of the states, with T = 1; those of the low-pass are filled in here
-    states : names of the output y and of the second state, which order 1 does not have
-    samples : bandwidth times T, the -3 dB frequency in sampling frequencies
+    rows : rates of each state by the names of the states, with T = 1; the function adds the rates of the low-pass
+    states : names of the output y and of the second state, which exists for order 2 only
+    samples : bandwidth times T, that is, the -3 dB frequency in units of the sampling frequency
     order : 1 or 2
     ops : arithmetic of the rates
 
     Returns
     -------
     Number
-        Rate at which the low-pass's input drives its last state.
+        Rate at which the input drives the low-pass's last state.
     """
     corner, (out, rate) = 2 * ops.pi * samples, states
     if order == 1:
         rows[out][out] = -corner
         return corner
-    a = corner * ops.sqrt(0 * corner + 0.5)  # the root of a square would be wide where the corner is
+    a = corner * ops.sqrt(0 * corner + 0.5)  # a square root of the square would be wide where the corner is
     rows[out][out], rows[out][rate] = -a, a
     rows[rate][out], rows[rate][rate] = -a, -a
     return 2 * a
@@ -250,16 +256,16 @@ def filter_rows(
 def plain_rows(
     rows: dict[str, dict[str, Number]], states: tuple[str, str], samples: Number, order: int, ops: Arithmetic
 ) -> Number:
-    """Write a low-pass as `filter_rows` does, with the states y and y'/w.
+    """Write a low-pass into the rates of a system, with the states y and y'/w.
 
     Parameters
     ----------
-    rows, states, samples, order, ops : as of `filter_rows`
+    rows, states, samples, order, ops : see `filter_rows`
 
     Returns
     -------
     Number
-        Rate at which the low-pass's input drives its last state.
+        Rate at which the input drives the low-pass's last state.
     """
     if order == 1:
         return filter_rows(rows, states, samples, order, ops)

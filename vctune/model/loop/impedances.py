@@ -1,4 +1,4 @@
-"""The impedances of a velocity loop at a frequency: the device's, and its controller's (README, section 1)."""
+"""The impedances of a velocity loop at a frequency: the device's and the controller's (README, section 1)."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from vctune.model.numbers.pair import Pair
 
 
 class LoopResponse(NamedTuple):
-    """The loop's impedances, each times a common real scale, with the numbers that must not be formed by subtraction.
+    """The loop's impedances times a common real scale, and the numbers that must not be formed by subtraction.
 
-    With an integrator C_0 grows like 1/omega, so everything carries the scale omega and is then regular down to
-    omega = 0; without one the scale is 1.
+    With an integrator, C_0 grows like 1/omega for omega -> 0. All impedances are then multiplied by the scale omega,
+    which makes them regular at omega = 0. Without an integrator the scale is 1.
 
     Attributes
     ----------
-    C_scaled : F_s C_0 = q D times the scale, N s/m with the scale 1, N/m with omega
+    C_scaled : F_s C_0 = q D times the scale; N s/m with the scale 1, N/m with the scale omega
     D_scaled : D times the scale
-    miss_scaled : D - C_0 = (1 - G_he) D times the scale; Z_d of an ideal device
-    numerator : N = G_hh D, 1; None if it is 1
+    miss_scaled : D - C_0 = (1 - G_he) D times the scale; for an ideal device D - C_0 = Z_d
+    numerator : N = G_hh D, dimensionless; None if it is 1
     scale2 : the scale squared
     im_C_conj_D_scaled : scale * Im(F_s C_0 conj D), which is scale * |D|^2 Im q (model/README.md, section 5)
-    im_slope : the same over omega, regular at omega = 0; None if it does not vanish there
-    resistance : Re(N conj D) + b_h |N|^2, not scaled, N s/m: |D|^2 Re G_hh, and of a rigid device in the hand of its
-        least operator Re(D + Z_h)
+    im_slope : `im_C_conj_D_scaled` divided by omega, regular at omega = 0; None if the former does not vanish there
+    resistance : Re(N conj D) + b_h |N|^2, not scaled, N s/m. It is |D|^2 Re G_hh without an operator; for a rigid
+        device in the hand of its least operator it is Re(D + Z_h)
     operator_relief : 2 b_h Re(F_s C_0 conj N), the term by which an operator eases the conditions, (N s/m)^2, not
-        scaled; None without one
+        scaled; None without an operator
     """
 
     C_scaled: Pair
@@ -43,7 +43,7 @@ class LoopResponse(NamedTuple):
 
 
 class Impedance(NamedTuple):
-    """An impedance: its real part, and all of it scaled."""
+    """An impedance: its real part, and the whole impedance times the scale."""
 
     re: Number
     scaled: Pair
@@ -52,19 +52,19 @@ class Impedance(NamedTuple):
 def controller_impedance(at: DeviceResponse, gains: Gains, re: Number, lag: Number, *, integral: bool) -> Impedance:
     """Return A H (X K_v + K_p/s), the controller's impedance behind a filter X of the velocity (paper eq. 9).
 
-    X is 1 or the velocity estimate F. Its caller supplies the product A H X.
+    X is 1 or the velocity estimate F. The caller supplies the product A H X.
 
     Parameters
     ----------
-    at : the device at a frequency; only omega and A H are used
+    at : the device at a frequency; the function uses only omega and A H
     gains : K_v and K_p, N s/m and N/m
-    re, lag : A H X = re - j omega lag; re dimensionless, lag in s
+    re, lag : the product A H X = re - j omega lag; re is dimensionless, lag in s
     integral : whether the law has its term K_p/s
 
     Returns
     -------
     Impedance
-        Its real part, N s/m, is never scaled; the whole number is multiplied by omega if the law has the integrator.
+        The real part, N s/m, is never scaled. The whole impedance is multiplied by omega if the law has the integrator.
     """
     proportional = gains.velocity * re
     if not integral:
@@ -81,7 +81,7 @@ def G_hh_abs2(loop: LoopResponse) -> Number:
 
 
 def tracking_abs2(loop: LoopResponse) -> Number:
-    """Return |1 - G_he|^2 = |(D - C_0)/D|^2, the relative error between commanded and actual velocity, squared.
+    """Return |1 - G_he|^2 = |(D - C_0)/D|^2, the squared relative error of the actual against the commanded velocity.
 
     See model/README.md, section 2.
     """

@@ -13,7 +13,7 @@ from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 
 @dataclass(frozen=True, slots=True)
 class EndLimit:
-    """Re Z_c and R at an end, both divided by the same positive power of omega where both vanish.
+    """Re Z_c and R at an end of the axis. Where both vanish, both are divided by the same positive power of omega.
 
     Attributes
     ----------
@@ -27,12 +27,12 @@ class EndLimit:
 
 @dataclass(frozen=True, slots=True)
 class Lags:
-    """The lags of a device's parts for omega -> 0; s, and kg for the spring's loss.
+    """The lags of a device's parts for omega -> 0, and the loss and the compliance of its spring.
 
     Attributes
     ----------
-    drive : tau, of hold, delay and actuator
-    estimate, sensor : lags of the velocity estimate and of the force sensor
+    drive : tau, the lag of hold, delay and actuator, s
+    estimate, sensor : lags of the velocity estimate and of the force sensor, s
     loss : c/k^2 of the spring, m s/N
     compliance : 1/k, m/N
     """
@@ -47,17 +47,17 @@ class Lags:
 def lags(device: Device, ops: Arithmetic) -> Lags:
     """Return the lags of a device's parts for omega -> 0 (model/README.md, section 6).
 
-    A low-pass of order 1 lags by 1/w, one of order 2 by sqrt(2)/w, a difference by T/2.
+    A low-pass of order 1 lags by 1/w, a low-pass of order 2 by sqrt(2)/w, and a difference by T/2.
 
     Parameters
     ----------
     device : device in SI units
-    ops : arithmetic of its numbers
+    ops : arithmetic of the device's numbers
 
     Returns
     -------
     Lags
-        A part that the device lacks has the lag 0.
+        The lag of a part that the device lacks is 0.
     """
     at = device_response(device, 0 * device.sample_time, ops)
     spring = at.spring
@@ -73,27 +73,28 @@ def lags(device: Device, ops: Arithmetic) -> Lags:
 def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling, ops: Arithmetic = FLOATS) -> EndLimit:
     """Return the limits of Re Z_c and R for omega -> 0, with any hold (model/README.md, section 6).
 
-    With K_p > 0, R -> (b + tau_s K_p)^2/(4 (b + k)) with k = K_v - tau K_p + K_p^2 c/k_s^2 while Re Z_c -> b_0: tau is
-    the drive's lag, tau_s the force sensor's, k_s and c the spring's between motor and handle. With K_p = 0, R vanishes
-    like omega^2, and so does Re Z_c when there is no drag: the ratio then tends to
-    (m_c^2/b_c) 4 (b + K_v)^2/(K_v M^2), M = m + b tau - K_v tau_F + (b + K_v) tau_s with the velocity estimate's lag
-    tau_F. With K_p > 0 and b = tau_s = 0, R vanishes like omega^4. In the hand of an operator of damping b_h
+    With K_p > 0, Re Z_c -> b_0 and R -> (b + tau_s K_p)^2/(4 (b + k)) with k = K_v - tau K_p + K_p^2 c/k_s^2. Here tau
+    is the drive's lag, tau_s the force sensor's lag, and k_s and c belong to the spring between motor and handle. With
+    K_p = 0, R vanishes like omega^2, and without drag so does Re Z_c. The ratio then tends to (m_c^2/b_c) 4 (b +
+    K_v)^2/(K_v M^2), M = m + b tau - K_v tau_F + (b + K_v) tau_s with the velocity estimate's lag tau_F. With K_p > 0
+    and b = tau_s = 0, R vanishes like omega^4. In the hand of an operator with damping b_h,
 
         R -> ((b + tau_s K_p)^2 - 4 b_h Re(C conj N))/(4 (b + k + b_h n^2)),   n = 1 + K_p/k_s,
 
-    and -b_h K_v/(b + b_h + K_v) with K_p = 0.
+    and R -> -b_h K_v/(b + b_h + K_v) with K_p = 0.
 
     Parameters
     ----------
     device : device in SI units
     gains : K_v and K_p, N s/m and N/m
     coupling : b_c, m_c and b_0 of an admittance display
-    ops : arithmetic of these numbers, which must compare with 0
+    ops : arithmetic of these numbers; it must be able to compare them with 0
 
     Returns
     -------
     EndLimit
-        N s/m, or N s^3/m where both limits are divided by omega^2. R is inf if the loop's resistance is not positive.
+        In N s/m, or in N s^3/m where both limits are divided by omega^2. R is inf if the loop's resistance is not
+        positive.
     """
     at, b = lags(device, ops), device.damping
     mass = device.mass
@@ -119,20 +120,20 @@ def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling, ops: A
 
 
 def high_frequency_limit(device: Device, gains: Gains, coupling: Coupling) -> EndLimit:
-    """Return the limits for omega -> inf of an ideal device with hold "lag" and no delay (model/README.md, section 6).
+    """Return the limits for omega -> inf, for an ideal device with hold "lag" and no delay (README, section 6).
 
     R -> 2 m K_v/((b + b_h) T), Re Z_c -> b_c + b_0.
 
     Parameters
     ----------
-    device : ideal, in SI units; b_h is its least operator's damping
-    gains : only K_v matters, N s/m
+    device : ideal device in SI units; b_h is its least operator's damping
+    gains : gains; only K_v matters, N s/m
     coupling : b_c, m_c and b_0 of an admittance display
 
     Returns
     -------
     EndLimit
-        N s/m. R is inf if neither device nor operator has damping.
+        In N s/m. R is inf if neither device nor operator has damping.
     """
     needed = 2 * device.mass * gains.velocity / device.sample_time
     damping = device.damping if device.operator is None else device.damping + device.operator.damping

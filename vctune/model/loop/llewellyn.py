@@ -1,12 +1,12 @@
-"""Llewellyn's absolute stability as a constraint on the coupling (model/README.md, sections 4 and 5, paper eqs. 12 and
+"""Llewellyn's absolute stability as a constraint on the coupling (model/README.md, sections 4 and 5; paper eqs. 12,
 19).
 
-With G_hh = N/D and q = C/D (`vctune.model.loop.loop`), in the hand of an operator that always contains Z_h,
+With G_hh = N/D and q = C/D (`vctune.model.loop.loop`), in the hand of an operator that always contains Z_h, it requires
 
     Re Z_c >= R = (|C||D| - Re(C conj D) - 2 Re Z_h Re(C conj N))/(2 (Re(N conj D) + Re Z_h |N|^2)),
 
-which is condition 3 of model/README.md, section 4 for Z_h = 0. The operator's mass is not in it, because any reactance
-is allowed in the hand. See model/README.md, section 9.
+which for Z_h = 0 is condition 3 of model/README.md, section 4. The operator's mass does not appear, because the hand
+may have any reactance anyway. See model/README.md, section 9.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ def moduli(loop: LoopResponse, ops: Arithmetic) -> Number:
     Returns
     -------
     Number
-        Of the shape of the loop's frequencies, (N s/m)^2 times `scale2`: both factors carry the scale.
+        (N s/m)^2 times `scale2`, since both factors carry the scale. The result has the shape of the loop's
+        frequencies.
     """
     C, D = loop.C_scaled, loop.D_scaled
     return ops.modulus(C.re, C.im) * ops.modulus(D.re, D.im)
@@ -36,7 +37,7 @@ def moduli(loop: LoopResponse, ops: Arithmetic) -> Number:
 def modulus_excess(loop: LoopResponse, ops: Arithmetic) -> Number:
     """Return (|q| - Re q) |D|^2 = |C||D| - Re(C conj D), (N s/m)^2, without cancellation.
 
-    With P = Re(C conj D) and Q = Im(C conj D) it is Q^2/(|C||D| + P) wherever P > 0.
+    With P = Re(C conj D) and Q = Im(C conj D), the result is Q^2/(|C||D| + P) wherever P > 0.
 
     Parameters
     ----------
@@ -46,7 +47,7 @@ def modulus_excess(loop: LoopResponse, ops: Arithmetic) -> Number:
     Returns
     -------
     Number
-        Of the shape of the loop's frequencies, not scaled.
+        Not scaled. The result has the shape of the loop's frequencies.
     """
     product = moduli(loop, ops)
     P = re_conj_product(loop.C_scaled, loop.D_scaled)
@@ -58,7 +59,7 @@ def modulus_excess(loop: LoopResponse, ops: Arithmetic) -> Number:
 
 
 def llewellyn_demand(loop: LoopResponse, ops: Arithmetic) -> Number:
-    """Return 2 (Re(N conj D) + Re Z_h |N|^2) R, (N s/m)^2; without an operator `modulus_excess`.
+    """Return 2 (Re(N conj D) + Re Z_h |N|^2) R, (N s/m)^2. Without an operator it equals `modulus_excess`.
 
     Parameters
     ----------
@@ -68,7 +69,7 @@ def llewellyn_demand(loop: LoopResponse, ops: Arithmetic) -> Number:
     Returns
     -------
     Number
-        Of the shape of the loop's frequencies, not scaled.
+        Not scaled. The result has the shape of the loop's frequencies.
     """
     excess = modulus_excess(loop, ops)
     return excess if loop.operator_relief is None else excess - loop.operator_relief
@@ -88,7 +89,7 @@ def required_resistance(loop: LoopResponse, ops: Arithmetic) -> Number:
     Returns
     -------
     Number
-        N s/m, of the shape of the loop's frequencies; divided by 0 where the resistance is 0.
+        N s/m. It has the shape of the loop's frequencies; where the resistance is 0, the function divides by 0.
     """
     return llewellyn_demand(loop, ops) / (2 * loop.resistance)
 
@@ -96,19 +97,19 @@ def required_resistance(loop: LoopResponse, ops: Arithmetic) -> Number:
 def rollett_factor(loop: LoopResponse, Z_c: Pair, ops: Arithmetic) -> Number:
     """Return Rollett's stability factor K = (2 Re p11 Re p22 - Re p12 p21)/|p12 p21| (model/README.md, section 4).
 
-    The two-port has absorbed the least operator and contains Z_c. Numerator and denominator are multiplied by
-    |D + Z_h N|^2. K >= 1 exactly where Re Z_c >= R, if the loop's resistance is positive.
+    The two-port includes the least operator and Z_c. The function multiplies numerator and denominator by |D + Z_h
+    N|^2. If the loop's resistance is positive, K >= 1 exactly where Re Z_c >= R.
 
     Parameters
     ----------
     loop : the velocity loop at some frequencies
-    Z_c : the coupling's impedance there, N s/m
-    ops : arithmetic of both
+    Z_c : the coupling's impedance at the same frequencies, N s/m
+    ops : arithmetic of loop and Z_c
 
     Returns
     -------
     Number
-        Dimensionless, of the shape of the loop's frequencies.
+        Dimensionless. It has the shape of the loop's frequencies.
     """
     product = moduli(loop, ops) / loop.scale2
     excess = 2 * loop.resistance * Z_c.re + re_conj_product(loop.C_scaled, loop.D_scaled) / loop.scale2

@@ -1,11 +1,11 @@
 """The velocity loop at a frequency (model/README.md, sections 1, 2 and 12; paper eqs. 7, 9, 10, 11).
 
-With C_0 = A H (K_v + K_p/s), C_f = A H (K_v F + K_p/s), the motor's part W = m_1 s + b + C_f, the handle's Z_2 and the
-admittance y of the spring between them,
+With C_0 = A H (K_v + K_p/s), C_f = A H (K_v F + K_p/s), the motor's part W = m_1 s + b + C_f, the handle's impedance
+Z_2 and the admittance y of the spring between them,
 
     N = 1 + y W,   D = W + Z_2 N,   G_hh = N/D,   G_he = C_0/D,   q = F_s C_0/D.
 
-A rigid device has y = Z_2 = 0 and N = 1; if it is ideal too, F_s C_0 = C_f = C_0 = C and D = Z_d + C.
+A rigid device has y = Z_2 = 0 and N = 1. If it is ideal as well, F_s C_0 = C_f = C_0 = C and D = Z_d + C.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ def loop_response(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopResp
     Parameters
     ----------
     at : the device at omega > 0, or at omega >= 0 in an arithmetic that encloses the limit
-    gains : K_v and K_p, N s/m and N/m; if K_p is 0 for certain the law has no integrator
+    gains : K_v and K_p, N s/m and N/m; if K_p is certainly 0, the law has no integrator
     ops : arithmetic of device and gains
 
     Returns
     -------
     LoopResponse
-        Its numbers have the shape of omega. Those that do not depend on omega may be plain.
+        Its numbers have the shape of omega. Numbers that do not depend on omega may be plain.
     """
     if at.follows:
         return _following(at)
@@ -43,7 +43,7 @@ def loop_response(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopResp
     re_C, C, scale2, im_slope = loop.re, loop.scaled, 1, None
     if integral:
         Z_d, scale2 = Pair(b * omega, reactance * omega), omega * omega
-        # re_C without the scale, so that this carries the scale once, not twice
+        # re_C has no scale, so this product carries the scale once, not twice
         im = b * C.im - Z_d.im * re_C
         if ops.is_zero(b):
             im_slope = -(reactance * re_C)
@@ -68,7 +68,7 @@ def loop_response(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopResp
 
 
 def _following(at: DeviceResponse) -> LoopResponse:
-    """Return the response of a servo: G_hh = 0, since no hand pushes it, and G_he = A H for all gains."""
+    """Return the response of a servo: G_hh = 0, because no hand pushes it, and G_he = A H for all gains."""
     drive = Pair(at.drive.re, -(at.omega * at.drive.lag))
     C = drive if at.sensor is None else Pair(at.sensor.re, -(at.omega * at.sensor.lag)) * drive
     return LoopResponse(

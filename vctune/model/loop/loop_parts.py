@@ -15,7 +15,7 @@ from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
 
 @dataclass(frozen=True, slots=True)
 class _Scale:
-    """The scale, omega or 1, and the factor that it lacks of omega; None stands for 1, which is not multiplied by."""
+    """The scale (omega or 1), and omega divided by the scale. None stands for a factor 1, which costs no product."""
 
     own: Number | None
     lacking: Number | None
@@ -25,23 +25,23 @@ class _Scale:
         return x if self.own is None else x * self.own
 
     def across(self, x: Number) -> Number:
-        """Return x times omega over the scale."""
+        """Return x times omega, divided by the scale."""
         return x if self.lacking is None else x * self.lacking
 
 
 @dataclass(frozen=True, slots=True)
 class _Turned:
-    """Im(C conj D) scaled, flat + omega slope; flat is None if it is absent."""
+    """Im(C conj D) times the scale, as flat + omega slope; flat is None if it is absent."""
 
     flat: Number | None
     slope: Number
 
     def at(self, omega: Number) -> Number:
-        """Return it at a frequency."""
+        """Return the number at a frequency."""
         return omega * self.slope if self.flat is None else self.flat + omega * self.slope
 
     def times(self, factor: Number) -> _Turned:
-        """Return it times a real factor."""
+        """Return the number times a real factor."""
         return _Turned(None if self.flat is None else self.flat * factor, self.slope * factor)
 
 
@@ -51,8 +51,8 @@ class _Handle:
 
     Attributes
     ----------
-    D, miss : scaled
-    turned : Im(C_0 conj D) scaled
+    D, miss : D and D - C_0, scaled
+    turned : Im(C_0 conj D), scaled
     numerator : N
     im_numerator : Im N / omega
     resistance : Re(N conj D)
@@ -67,21 +67,21 @@ class _Handle:
 
 
 def loop_with_parts(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopResponse:
-    """Evaluate the velocity loop of a device that has any of its parts (model/README.md, section 12).
+    """Evaluate the velocity loop of a device that is not ideal (model/README.md, section 12).
 
-    The parts are the velocity estimate, the actuator, the force sensor and the spring between motor and handle. No
-    imaginary part of a product is formed by subtraction of its large terms.
+    The device may have a velocity estimate, an actuator, a force sensor, and a spring between motor and handle. The
+    code never forms the imaginary part of a product by subtracting its large terms.
 
     Parameters
     ----------
-    at : the device at omega > 0, or at omega >= 0 in an arithmetic that encloses the limit; without a `factor`
-    gains : K_v and K_p, N s/m and N/m; if K_p is 0 for certain the law has no integrator
+    at : the device at omega > 0, or at omega >= 0 in an arithmetic that encloses the limit; its `factor` must be None
+    gains : K_v and K_p, N s/m and N/m; if K_p is certainly 0, the law has no integrator
     ops : arithmetic of device and gains
 
     Returns
     -------
     LoopResponse
-        Of the shape of omega; the scale is omega with an integrator and 1 without.
+        It has the shape of omega. The scale is omega with an integrator and 1 without one.
     """
     omega, integral = at.omega, not ops.is_zero(gains.position)
     scale = _Scale(omega, None) if integral else _Scale(None, omega)
@@ -130,18 +130,18 @@ def perturbed_loop(at: DeviceResponse, x: Pair, gains: Gains) -> LoopResponse:
     """Return the loop of a device whose mechanism's response is multiplied by x, at omega > 0.
 
     See model/README.md, section 13. Let D_0 and N_0 be D and N with both gains 0. The perturbed loop has D_0/x + e C_f
-    instead of D and N_0 + x y C_f in that of N.
+    instead of D, and N_0 + x y C_f instead of N.
 
     Parameters
     ----------
-    at : the device at omega > 0; its `factor` is not used
+    at : the device at omega > 0; the function ignores its `factor`
     x : 1 + delta, the perturbation at that frequency, dimensionless
     gains : K_v and K_p, N s/m and N/m; K_p may be 0
 
     Returns
     -------
     LoopResponse
-        With the scale 1, of the shape of omega.
+        It has the scale 1 and the shape of omega.
     """
     known, inverse = loop_constants(at), Pair(x.re, -x.im).scaled(1 / x.abs2())
     idle, numerator = known.D.constant, known.numerator.constant
@@ -151,7 +151,7 @@ def perturbed_loop(at: DeviceResponse, x: Pair, gains: Gains) -> LoopResponse:
     moved = inverse * idle
     C, D, miss = known.C.closed(gains), moved + known.D.driven(gains), moved + known.miss.driven(gains)
     told = known.controller.closed(gains)
-    # Im(F_s C_0 conj(C_0 + miss)), of which C_0 against itself leaves only what F_s turns
+    # Im(F_s C_0 conj(C_0 + miss)): the product of C_0 with itself leaves only the part that F_s turns
     im = im_conj_product(C, miss)
     if at.sensor is not None:
         im = im - at.omega * at.sensor.lag * told.abs2()
@@ -188,9 +188,9 @@ def _estimated(
 
 
 def _turned(at: DeviceResponse, gains: Gains, C_0: Impedance, scale: _Scale, ops: Arithmetic) -> _Turned:
-    """Return Im(C_0 conj W) scaled: C_0 against b, against m omega, and against the loss of F in C_f.
+    """Return Im(C_0 conj W), scaled: the product of C_0 with b, with m omega, and with the loss of F in C_f.
 
-    C_0 against itself contributes nothing, and is therefore left out.
+    The product of C_0 with itself has no imaginary part and is left out.
     """
     integral = scale.own is not None
     slope = -(at.mass * C_0.re)
@@ -207,14 +207,14 @@ def _turned(at: DeviceResponse, gains: Gains, C_0: Impedance, scale: _Scale, ops
 def _on_spring(
     spring: Spring, omega: Number, scale: _Scale, C_0: Impedance, W: Impedance, miss: Pair, turned: _Turned
 ) -> _Handle:
-    """Put the handle on its spring beside the motor's part W.
+    """Add the handle on its spring to the motor's part W.
 
     In Im(C_0 conj(Z_2 (1 + y W))), the part with y is Im(C_0 conj W) Re(y Z_2) - Re(C_0 conj W) Im(y Z_2).
 
     Parameters
     ----------
-    spring, omega, scale : those of the device there
-    C_0, W : those of the motor
+    spring, omega, scale : the spring, the frequency and the scale
+    C_0, W : impedances of the motor's part
     miss, turned : Z_1 + C_f - C_0 and Im(C_0 conj W), scaled
     """
     flexed = Pair(omega * spring.y_c, spring.y_k)  # y/omega

@@ -1,1 +1,1 @@
-"""Arithmetics in which formulas are evaluated, and the units of numbers."""
+"""The arithmetics in which the formulas are evaluated, and the units of numbers."""

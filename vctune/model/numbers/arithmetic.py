@@ -1,7 +1,8 @@
-"""The few operations that a formula needs beyond + - * /, for each kind of number.
+"""The few operations beyond + - * / that the formulas need, for each kind of number.
 
-Every formula of `vctune.model` takes an `Arithmetic` and is then evaluated on NumPy arrays (scan, margins, figures),
-CasADi symbols (the NLP), Arb balls and intervals on arrays with or without their derivatives (the proof).
+Every formula of `vctune.model` takes an `Arithmetic`. The same formula then runs on NumPy arrays (scan, margins,
+figures), on CasADi symbols (the NLP), and on Arb balls and arrays of intervals, with or without derivatives (the
+proof).
 """
 
 from __future__ import annotations
@@ -23,18 +24,18 @@ class Arithmetic(Protocol):
     def pi(self) -> Number: ...
     @property
     def precision(self) -> float:
-        """Relative rounding of a number."""
+        """Relative rounding error of a number."""
 
     @property
     def arrays(self) -> ArrayArithmetic | None:
-        """The arithmetic itself where its numbers are arrays, None if they are single."""
+        """This arithmetic if its numbers are arrays; None if they are single numbers."""
 
     def is_zero(self, x: Number) -> bool:
-        """Return whether a number is certainly 0, so that a product with it can be left out."""
+        """Return whether a number is certainly 0, so that a product with it can be omitted."""
 
     def sqrt(self, x: Number) -> Number: ...
     def modulus(self, re: Number, im: Number) -> Number:
-        """Return |re + j im|, with derivatives that stay within those of both parts, at 0 too.
+        """Return |re + j im|. Its derivatives are bounded by those of both parts, even at 0.
 
         Parameters
         ----------
@@ -43,11 +44,11 @@ class Arithmetic(Protocol):
         Returns
         -------
         Number
-            In their unit.
+            It has the unit of both parts.
         """
 
     def reciprocal(self, re: Number, im: Number) -> tuple[Number, Number]:
-        """Return 1/(re + j im), which is as tight as the number is relative to its size.
+        """Return 1/(re + j im). The result is as tight as the number is relative to its size.
 
         Parameters
         ----------
@@ -81,39 +82,39 @@ class Arithmetic(Protocol):
         """
 
     def where_positive(self, x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
-        """Return yes() where x is certainly > 0 and no() elsewhere.
+        """Return yes() where x is certainly > 0, and no() elsewhere.
 
-        An enclosure of x may contain both signs: no() is taken there, so that it must hold for positive x too. Both are
-        functions, because an arithmetic of single numbers evaluates only one of them.
+        Where an enclosure of x contains both signs, the result is no(), so that no() must also hold for positive x.
+        Both are functions because an arithmetic of single numbers evaluates only one of them.
 
         Parameters
         ----------
-        x : real number that decides
-        yes, no : functions without arguments that return a number of x's shape; yes() need not be valid where no() is
-            used
+        x : real number whose sign decides
+        yes, no : functions without arguments that return a number of x's shape; yes() need not be valid where the
+            result is no()
 
         Returns
         -------
         Number
-            Of the shape of x.
+            It has the shape of x.
         """
 
     def interpolated(self, x: Number, table: tuple[tuple[float, float], ...]) -> Number:
-        """Return the value of a table at x, linear in log value over log x.
+        """Return the value of a table at x, interpolated linearly in the logarithms of both.
 
         Parameters
         ----------
-        x : > 0, in the unit of the table's first column; neither a CasADi symbol nor a power series
-        table : points (x, value), both > 0, increasing in x; the value is constant beyond the first and the last point
+        x : number > 0, in the unit of the table's first column; neither a CasADi symbol nor a power series
+        table : points (x, value), both > 0, increasing in x; the value is constant outside the first and the last point
 
         Returns
         -------
         Number
-            In the unit of the table's second column, of the shape of x.
+            It has the unit of the table's second column and the shape of x.
         """
 
     def within(self, radius: Number) -> Number:
-        """Return the numbers between -radius and radius, enclosed; 0 outside."""
+        """Return an enclosure of the numbers between -radius and radius. An arithmetic without enclosures returns 0."""
 
     def middle(self, x: Number) -> Number:
         """Return a number within x that has no width.
@@ -125,18 +126,18 @@ class Arithmetic(Protocol):
         Returns
         -------
         Number
-            Of the shape of x; plain numbers are their own middle.
+            It has the shape of x; a plain number is its own middle.
         """
 
     def magnitude(self, x: Number) -> float:
-        """Return a number that no |x|, of all elements, exceeds; of plain numbers about that."""
+        """Return an upper bound of |x| over all elements of x. For plain numbers it may be off by a rounding error."""
 
 
 class ArrayArithmetic(Arithmetic, Protocol):
-    """Elementary functions of numbers that are arrays, and operations that only arrays have."""
+    """Elementary functions of arrays, and operations that only arrays have."""
 
     def stacked(self, numbers: Sequence[Number]) -> Number:
-        """Return numbers as one with another axis in front, plain ones among them too."""
+        """Return numbers stacked along a new first axis; some of them may be plain."""
 
     def matmul(self, a: Number, b: Number) -> Number:
         """Return the matrix products A B, one for each index of the further axes.
@@ -149,24 +150,25 @@ class ArrayArithmetic(Arithmetic, Protocol):
         Returns
         -------
         Number
-            Of shape (n, k, ...).
+            It has shape (n, k, ...).
         """
 
 
 SERIES_BELOW = 0.05
-"""Argument at which phi_2 changes from its series to its formula, whose subtraction loses a factor 2/x of the
-precision. Half loses another factor 2, and `vctune.proof.enclosures.jets.PHI_ERROR` would no longer hold. With twice,
-the remainder of the series of eight terms, 1e-17 here, would be 3e-15, no longer less than rounding."""
+"""Argument at which phi_2 changes from its series to its formula. The formula's subtraction loses a factor 2/x of the
+precision. At half this argument it would lose another factor 2, and `vctune.proof.enclosures.jets.PHI_ERROR` would no
+longer hold. At twice this argument the remainder of the series of eight terms, now 1e-17, would be 3e-15, which exceeds
+the rounding error."""
 
 
 CURVATURE_BELOW = 0.5
-"""Argument at which sinc_curvature changes from its series to its formula, whose two subtractions lose a factor 20/x^2
-of the precision. Half loses another factor 4. With twice, the remainder of the series of seven terms, 2e-19 here, would
-be 3e-15, no longer less than rounding."""
+"""Argument at which sinc_curvature changes from its series to its formula. The formula's two subtractions lose a factor
+20/x^2 of the precision. At half this argument they would lose another factor 4. At twice this argument the remainder of
+the series of seven terms, now 2e-19, would be 3e-15, which exceeds the rounding error."""
 
 
 def sinc_curvature_series(x2: Number) -> Number:
-    """Return 1/3! - x^2/5! + x^4/7! - ... + x^12/15!; the remainder is between -x^14/17! and 0.
+    """Return 1/3! - x^2/5! + x^4/7! - ... + x^12/15!. The remainder lies between -x^14/17! and 0.
 
     Parameters
     ----------
@@ -179,11 +181,11 @@ def sinc_curvature_series(x2: Number) -> Number:
 
 
 def by_conjugate(re: Number, im: Number) -> tuple[Number, Number]:
-    """Return 1/(re + j im) by its conjugate: of numbers without width as tight as any other form.
+    """Return 1/(re + j im) by the complex conjugate. For numbers without width this is as tight as any other form.
 
     Parameters
     ----------
-    re, im : of a complex number that is not 0
+    re, im : parts of a complex number that is not 0
 
     Returns
     -------
@@ -195,7 +197,7 @@ def by_conjugate(re: Number, im: Number) -> tuple[Number, Number]:
 
 
 class _FloatArithmetic:
-    """Double precision, elementwise over NumPy arrays."""
+    """Double precision, elementwise on NumPy arrays."""
 
     pi = pi
     precision = 2.0**-53
@@ -258,7 +260,7 @@ class _FloatArithmetic:
     @staticmethod
     def interpolated(x: Number, table: tuple[tuple[float, float], ...]) -> Number:
         at, value = np.log(np.array(table)).T
-        with np.errstate(divide="ignore"):  # below the first point all are as there, 0 too
+        with np.errstate(divide="ignore"):  # below the first point, 0 included, the value is that of the first point
             return np.exp(np.interp(np.log(x), at, value))
 
     @staticmethod

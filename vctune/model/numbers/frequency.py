@@ -1,4 +1,4 @@
-"""Frequencies for people: hertz outside, rad/s inside."""
+"""Frequencies in hertz for people, and in rad/s inside the code."""
 
 from __future__ import annotations
 
@@ -6,25 +6,25 @@ from math import inf, pi
 
 
 def hertz(omega: float) -> float:
-    """Return an angular frequency in hertz, without the rounding of 2 pi if it was a decimal.
+    """Return an angular frequency in hertz. If the hertz were a short decimal, the result is that decimal again.
 
     Parameters
     ----------
-    omega : rad/s, may be 0 or inf
+    omega : frequency, rad/s, may be 0 or inf
 
     Returns
     -------
     float
-        Hz, to 12 digits.
+        Hz, rounded to 12 digits.
     """
     return float(f"{omega / (2 * pi):.12g}")
 
 
 def finite_hertz(omega: float | None) -> float | None:
-    """Return a frequency in hertz, None if it is infinite.
+    """Return a frequency in hertz, or None if it is infinite or None.
 
     Parameters
     ----------
-    omega : rad/s, or None
+    omega : frequency, rad/s, or None
     """
     return None if omega is None or omega == inf else hertz(omega)

@@ -1,22 +1,22 @@
-"""The design variables by their keys in a problem file; light enough for the command line."""
+"""Keys of the design variables in a problem file. The module imports little, so that the command line stays fast."""
 
 from __future__ import annotations
 
 from vctune.model.numbers.units import Units
 
 KEYS = ("gains.velocity", "gains.position", "coupling.damping", "coupling.mass", "coupling.drag")
-"""K_v, K_p, b_c, m_c, b_0 of an admittance display."""
+"""Keys of K_v, K_p, b_c, m_c and b_0, the design variables of an admittance display."""
 SPRING_KEYS = ("gains.velocity", "gains.position", "coupling.damping", "coupling.stiffness")
-"""Design variables of an impedance display: K_v, K_p (which is 0), b_c, k_c."""
+"""Keys of K_v, K_p (which is 0), b_c and k_c, the design variables of an impedance display."""
 SYMBOLS = dict(zip(KEYS, ("K_v", "K_p", "b_c", "m_c", "b_0"), strict=True)) | {SPRING_KEYS[3]: "k_c"}
 QUANTITIES = dict(zip(KEYS, ("damping", "stiffness", "damping", "mass", "damping"), strict=True)) | {
     SPRING_KEYS[3]: "stiffness"
 }
-"""The symbol of each variable in equations, and its quantity (`vctune.model.numbers.units`)."""
+"""Symbol of each design variable in equations, and its quantity (`vctune.model.numbers.units`)."""
 WORLD = ("environment.mass", "environment.damping", "environment.stiffness")
-"""The numbers of a rendered environment."""
+"""Keys of the numbers of a rendered environment."""
 IN_WORDS = dict(zip(WORLD, ("mass of the tool", "least damping", "stiffness of the wall"), strict=True))
-"""Their names on an axis."""
+"""Names of these numbers on an axis of a figure."""
 
 
 def labelled(key: str, units: Units) -> str:
@@ -38,5 +38,5 @@ def labelled(key: str, units: Units) -> str:
 
 
 def keys_of(count: int) -> tuple[str, ...]:
-    """Return the keys of a design with this number of numbers."""
+    """Return the keys of a design that has this many numbers."""
     return KEYS if count == len(KEYS) else SPRING_KEYS

@@ -1,6 +1,6 @@
-"""Small matrices of any numbers, and the functions of them that a sampled system needs.
+"""Small matrices in any arithmetic, and the matrix functions that a sampled system needs.
 
-Matrices are tuples of rows; a 0 that is there by structure is the integer 0, takes no part in products, and stays
+A matrix is a tuple of rows. The integer 0 stands for an entry that is 0 by structure: products skip it, and it stays
 exactly 0.
 """
 
@@ -25,7 +25,7 @@ Vector = tuple[Number, ...]
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A matrix in one number of two more axes, where arrays are: an operation is then one for all of its entries.
+    """A matrix as one array with two leading axes, so that one array operation acts on all its entries.
 
     Attributes
     ----------
@@ -39,22 +39,22 @@ class Block:
     ops: ArrayArithmetic
 
     def mapped(self, entries: Number, other: Block) -> Block:
-        """Return a block of other entries, with the zeros that two matrices have in common.
+        """Return a block with other entries. An entry is 0 by structure where it is so in this block and in another.
 
         Parameters
         ----------
         entries : entries of the result, shape (n, m, ...)
-        other : the second operand of the same shape; an entry is 0 by structure if it is so in both
+        other : the second operand, a block of the same shape
 
         Returns
         -------
         Block
-            In the arithmetic of this one.
+            It uses the arithmetic of this block.
         """
         return Block(entries, self.nonzero | other.nonzero, self.ops)
 
     def times(self, other: Block) -> Block:
-        """Return the product."""
+        """Return the matrix product with another block."""
         return Block(self.ops.matmul(self.entries, other.entries), self.nonzero @ other.nonzero, self.ops)
 
 
@@ -62,7 +62,7 @@ AnyMatrix = TypeVar("AnyMatrix", Matrix, Block)
 
 
 def blocked(matrix: Matrix, ops: Arithmetic) -> Any:
-    """Return a matrix in the form in which its arithmetic multiplies fastest.
+    """Return a matrix in the form that its arithmetic multiplies fastest.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def blocked(matrix: Matrix, ops: Arithmetic) -> Any:
 
 
 def rows_of(matrix: Matrix | Block) -> Matrix:
-    """Return a matrix as rows; the integer 0 stands for an entry that is 0 by structure."""
+    """Return a matrix as rows. The integer 0 stands for an entry that is 0 by structure."""
     if not isinstance(matrix, Block):
         return matrix
     return tuple(
@@ -93,14 +93,14 @@ def rows_of(matrix: Matrix | Block) -> Matrix:
 
 
 LEFT_OUT = 2.0**-10
-"""Remainder of the Taylor polynomial of e^A, for A of norm at most 1/2, as a share of rounding; the code encloses it.
-Half and twice it mostly give the same order: 15 for doubles, 29 for 128 bits."""
+"""Permitted remainder of the Taylor polynomial of e^A, for A of norm at most 1/2, as a share of the rounding error. The
+code encloses the remainder. Half and twice this share mostly give the same order: 15 for doubles, 29 for 128 bits."""
 
 
 def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:
     """Return e^A - 1 by scaling, Taylor's polynomial and squaring.
 
-    An arithmetic of enclosures adds a bound of the polynomial's remainder, so that the result encloses e^A - 1.
+    An arithmetic of enclosures adds a bound of the polynomial's remainder, so that the result contains e^A - 1.
 
     Parameters
     ----------
@@ -117,12 +117,12 @@ def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:
     small = blocked(scaled(matrix, 2.0**-halvings), ops)
     total = term = small
     x = norm / 2.0**halvings
-    # an entry that is 0 in A may first differ from it in the power that is as high as A has rows
+    # an entry that is 0 in A may become nonzero in any power of A up to its number of rows
     last = next(n for n in count(len(matrix)) if not x ** (n + 1) / factorial(n + 1) > LEFT_OUT * ops.precision * x)
     for order in range(2, last + 1):
         term = divided(product(term, small), order)
         total = added(total, term)
-    # all further terms add up to less than 1.1 times the first of them: x <= 1/2
+    # for x <= 1/2 all further terms add up to less than 1.1 times the first of them
     rest = ops.within(1.1 * x ** (last + 1) / factorial(last + 1))
     found = _each(total, rest)
     for _ in range(halvings):
@@ -131,18 +131,18 @@ def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:
 
 
 COTH_WITHIN = 2.0
-"""Norm up to which (A/2) coth(A/2) is found by its series, whose radius is 2 pi. Half of it takes one inverse more,
-twice of it three times as many terms."""
+"""Norm of A up to which the series computes (A/2) coth(A/2); its radius of convergence is 2 pi. Half this norm would
+take one more inverse; twice this norm would take three times as many terms."""
 
 
 def half_coth(matrix: Matrix, ops: Arithmetic) -> Matrix:
-    """Return f(A) = (A/2) coth(A/2) = 1 + A^2/12 - A^4/720 + ..., doubled by f(2A) = f(A) + (A/2)^2/f(A).
+    """Return f(A) = (A/2) coth(A/2) = 1 + A^2/12 - A^4/720 + ..., with doublings f(2A) = f(A) + (A/2)^2/f(A).
 
-    An arithmetic of enclosures adds a bound of the series' remainder, so that the result encloses f(A).
+    An arithmetic of enclosures adds a bound of the series' remainder, so that the result contains f(A).
 
     Parameters
     ----------
-    matrix : A, n x n, dimensionless, without an eigenvalue 2 pi j times an integer other than 0
+    matrix : A, n x n, dimensionless; 2 pi j k is not an eigenvalue of A for any integer k other than 0
     ops : arithmetic of its entries
 
     Returns
@@ -161,7 +161,8 @@ def half_coth(matrix: Matrix, ops: Arithmetic) -> Matrix:
     for k in range(2, last + 1):
         term = divided(product(term, square), (2 * k - 1) * (2 * k))
         number = bernoulli(2 * k)
-        # from B_36 on a numerator is no double: rounding it and its product is the unit that enclosures add for one
+        # from B_36 on, a double cannot hold the numerator; the unit that enclosures add for one rounding covers this
+        # one, too
         numerator = number.numerator if ops.arrays is None else float(number.numerator)
         found = added(found, divided(scaled(term, numerator), number.denominator))
     # all further terms add up to less than 2 zeta(2)/(1 - ratio) < 3.7 times a power of ratio <= 1/pi^2
@@ -187,7 +188,7 @@ def identity(n: int) -> Matrix:
 
 
 def inverse(matrix: Matrix) -> Matrix:
-    """Return 1/A by elimination in the order of its rows: A must not be far from triangular, or from 1."""
+    """Return 1/A by elimination in the order of the rows. A must be close to triangular, or close to 1."""
     n = len(matrix)
     rows = [[*row, *one] for row, one in zip(matrix, identity(n), strict=True)]
     for i in range(n):
@@ -204,13 +205,13 @@ def inverse(matrix: Matrix) -> Matrix:
 
 
 def minors(rows: Sequence[Sequence[Number]]) -> dict[int, Number]:
-    """Return the determinants of n rows of n + 1 columns without one column, by the index of that column.
+    """Return the determinants of n rows of n + 1 columns without one column, by the index of the omitted column.
 
-    The expansion goes row by row, without a division. A minor that is 0 by structure is absent.
+    The expansion goes row by row, without division. The result has no entry for a minor that is 0 by structure.
 
     Parameters
     ----------
-    rows : rows of numbers that can be added and multiplied; None for 0
+    rows : rows of numbers that can be added and multiplied; None stands for 0
     """
     width = len(rows) + 1
     found: dict[int, Number] = {0: None}
@@ -221,7 +222,7 @@ def minors(rows: Sequence[Sequence[Number]]) -> dict[int, Number]:
                 if entry is None or columns >> j & 1:
                     continue
                 term = entry if minor is None else minor * entry
-                # each column to the right of j that earlier rows have taken is one exchange of columns
+                # each column to the right of j that earlier rows have used counts as one exchange of columns
                 if (columns >> j).bit_count() % 2:
                     term = term.scaled(-1)
                 both = columns | 1 << j
@@ -232,7 +233,7 @@ def minors(rows: Sequence[Sequence[Number]]) -> dict[int, Number]:
 
 
 def characteristic(psi: Matrix) -> tuple[Vector, list[Matrix]]:
-    """Return det(x - psi) and the adjugate of x - psi, by Faddeev and LeVerrier.
+    """Return det(x - psi) and the adjugate of x - psi, by the algorithm of Faddeev and LeVerrier.
 
     Parameters
     ----------
@@ -240,8 +241,8 @@ def characteristic(psi: Matrix) -> tuple[Vector, list[Matrix]]:
 
     Returns
     -------
-    coefficients : coefficients of x^0 to x^(n-1); that of x^n is 1
-    adjugate : matrices that are its coefficients, of x^0 to x^(n-1)
+    coefficients : coefficients of x^0 to x^(n-1) in the determinant; the coefficient of x^n is 1
+    adjugate : matrix coefficients of x^0 to x^(n-1) in the adjugate
     """
     n = len(psi)
     matrix, matrices, coefficients = identity(n), [identity(n)], []
@@ -261,35 +262,35 @@ def characteristic(psi: Matrix) -> tuple[Vector, list[Matrix]]:
 
 
 def _each(matrix: AnyMatrix, rest: Number) -> AnyMatrix:
-    """Return A and, in each entry that is not 0 by structure, another number."""
+    """Return A with another number added to each entry that is not 0 by structure."""
     if isinstance(matrix, Block):
         return matrix.mapped(matrix.entries + rest, matrix)
     return tuple(tuple(entry if nothing(entry) else entry + rest for entry in row) for row in matrix)
 
 
 def norm_of(matrix: Matrix, ops: Arithmetic) -> float:
-    """Return an upper bound of the greatest row sum of |a_ij|, a norm of A.
+    """Return an upper bound of the greatest row sum of |a_ij|, which is a norm of A.
 
     Parameters
     ----------
-    matrix : A, in any numbers of the arithmetic
-    ops : arithmetic of the entries; it bounds their magnitude, for arrays over all elements
+    matrix : A, in numbers of the arithmetic
+    ops : arithmetic of the entries; for arrays it bounds their magnitude over all elements
 
     Returns
     -------
     float
-        The bound, up to the rounding of the sum.
+        The bound, exact up to the rounding error of the sum.
     """
     return max(sum(ops.magnitude(entry) for entry in row if not nothing(entry)) for row in matrix)
 
 
 def nothing(x: Number) -> bool:
-    """Return whether a number is the integer 0, which stands for 0 by structure."""
+    """Return whether a number is the integer 0, which stands for an entry that is 0 by structure."""
     return type(x) is int and x == 0
 
 
 def add(a: Number, b: Number) -> Number:
-    """Return a + b; the integer 0 takes no part, so that it adds no rounding.
+    """Return a + b. The integer 0 is skipped, so that it adds no rounding error.
 
     Parameters
     ----------
@@ -298,13 +299,13 @@ def add(a: Number, b: Number) -> Number:
     Returns
     -------
     Number
-        The integer 0 only if both are.
+        The integer 0 only if both numbers are.
     """
     return b if nothing(a) else a if nothing(b) else a + b
 
 
 def times(a: Number, b: Number) -> Number:
-    """Return a b, which is the integer 0 if either factor is.
+    """Return a b. It is the integer 0 if either factor is.
 
     Parameters
     ----------
@@ -347,7 +348,7 @@ def applied(matrix: Matrix, vector: Vector) -> Vector:
     Returns
     -------
     Vector
-        Of length n.
+        The result has length n.
     """
     return tuple(dot(row, vector) for row in matrix)
 
@@ -381,7 +382,7 @@ def added(a: AnyMatrix, b: AnyMatrix) -> AnyMatrix:
     Returns
     -------
     Matrix or Block
-        n x m; an entry is 0 by structure if it is so in both.
+        n x m. An entry is 0 by structure if it is so in both.
     """
     if isinstance(a, Block):
         return a.mapped(a.entries + b.entries, b)
@@ -394,12 +395,12 @@ def scaled(matrix: AnyMatrix, factor: Number) -> AnyMatrix:
     Parameters
     ----------
     matrix : A
-    factor : factor of the arithmetic of the entries, or a plain number
+    factor : factor, in the arithmetic of the entries or a plain number
 
     Returns
     -------
     Matrix or Block
-        In the form of the matrix, with the same zeros.
+        It has the form of the matrix and the same zeros.
     """
     if isinstance(matrix, Block):
         return matrix.mapped(matrix.entries * factor, matrix)
@@ -412,12 +413,12 @@ def divided(matrix: AnyMatrix, count: Number) -> AnyMatrix:
     Parameters
     ----------
     matrix : A
-    count : the divisor, not 0: in the arithmetic of the entries, or a plain number
+    count : divisor, not 0, in the arithmetic of the entries or a plain number
 
     Returns
     -------
     Matrix or Block
-        In the form of the matrix, with the same zeros.
+        It has the form of the matrix and the same zeros.
     """
     if isinstance(matrix, Block):
         return matrix.mapped(matrix.entries / count, matrix)
@@ -435,6 +436,6 @@ def column(matrix: Matrix, index: int) -> Vector:
     Returns
     -------
     Vector
-        Of length n.
+        The result has length n.
     """
     return tuple(row[index] for row in matrix)

@@ -1,4 +1,4 @@
-"""A complex number as a pair of reals of any arithmetic (CasADi has no complex numbers)."""
+"""A complex number as a pair of real numbers of any arithmetic. CasADi has no complex numbers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Pair:
         return Pair(self.re * factor, self.im * factor)
 
     def plus(self, real: Number) -> Pair:
-        """Return this number and a real one."""
+        """Return this number plus a real one."""
         return Pair(self.re + real, self.im)
 
     def abs2(self) -> Number:
@@ -35,7 +35,7 @@ class Pair:
 
 @dataclass(frozen=True, slots=True)
 class EvenOdd:
-    """The complex number even + j s odd, whose parts stay regular for s -> 0, of s^2 = square.
+    """The complex number even + j s odd with s^2 = square. Both parts stay regular for s -> 0.
 
     A response that is real for real z has this form on the unit circle, with s = sin(theta/2).
     """
@@ -56,7 +56,7 @@ class EvenOdd:
         return EvenOdd(self.even * factor, self.odd * factor, self.square)
 
     def plus(self, real: Number) -> EvenOdd:
-        """Return this number and a real one."""
+        """Return this number plus a real one."""
         return EvenOdd(self.even + real, self.odd, self.square)
 
     def abs2(self) -> Number:
@@ -74,7 +74,7 @@ def re_conj_product(a: Pair, b: Pair) -> Number:
     Returns
     -------
     Number
-        In the product of their units.
+        Its unit is the product of their units.
     """
     return a.re * b.re + a.im * b.im
 
@@ -89,6 +89,6 @@ def im_conj_product(a: Pair, b: Pair) -> Number:
     Returns
     -------
     Number
-        In the product of their units. The sign is that of the angle from b to a.
+        Its unit is the product of their units. Its sign is that of the angle from b to a.
     """
     return a.im * b.re - a.re * b.im

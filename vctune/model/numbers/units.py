@@ -1,7 +1,7 @@
-"""Names and units of a device's numbers, by the motion of its handle: the only place that states them.
+"""Names and units of a device's numbers, for a linear and for a rotary handle. Only this module states them.
 
-The formulas hold word for word for both: for a rotary device a mass is a moment of inertia, a force a torque, a
-position an angle.
+The formulas hold for both: for a rotary device a mass is a moment of inertia, a force a torque, and a position an
+angle.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ from types import MappingProxyType
 from typing import Literal
 
 UnitSystem = Literal["linear", "rotary"]
-"""How the handle moves: along a line, or about an axis."""
+"""Motion of the handle: along a line, or about an axis."""
 
 
 @dataclass(frozen=True, slots=True)
 class Units:
-    """The unit of each quantity, by its name, and two words.
+    """The units of all quantities, and the names of mass and force.
 
     Attributes
     ----------
     mass_name, force_name : names of mass and force
-    mass, damping, stiffness, integral_gain, mobility, compliance : units of masses, of impedances and of one
-        over them
-    force, position, position_integral, speed : those of signals
+    mass, damping, stiffness, integral_gain, mobility, compliance : units of mass, of impedances and of their
+        reciprocals
+    force, position, position_integral, speed : units of signals
     time, frequency : units of time and frequency
     """
 
@@ -45,16 +45,16 @@ class Units:
     frequency: str = "Hz"
 
     def of(self, quantity: str) -> str:
-        """Return the unit of a quantity by its name; "" for a number without one, whose quantity is ""."""
+        """Return the unit of a quantity by its name. The quantity "" has the unit ""."""
         unit: str = getattr(self, quantity) if quantity else ""
         return unit
 
     def translated(self, text: str) -> str:
-        """Return a text about a linear device in the words and units of this one.
+        """Return a text about a linear device in the words and units of this device.
 
         Parameters
         ----------
-        text : our own text, not a user's
+        text : text of vctune, not of a user
         """
         if self == LINEAR:
             return text
@@ -99,10 +99,10 @@ ROTARY = Units(
 QUANTITIES = tuple(
     each.name for each in fields(Units) if each.name not in ("mass_name", "force_name", "time", "frequency")
 )
-"""Those whose units depend on the motion."""
+"""Quantities whose units depend on the motion of the handle."""
 UNITS: Mapping[UnitSystem, Units] = MappingProxyType({"linear": LINEAR, "rotary": ROTARY})
 WORD = re.compile(r"(?<![.\w])([Aa] )?(mass|force)(es|s)?\b(?! /)", re.IGNORECASE)
-"""Words with another name, with their articles; keys of a file keep their names, and names in equations theirs."""
+"""Words to translate, with their articles. Keys of a file and names in equations stay as they are."""
 SAME = {LINEAR.of(quantity): ROTARY.of(quantity) for quantity in QUANTITIES}
 UNIT = re.compile(rf"(?:(?<=, )|^)({'|'.join(map(re.escape, sorted(SAME, key=len, reverse=True)))})(?=[.;,]|$)")
-"""A unit in a description: alone, or between a comma and the end of its number."""
+"""Matches a unit in a description: a unit alone, or after a comma at the end of a number's description."""

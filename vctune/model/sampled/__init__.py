@@ -1,1 +1,1 @@
-"""The exact sampled loop, let go and in a hand."""
+"""The exact sampled loop, without a hand and in a hand."""

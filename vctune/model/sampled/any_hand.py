@@ -1,12 +1,14 @@
-"""The requirement of any passive hand on an impedance display, in sampled time (model/README.md, section 15).
+"""The requirement of any passive hand on an impedance display, in the sampled loop (model/README.md, section 15).
 
-With y, s and F of `impedance_display`, the motor of a rigid device answers with a point of the disc around 1/(2b) of
-that radius at each frequency and at each of its aliases omega_n = omega + 2 pi n/T, independently, so that
+The letters y, s and F are those of `impedance_display`. At each frequency and at each alias omega_n = omega + 2 pi n/T,
+the motor of a rigid device responds with a point of the disc with centre and radius 1/(2b). The points are independent
+of each other, so that
 
-    G_y = sum over n of 4 s^2/(omega_n T)^2 A(j omega_n) e^{-j (theta + omega_n delay)} (1 + u_n)/(2b),   |u_n| <= 1:
+    G_y = sum over n of 4 s^2/(omega_n T)^2 A(j omega_n) e^{-j (theta + omega_n delay)} (1 + u_n)/(2b),   |u_n| <= 1,
 
-a disc too, of centre c and radius r. Without an actuator both sums are closed; a delay that is no whole number of
-samples turns the aliases against each other and costs more than its size. The disc's image under G/(1 + K_v F G) gives
+lies in a disc, too, with centre c and radius r. Without an actuator both sums have a closed form. A delay that is not a
+whole number of samples turns the aliases against each other and costs more than its size. The image of the disc under
+G/(1 + K_v F G) gives
 
     R/s^2 = [r - Re c - (|c|^2 - r^2) K_v Re F]/s^2 / (1 + 2 K_v Re(F c) + K_v^2 |F|^2 (|c|^2 - r^2)).
 """
@@ -24,12 +26,12 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.impedance_display import Required, firmware_filter
 
 ALIASES = 24
-"""Pairs of aliases that are summed one by one behind an actuator or a spring; the rest is bounded. Half of them give R
-to a thousandth at the Nyquist frequency, twice as many to a tenth of that."""
+"""Number of pairs of aliases that are summed one by one behind an actuator or a spring; the code bounds the rest. Half
+as many pairs give R to a thousandth at the Nyquist frequency, twice as many to a tenth of that."""
 
 
 class InAnyHand(NamedTuple):
-    """R/s^2 in any passive hand, (lost + K_v lost_slope)/(1 + K_v size_slope + K_v^2 size_square)."""
+    """R/s^2 in any passive hand, as (lost + K_v lost_slope)/(1 + K_v size_slope + K_v^2 size_square)."""
 
     lost: Number
     lost_slope: Number
@@ -38,7 +40,7 @@ class InAnyHand(NamedTuple):
 
 
 class AnyHand(NamedTuple):
-    """The response of y to a force in any passive hand: a disc of centre c and radius r at each frequency.
+    """The response of y to a force, in any passive hand: at each frequency a disc with centre c and radius r.
 
     Attributes
     ----------
@@ -65,7 +67,7 @@ class AnyHand(NamedTuple):
         return InAnyHand(self.short, -(self.beyond * low_pass.re), 2 * along, low_pass.abs2() * inside)
 
     def required(self, gains: Gains) -> Required:
-        """Return R/s^2 as a quotient; only K_v of the gains matters."""
+        """Return R/s^2 as a quotient. It depends on K_v alone."""
         K_v, of = gains.velocity, self.of_velocity
         return Required(of.lost + K_v * of.lost_slope, 1 + K_v * of.size_slope + K_v * K_v * of.size_square)
 
@@ -76,7 +78,7 @@ def any_hand(device: Device, whole: Number, theta: Number, ops: Arithmetic, *, f
     Parameters
     ----------
     device : an impedance display with damping b > 0
-    whole : N, the whole samples of its delay
+    whole : N, the number of whole samples in its delay
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of device and theta
     fractional : whether the delay is longer than N samples
@@ -84,14 +86,14 @@ def any_hand(device: Device, whole: Number, theta: Number, ops: Arithmetic, *, f
     Returns
     -------
     AnyHand
-        Of the shape of theta.
+        The result has the shape of theta.
     """
     disc, sine = _disc(device, whole, theta, ops, fractional=fractional), ops.sin(theta / 2)
     return AnyHand(*disc, firmware_filter(device, theta, ops), sine * sine)
 
 
 class _Disc(NamedTuple):
-    """The first three of `AnyHand`."""
+    """The first three fields of `AnyHand`, with the same meaning."""
 
     short: Number
     beyond: Number
@@ -118,11 +120,11 @@ def _disc(device: Device, whole: Number, theta: Number, ops: Arithmetic, *, frac
 
 
 class _Alias(NamedTuple):
-    """The motor's response to a force at one frequency, the delays turned: a disc with its centre and radius.
+    """The motor's response to a force at one frequency, with the delays included: a disc.
 
     Attributes
     ----------
-    centre : A e^{-j psi} C
+    centre : A e^{-j psi} C, with the delays in psi
     radius : |A| rho
     """
 
@@ -154,7 +156,7 @@ def _sum_of_aliases(device: Device, theta: Number, ops: Arithmetic) -> _Disc:
 
 
 def _alias(device: Device, theta: Number, at: Number, ops: Arithmetic) -> _Alias:
-    """Return the motor's response at omega = at/T; in hands of all kinds Z_s beside Z_x is a disc around 1/(2 g)."""
+    """Return the motor's response at omega = at/T: over all hands, Z_s in series with Z_x is a disc around 1/(2 g)."""
     drive = drive_at(device, theta, at, ops)
     size = ops.sqrt(drive.abs2()) if drive_states(device) else 1
     rho, reactance, g = motor_disc(device, at / device.sample_time, ops)
@@ -165,19 +167,19 @@ def _alias(device: Device, theta: Number, at: Number, ops: Arithmetic) -> _Alias
 
 
 def drive_at(device: Device, theta: Number, at: Number, ops: Arithmetic) -> Pair:
-    """Return A e^{-j (theta + omega_n delay)}, from the held force to the motor's force at the alias omega_n.
+    """Return A e^{-j (theta + omega_n delay)}, the motor's force per held force at the alias omega_n.
 
     Parameters
     ----------
-    device : its sample time, delay and actuator are used
-    theta : omega T, rad, in [0, pi]; its turn is half a sample of the hold and half of the differenced position
-    at : omega_n T = theta + 2 pi n, rad, n an integer
+    device : device; the function uses its sample time, delay and actuator
+    theta : omega T, rad, in [0, pi]; one half of this turn is due to the hold, the other to the differenced position
+    at : omega_n T = theta + 2 pi n, rad, with an integer n
     ops : arithmetic of the other arguments
 
     Returns
     -------
     Pair
-        Dimensionless, of the shape of theta.
+        Dimensionless. It has the shape of theta.
     """
     turn = theta + at * (device.delay / device.sample_time)
     delayed = Pair(ops.cos(turn), -ops.sin(turn))
@@ -187,21 +189,21 @@ def drive_at(device: Device, theta: Number, at: Number, ops: Arithmetic) -> Pair
 
 
 def motor_disc(device: Device, omega: Number, ops: Arithmetic) -> tuple[Number, Number, Number | None]:
-    """Return the disc that contains the motor's admittance in every passive hand, of radius rho and centre C.
+    """Return the disc with radius rho and centre C that contains the motor's admittance in every passive hand.
 
-    C = rho (1 + 2 g (b - j omega m_1)), with g = Re 1/Z_s of the spring between motor and handle. A rigid device has
-    C = rho = 1/(2 b).
+    C = rho (1 + 2 g (b - j omega m_1)), with g = Re 1/Z_s of the spring between motor and handle. A rigid device has C
+    = rho = 1/(2 b).
 
     Parameters
     ----------
     device : device with b > 0, in SI units
     omega : angular frequency, rad/s
-    ops : arithmetic of both
+    ops : arithmetic of device and omega
 
     Returns
     -------
     rho : m/(N s)
-    reactance : omega m_1, N s/m, of the motor's part; for a rigid device omega m
+    reactance : omega m_1 with the motor's part m_1, N s/m; for a rigid device omega m
     g : m/(N s); None for a rigid device
     """
     b, reactance = device.damping, omega * device.motor_mass
@@ -220,7 +222,7 @@ def _loss(device: Device, omega: Number, ops: Arithmetic) -> Number:
 
 
 class _First(NamedTuple):
-    """The first alias: its disc, and (|centre|^2 - radius^2)/s^2."""
+    """The disc of the first alias, and (|centre|^2 - radius^2)/s^2."""
 
     centre: Pair
     radius: Number
@@ -255,9 +257,9 @@ def _first_alias(device: Device, theta: Number, ops: Arithmetic) -> tuple[_First
 
 
 def _beyond_the_last(device: Device, ops: Arithmetic) -> tuple[Number, Number]:
-    """Return bounds of |C'| and of R' of all aliases beyond the last that is added up.
+    """Return bounds of |C'| and of R' over all aliases after the last that is summed.
 
-    Their weights sum to at most 2/(pi^2 N), and A, rho and the bound of |C| fall from the first of them on.
+    Their weights sum to at most 2/(pi^2 N). A, rho and the bound of |C| decrease from the first of these aliases on.
     """
     omega = (2 * ALIASES + 1) * ops.pi / device.sample_time
     weight = 2 / (ops.pi * ops.pi * ALIASES)

@@ -14,17 +14,17 @@ from vctune.model.sampled.velocity_loop import Polynomial, SampledPlant
 def characteristic_polynomial(plant: SampledPlant, gains: Gains) -> list[Number]:
     """Return the coefficients of the sampled loop's characteristic polynomial, highest power of z first.
 
-    They are those of F as a polynomial in w = 1/z, lowest power of w first.
+    They are the coefficients of F as a polynomial in w = 1/z, lowest power of w first.
 
     Parameters
     ----------
-    plant : plain or in balls, not on arrays; its whole samples are an int
-    gains : K_v and K_p in the plant's numbers; the loop contains the position unless K_p is 0 for certain
+    plant : plant in plain numbers or in balls, not on arrays; its whole samples are an int
+    gains : K_v and K_p in the plant's numbers; if K_p is certainly 0, the loop does not contain the position
 
     Returns
     -------
     list of Number
-        One more than there are poles.
+        One more coefficient than the loop has poles.
     """
     K_v, K_p = gains.velocity, gains.position
     difference, unit = [1, -1], [1]

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 
 OfParts = Callable[[Number, Number], Any]
-"""Makes a complex number even + j s odd of its parts."""
+"""Function that makes the complex number even + j s odd from even and odd."""
 
 
 class Circle(NamedTuple):
@@ -21,17 +21,17 @@ class Circle(NamedTuple):
     ops: Arithmetic
 
     def late(self, whole: Number, number: OfParts) -> Any:
-        """Return e^{-j (N + 1/2) theta}, the delay of N samples and a half.
+        """Return e^{-j (N + 1/2) theta}, the delay of N + 1/2 samples.
 
         Parameters
         ----------
-        whole : N; the integer 0 needs no further sine or cosine
-        number : function that makes the complex number even + j s odd of its arguments even and odd
+        whole : N; the integer 0 costs no further sine or cosine
+        number : function that makes the complex number even + j s odd from even and odd
 
         Returns
         -------
         Any
-            In the form that `number` makes.
+            The type of the result is that of `number`.
         """
         if isinstance(whole, int) and whole == 0:
             return number(self.cos, -1)
@@ -56,7 +56,7 @@ def circle(theta: Number, ops: Arithmetic) -> Circle:
     Returns
     -------
     Circle
-        Its sine and cosine are those of theta/2.
+        Its s and c are sine and cosine of theta/2.
     """
     sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)
     return Circle(theta, sin, cos, sin * sin, ops)

@@ -2,12 +2,13 @@
 14).
 
 The position x_1, the velocity estimate and the sensed force f of device and hand (`plant_in_hand`) give the return
-difference and the impedance that the environment sees,
+difference and the impedance that the environment sees:
 
     Delta = 1 + K_v G_v + K_p G_x,   Z_seen = -G_f (K_v + (T/2) K_p (1 + z^-1)/d)/Delta,
 
-f being sampled just before the next command acts. Cleared of denominators they are F and P/(2 j s), numbers even + j s
-odd that stay regular at theta = 0, and affine in the gains with constants that depend on device and hand alone:
+where the firmware samples f just before the next command acts. Cleared of denominators they are F and P/(2 j s),
+numbers even + j s odd. F and P stay regular at theta = 0, and are affine in the gains. Their constants depend on device
+and hand alone:
 
     R = -Re Z_seen = -o/(2 |F|^2),   P conj F = e + j s o.
 """
@@ -31,12 +32,12 @@ from vctune.model.sampled.servo_in_hand import blur_of, seen_of_servo
 
 
 class LoopInHand(NamedTuple):
-    """F = open + K_v velocity + K_p position and P = K_v seen_velocity + K_p seen_position at theta = omega T.
+    """F = open + K_v velocity + K_p position and P = K_v seen_velocity + K_p seen_position, at theta = omega T.
 
     Attributes
     ----------
-    open, velocity, position : parts of F, dimensionless with their gains
-    seen_velocity, seen_position : parts of P
+    open, velocity, position : coefficients of F; each is dimensionless together with its gain
+    seen_velocity, seen_position : coefficients of P
     """
 
     open: EvenOdd
@@ -50,24 +51,24 @@ class LoopInHand(NamedTuple):
         return self.open + self.velocity.scaled(gains.velocity) + self.position.scaled(gains.position)
 
     def numerator(self, gains: Gains) -> EvenOdd:
-        """Return P, of Z_seen = P/(2 j s F)."""
+        """Return P in Z_seen = P/(2 j s F)."""
         return self.seen_velocity.scaled(gains.velocity) + self.seen_position.scaled(gains.position)
 
 
 class CommandInHand(NamedTuple):
-    """The impedance that the environment sees of a servo in a hand, Z_seen = seen/(2 j s), free of gains.
+    """The impedance of a servo in a hand that the environment sees, Z_seen = seen/(2 j s). It does not depend on gains.
 
     Attributes
     ----------
-    seen : regular at theta = 0
-    blur : amount by which -odd/2 may be greater in a disc of responses, `Servo.radii`; 0 without one
+    seen : numerator, regular at theta = 0
+    blur : greatest increase of -odd/2 in a disc of responses, `Servo.radii`; 0 without a disc
     """
 
     seen: EvenOdd
     blur: Number = 0
 
     def closed(self, _gains: Gains) -> EvenOdd:
-        """Return F, which has no loop in it."""
+        """Return F; a servo has no loop, so F = 1."""
         return EvenOdd(1, 0, self.seen.square)
 
     def numerator(self, _gains: Gains) -> EvenOdd:
@@ -76,7 +77,7 @@ class CommandInHand(NamedTuple):
 
 
 AnyLoopInHand = LoopInHand | ForceInHand | CommandInHand
-"""The loop of an admittance display in a hand, for an impedance display, or the way of a servo's command."""
+"""The loop of an admittance display in a hand, the loop of an impedance display, or a servo's response to commands."""
 
 
 def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLoopInHand:
@@ -91,7 +92,7 @@ def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLo
     Returns
     -------
     AnyLoopInHand
-        Its type follows the display. Each part has the shape of theta.
+        Its type depends on the display. Each part has the shape of theta.
     """
     if isinstance(plant, ServoInHand):
         seen, half = seen_of_servo(plant.plant, plant.hand, theta, ops), ops.sin(theta / 2)
@@ -122,12 +123,12 @@ def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLo
 
 
 class NextToRest(NamedTuple):
-    """The terms of rho, which vanishes at theta = 0 in a hand without stiffness and with K_p = 0.
+    """The terms of rho. In a hand without stiffness and with K_p = 0, rho vanishes at theta = 0.
 
     Attributes
     ----------
     rho : 2 s + (K + K_p) T^2/m
-    turned, spring, integrator : shares of 2 s, of K and of K_p in rho; their sum is 1
+    turned, spring, integrator : shares of the terms 2 s, K and K_p in rho; they add up to 1
     """
 
     rho: Number
@@ -139,40 +140,40 @@ class NextToRest(NamedTuple):
 def required_in_limp_hand(
     plant: PlantInHand, velocity: Number, theta: Number, rest: NextToRest, ops: Arithmetic
 ) -> Required:
-    """Return what `required_in_hand` does over rho^2, next to theta = 0, a hand without stiffness and K_p = 0.
+    """Return `required_in_hand` divided by rho^2, for theta near 0, a hand without stiffness and K_p = 0.
 
     Parameters
     ----------
     plant : the device in one or several hands
     velocity : K_v, N s/m
     theta : omega T, rad, in [0, pi]
-    rest : need not be those of theta, the hand and K_p
+    rest : terms of rho; they need not match theta, the hand and K_p
     ops : arithmetic of the other arguments
 
     Returns
     -------
     Required
-        Of the shape of theta.
+        The result has the shape of theta.
     """
     F, felt = _next_to_rest(plant, velocity, theta, rest, ops)
-    # with K_p = integrator rho m/T^2 and 2 s = turned rho both parts of the law have the denominator j turned
+    # with K_p = integrator rho m/T^2 and 2 s = turned rho, both terms of the law have the denominator j turned
     push = rest.integrator * (plant.mass / plant.sample_time) * ops.cos(theta / 2)
     P = felt * EvenOdd(push, velocity, F.square)
     return Required(P.even * F.odd - P.odd * F.even, F.abs2())
 
 
 def seen_in_limp_hand(plant: PlantInHand, velocity: Number, theta: Number, rest: NextToRest, ops: Arithmetic) -> Seen:
-    """Return what `seen_in_hand` does over rho^2, its swing over s besides, of K_p = 0.
+    """Return `seen_in_hand` divided by rho^2, and its swing also divided by s, for K_p = 0.
 
     Parameters
     ----------
-    plant, velocity, theta, ops : as of `required_in_limp_hand`
-    rest : without a share of the integrator
+    plant, velocity, theta, ops : see `required_in_limp_hand`
+    rest : terms of rho, with the integrator's share 0
 
     Returns
     -------
     Seen
-        Of the shape of theta.
+        The result has the shape of theta.
     """
     F, felt = _next_to_rest(plant, velocity, theta, rest, ops)
     lost = velocity * (felt.even * F.even + F.square * (felt.odd * F.odd))
@@ -183,10 +184,11 @@ def seen_in_limp_hand(plant: PlantInHand, velocity: Number, theta: Number, rest:
 def _next_to_rest(
     plant: PlantInHand, velocity: Number, theta: Number, rest: NextToRest, ops: Arithmetic
 ) -> tuple[EvenOdd, EvenOdd]:
-    """Return F and the sensed force over rho, as numbers even + j turned odd.
+    """Return F and the sensed force divided by rho, as numbers even + j turned odd.
 
-    Next to theta = 0, K = 0 and K_p = 0 both vanish with rho. The function puts rho x_1 in the place of the position
-    x_1. This divides the position's column of the equations by rho, in which 2 s and K are factors.
+    Near theta = 0, K = 0 and K_p = 0, both vanish with rho. The function replaces the unknown x_1, the position, by rho
+    x_1. This divides the position's column of the equations by rho, whose terms contain the factors 2 s and K of the
+    column.
     """
     at, turned, half = circle(theta, ops), rest.turned, rest.rho / 2
     square = turned * turned
@@ -198,7 +200,7 @@ def _next_to_rest(
         exact = equations(plant.rates, plant.step, plant.push, older, at.cos, at.square)
         rows = [[None if entry is None else number(entry.even, entry.odd) for entry in row] for row in exact]
         for row, rates, step in zip(rows, plant.rates, plant.step, strict=True):
-            # the hand's spring acts as -K x_1 wherever it does
+            # wherever the hand's spring acts, it acts as -K x_1
             row[0] = EvenOdd(0 if nothing(rates[0]) else at.cos * rest.spring, step[0], square)
         return numerators(rows)
 
@@ -222,9 +224,9 @@ def _answers(
     Parameters
     ----------
     number : function that makes complex numbers even + j s odd
-    states : the states times the determinant, and those of b_1
-    moved : d times the position's unit
-    grip : sensed force of a unit of position
+    states : function that returns the states times the determinant; its argument is the right-hand side, None for b
+    moved : d times the unit of position
+    grip : sensed force per unit of position
     """
 
     def of_states(shares: Vector, first: Any) -> Any:
@@ -260,7 +262,7 @@ def _answers(
 def _force_in_hand(
     plant: PlantInHand, open_loop: EvenOdd, position: EvenOdd, cos: Number, square: Number
 ) -> ForceInHand:
-    """Return the loop of an impedance display from its determinant and the numerator of its position."""
+    """Return the loop of an impedance display from the determinant and the numerator of the position."""
     # met = 2 j s F G_y/s^2 with G_y = 2 j s e^{-j theta/2} G_x/T, whence (2 j s)^2/s^2 = -4
     d, unit = EvenOdd(2 * square, 2 * cos, square), plant.sample_time / plant.mass
     velocity, met = position * d, position * EvenOdd(-4 * cos, 4, square)  # -4 e^{-j theta/2} G_x/T
@@ -277,17 +279,17 @@ def _force_in_hand(
 def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
     """Return -o/2 and |F|^2, whose quotient is R (model/README.md, section 14; 15 and 17 for the other displays).
 
-    P conj F = e + j s o, with Z_seen = P/(2 j s F).
+    Here P conj F = e + j s o, and Z_seen = P/(2 j s F).
 
     Parameters
     ----------
     loop : loop of a device in a hand, at one or several angles
-    gains : K_v and K_p, N s/m and N/m; a servo has none, and its loop does not look at them
+    gains : K_v and K_p, N s/m and N/m; for a servo the function ignores them
 
     Returns
     -------
     Required
-        R = lost/size, N s/m; for an impedance display R/s^2, m/(N s).
+        R = lost/size, N s/m; for an impedance display R/s^2 = lost/size, m/(N s).
     """
     if isinstance(loop, CommandInHand):
         return Required(loop.blur - 0.5 * loop.seen.odd, 1)
@@ -296,12 +298,12 @@ def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
 
 
 def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> Seen:
-    """Return Z_seen in a hand.
+    """Return Z_seen, the impedance in a hand that the environment sees.
 
     Parameters
     ----------
     loop : loop of an admittance display or a servo, at one or several angles
-    gains : gains in its numbers
+    gains : gains in numbers of the loop's arithmetic
     """
     required = required_in_hand(loop, gains)
     if isinstance(loop, CommandInHand):
@@ -315,15 +317,16 @@ def offered(coupling: AnyCoupling, device: Device, theta: Number, ops: Arithmeti
 
     Parameters
     ----------
-    coupling : its type decides the display
-    device : runs the coupling; its sample time and, for an impedance display, its velocity filter are used
+    coupling : coupling; its type decides the display
+    device : device that runs the coupling; the function uses its sample time and, for an impedance display, its
+        velocity filter
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
 
     Returns
     -------
     Number
-        N s/m, or m/(N s), of the shape of theta.
+        N s/m, or m/(N s). It has the shape of theta.
     """
     if isinstance(coupling, SpringDamper):
         return offered_at_spring(coupling, device, theta, ops).quotient
@@ -333,24 +336,24 @@ def offered(coupling: AnyCoupling, device: Device, theta: Number, ops: Arithmeti
 def room(
     coupling: AnyCoupling, device: Device, required: Required, factor: Number, theta: Number, ops: Arithmetic
 ) -> Number:
-    """Return (offered - factor R) times a positive number, which has the sign of the margin.
+    """Return (offered - factor R) times a positive number. The result has the sign of the margin.
 
-    The positive number is the product of both denominators. Nothing is divided, so that the result is regular where
-    `offered` or R is 0/0.
+    The positive number is the product of both denominators. The function divides by nothing, so that the result is
+    regular where `offered` or R is 0/0.
 
     Parameters
     ----------
-    coupling : its type decides the display
-    device : runs the coupling
+    coupling : coupling; its type decides the display
+    device : device that runs the coupling
     required : R at theta, as a quotient
-    factor : the least feasible offered/R, > 0
+    factor : least permitted value of offered/R, > 0
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
 
     Returns
     -------
     Number
-        Of the shape of theta.
+        The result has the shape of theta.
     """
     if isinstance(coupling, SpringDamper):
         there = offered_at_spring(coupling, device, theta, ops)
@@ -364,13 +367,13 @@ def offered_at_spring(coupling: SpringDamper, device: Device, theta: Number, ops
     Parameters
     ----------
     coupling : b_c and k_c
-    device : runs it; its sample time and its velocity filter are used
+    device : device that runs the coupling; the function uses its sample time and its velocity filter
     theta : omega T, rad, in [0, pi]
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
 
     Returns
     -------
     Offered
-        m/(N s), of the shape of theta.
+        m/(N s). It has the shape of theta.
     """
     return offered_by_spring(coupling, device.sample_time, firmware_filter(device, theta, ops), theta, ops)

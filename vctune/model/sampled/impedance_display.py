@@ -1,16 +1,16 @@
 """An impedance display, motion in and force out, in sampled time (model/README.md, section 15).
 
-The firmware measures a position x and commands the force -(f_c + K_v F y), where y = (1 - z^-1) x/T is the differenced
-position, F its low-pass and f_c the coupling's force. The environment and the coupling,
+The firmware measures a position x and commands the force -(f_c + K_v F y). Here y = (1 - z^-1) x/T is the differenced
+position, F its low-pass, and f_c the coupling's force. The environment and the coupling,
 
     Z_c = b_c F + k_c T/(1 - z^-1) = b_c F + k_c T/2 - j k_c (T/2) cot(theta/2),
 
-act through y, so that all responses are admittances: the loop is stable with every environment that is passive in (f,
-y) if Re 1/Z_c > R = -Re(G_y/(1 + K_v F G_y)), with G_y from the commanded force to y. Both sides vanish with s^2 =
-sin^2(theta/2) at omega = 0, and are divided by it: the offer is Re(1/Z_c)/s^2, and the requirement R/s^2.
+act through y, so all responses are admittances. The loop is stable with every environment that is passive in (f, y) if
+Re 1/Z_c > R = -Re(G_y/(1 + K_v F G_y)), where G_y is the response of y to the commanded force. Both sides vanish at
+omega = 0 with s^2 = sin^2(theta/2) and are therefore divided by it: the offer is Re(1/Z_c)/s^2, the requirement R/s^2.
 
-In one hand G_y = 2 j s e^{-j theta/2} G_x/T comes from the sampled mechanism (`hand_loop`). For any passive hand see
-`any_hand`.
+In one hand, G_y = 2 j s e^{-j theta/2} G_x/T comes from the sampled mechanism (`hand_loop`). The module `any_hand`
+covers any passive hand.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ class ForceInHand(NamedTuple):
 
     Attributes
     ----------
-    open, velocity : parts of F
-    met : seen by the environment, in the units of the gains' inverse
-    position : what a spring between the device and the ground adds to F, for each N/m
+    open, velocity : coefficients of F
+    met : numerator that the environment sees, in units of the reciprocal of the gains
+    position : increase of F for each N/m of a spring between device and ground
     """
 
     open: EvenOdd
@@ -44,11 +44,11 @@ class ForceInHand(NamedTuple):
         return self.open + self.velocity.scaled(gains.velocity)
 
     def clamped(self, gains: Gains, coupling: SpringDamper) -> EvenOdd:
-        """Return F with the virtual tool held: the coupling is then a part of the loop.
+        """Return F with the virtual tool held. The coupling is then a part of the loop.
 
         Parameters
         ----------
-        gains, coupling : in numbers of the loop's arithmetic
+        gains, coupling : gains and coupling, in numbers of the loop's arithmetic
         """
         held = self.velocity.scaled(gains.velocity + coupling.damping)
         return self.open + held + self.position.scaled(coupling.stiffness)
@@ -63,14 +63,14 @@ def firmware_filter(device: Device, theta: Number, ops: Arithmetic) -> Pair | No
 
     Parameters
     ----------
-    device : its sample time and velocity estimate are used
+    device : device; the function uses its sample time and velocity estimate
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of device and theta
 
     Returns
     -------
     Pair or None
-        Dimensionless, of the shape of theta; None without a low-pass.
+        Dimensionless. It has the shape of theta; None without a low-pass.
     """
     estimate, omega = device.velocity, theta / device.sample_time
     one = None if estimate is None else firmware_low_pass(estimate, device.sample_time, omega, ops)
@@ -109,7 +109,7 @@ def offered_by_spring(
     Returns
     -------
     Offered
-        m/(N s), of the shape of theta.
+        m/(N s). It has the shape of theta.
     """
     half, sin, cos = coupling.stiffness * sample_time / 2, ops.sin(theta / 2), ops.cos(theta / 2)
     if low_pass is None:
@@ -124,21 +124,21 @@ def offered_by_spring(
 def spring_forms(
     device: Device, theta: Number, ops: Arithmetic
 ) -> tuple[tuple[Number, Number], tuple[Number, Number, Number]]:
-    """Return the coefficients of b_c and k_c in both parts of `offered_by_spring`.
+    """Return the coefficients of b_c and k_c in numerator and denominator of `offered_by_spring`.
 
     Numerator: Re Z_c = a_1 b_c + a_0 k_c. Denominator: s^2 |Z_c|^2 = q_2 b_c^2 + q_1 b_c k_c + q_0 k_c^2. The function
-    evaluates three couplings, which determine a quadratic form in two variables.
+    evaluates three couplings, which determine the quadratic form.
 
     Parameters
     ----------
-    device : runs the couplings; its sample time and velocity filter are used
+    device : device that runs the couplings; the function uses its sample time and velocity filter
     theta : omega T, rad, in [0, pi]
-    ops : arithmetic of both
+    ops : arithmetic of device and theta
 
     Returns
     -------
-    resistance : a_1 and a_0, of the shape of theta
-    size : q_2, q_1 and q_0, in the same way
+    resistance : a_1 and a_0, each with the shape of theta
+    size : q_2, q_1 and q_0, each with the shape of theta
     """
     T, low_pass, zero = device.sample_time, firmware_filter(device, theta, ops), 0 * theta
     damper, spring, both = (
@@ -165,7 +165,7 @@ def spring_damper_admittance(
     Returns
     -------
     Pair
-        m/(N s), of the shape of theta.
+        m/(N s). It has the shape of theta.
     """
     half, sin, cos = coupling.stiffness * sample_time / 2, ops.sin(theta / 2), ops.cos(theta / 2)
     passed = low_pass or Pair(1, 0)
@@ -175,12 +175,13 @@ def spring_damper_admittance(
 
 
 class Required(NamedTuple):
-    """R = lost/size, the least feasible Re Z_c, or of an impedance display R/s^2, the least Re(1/Z_c)/s^2.
+    """R = lost/size, the least feasible Re Z_c; for an impedance display R/s^2, the least feasible Re(1/Z_c)/s^2.
 
     Attributes
     ----------
-    lost : N s/m, for an impedance display m/(N s)
-    size : |F|^2 in one hand; in any, positive where none makes the loop of K_v alone unstable at this frequency
+    lost : numerator; N s/m with the size 1, for an impedance display m/(N s)
+    size : |F|^2 in one hand. In any hand, it is positive where no hand makes the loop with K_v alone unstable at this
+        frequency
     """
 
     lost: Number

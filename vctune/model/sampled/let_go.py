@@ -1,10 +1,13 @@
-"""The sampled loop of a device let go, for boxes of devices (model/README.md, section 14).
+"""The sampled velocity loop without a hand, in a form that does not cancel when the device's numbers are intervals.
 
-The polynomials of a sampled device are sums that cancel: if its numbers are not known exactly, enclosures of them are
-wide. The numbers of x' = A x + b u, held and sampled exactly as (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1)
-u with Q = (A/2) coth(A/2), have enclosures hardly wider than their ranges. The states are the motor's position, the
-velocity of the centre of mass, and the bend of the spring and its rate: so the resonance has no mass in it. Only the
-position's own row depends on the position, so that its integrator 2 j s can be left out.
+See model/README.md, section 14. The polynomials of a sampled device are sums whose terms cancel, so that uncertain
+numbers give wide enclosures. This module holds and samples x' = A x + b u exactly as
+
+    (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = (A/2) coth(A/2),
+
+whose numbers have enclosures hardly wider than their ranges. The states are the position of the motor, the velocity of
+the centre of mass, and the bend of the spring with its rate. In these states the resonance does not depend on the mass.
+Only the position's own row depends on the position, so the code divides that row by its integrator 2 j s.
 """
 
 from __future__ import annotations
@@ -25,17 +28,18 @@ from vctune.model.sampled.velocity_loop import ReturnDifference, SampledPlant
 
 @dataclass(frozen=True, slots=True)
 class PlantLetGo:
-    """A device over a sample; in the equation of this module, with T = 1.
+    """A device without a hand over one sample, in the equation of this module with T = 1.
 
     Attributes
     ----------
     rates, step : A and Q
-    push, older : b and b_1, None for 0
-    lead : coefficient of the rate of bending in the motor's velocity, beside the centre of mass; None if rigid
-    whole_samples : N, of the delay
-    sample_time, mass : T and m, of the units
-    difference : whether the velocity is that of the position
-    low_pass, order : a and r of the firmware's low-passes of the velocity; None without
+    push, older : b and b_1; b_1 is None if it is 0
+    lead : coefficient of the bend's rate in the motor's velocity, which is the centre of mass's velocity plus that
+        term; None for a rigid device
+    whole_samples : N, the number of whole samples in the delay
+    sample_time, mass : T and m, which define the units
+    difference : whether the firmware differences positions to get the velocity
+    low_pass, order : a and r of the firmware's low-passes of the velocity; None and 0 without low-passes
     """
 
     rates: Matrix
@@ -52,19 +56,20 @@ class PlantLetGo:
 
 
 Plant = SampledPlant | PlantLetGo
-"""A sampled device let go, in either form."""
+"""A sampled device without a hand, in the polynomial form or in the form of this module."""
 
 
 HIGHEST = 0.75
-"""Resonance, in sampling frequencies, up to which this form is used: at 1 its Q has a pole."""
+"""Greatest resonance frequency, in units of the sampling frequency, for this form. At 1, its Q has a pole."""
 
 
 def has_sharp_form(device: Device) -> bool:
-    """Return whether enclosures of a device are sharper in this form: it has more than a closed form's states.
+    """Return whether this form encloses a device more tightly, which is so if the closed form has too few states for
+    it.
 
     Parameters
     ----------
-    device : device in plain numbers
+    device : device with plain numbers
     """
     if device.structure is not None:
         return bool(device.structure.frequency_hz * device.sample_time < HIGHEST)
@@ -74,19 +79,19 @@ def has_sharp_form(device: Device) -> bool:
 def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, fractional: bool) -> PlantLetGo:
     """Sample a device without a hand exactly, in the form of this module (model/README.md, section 14).
 
-    A load of the structure is included. The force sensor does not, since no loop contains it without a hand.
+    The structure's load is included. The force sensor is not, because no loop without a hand contains it.
 
     Parameters
     ----------
-    device : its mechanism, actuator, delay and velocity estimate are used; SI units
-    whole_samples : N, the whole samples of its delay
+    device : device in SI units; the function uses its mechanism, actuator, delay and velocity estimate
+    whole_samples : N, the number of whole samples in its delay
     ops : arithmetic of the device's numbers
     fractional : whether the delay is longer than N samples
 
     Returns
     -------
     PlantLetGo
-        Dimensionless, with T = 1 and the device's mass, with its load, as the unit of mass.
+        Dimensionless, with T = 1. The unit of mass is the device's mass including its load.
     """
     T, estimate = device.sample_time, device.velocity
     rates, push, lead, mass = _mechanism(device, ops)
@@ -103,15 +108,15 @@ def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, frac
 
 
 def _mechanism(device: Device, ops: Arithmetic) -> tuple[Matrix, Vector, Number | None, Number]:
-    """Return A, b, the lead and the mass that b is in units of.
+    """Return A, b, the lead, and the unit of mass in b.
 
-    The velocity V of the centre of mass and the spring's bend B have, with r the handle's share of the mass m and
-    without a load,
+    Let V be the velocity of the centre of mass, B the bend of the spring, and r the handle's share of the mass m.
+    Without a load they follow
 
         m V' = u - b v,   B'' = (u - b v)/((1 - r) m) - w^2 B - 2 zeta w B',   v = V + r B'.
     """
     T, structure = device.sample_time, device.structure
-    one = 0 * T + 1  # in the arithmetic, so that what it is divided by is enclosed
+    one = 0 * T + 1  # in the arithmetic, so that the quotient below is enclosed
     names = ["position", "velocity"]
     names += ["bend", "bending"] if structure is not None else []
     names += drive_states(device)
@@ -148,14 +153,14 @@ def _mechanism(device: Device, ops: Arithmetic) -> tuple[Matrix, Vector, Number 
 def return_difference(plant: Plant, theta: Number, ops: Arithmetic, *, position: bool) -> ReturnDifference:
     """Evaluate the parts of the return difference F at z = e^{j theta}.
 
-    The F of a `PlantLetGo` carries a factor that is nowhere 0 and cancels in F_0/F.
+    The F of a `PlantLetGo` carries a factor that is 0 nowhere and cancels in F_0/F.
 
     Parameters
     ----------
     plant : a device without a hand, in either form
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of plant and theta
-    position : whether the law has K_p > 0; if not, the position's part is 0 and F is that of the velocity loop
+    position : whether the law has K_p > 0; if not, the position's part is 0 and F is the F of the velocity loop
 
     Returns
     -------
@@ -175,7 +180,7 @@ def return_difference(plant: Plant, theta: Number, ops: Arithmetic, *, position:
     found = numerators(rows)
     turned, back = Pair(ops.cos(theta * steps), -ops.sin(theta * steps)), Pair(cos, -sin)
     open_loop, travel = pair(found[len(rows)]), pair(found[0]) * turned * back
-    # states: 0 position, 1 velocity, 2 bend, 3 bending
+    # state 0 is the position, 1 the velocity, 2 the bend, 3 the bend's rate
     motor = found[1] if plant.lead is None else found[1] + found[3].scaled(plant.lead)
     velocity = travel if plant.difference else pair(motor) * turned
     if plant.low_pass is not None:

@@ -1,20 +1,20 @@
 """The sampled loop in a hand with every wall of a box of environments (model/README.md, section 19).
 
-A wall is a force phi, fixed and monotone with slopes from k_1 to k_2, of the position x_e + l (T/2) v_e, beside a mass
-and a damping of the box: l = 0 by the trapezoidal rule, l = 1 by backward Euler. With Y = y Z_c + Z_seen, s_d = j u,
-u = h t, h = 2/T, t = s/c, s = sin(theta/2), c = cos(theta/2), kappa = k_2 - k_1, and the multiplier
-(1 - z^-1)/(1 - a z^-1) of Zames and Falb, whose corner is w_c = h (1 - a)/(1 + a),
+A wall is a force phi of the position x_e + l (T/2) v_e: fixed, monotone, with slopes from k_1 to k_2. It acts in
+parallel with a mass and a damping of the box. The trapezoidal rule has l = 0, backward Euler l = 1. Let Y = y Z_c +
+Z_seen, s_d = j u, u = h t, h = 2/T, t = s/c, s = sin(theta/2), c = cos(theta/2), kappa = k_2 - k_1. With the multiplier
+(1 - z^-1)/(1 - a z^-1) of Zames and Falb, whose corner is w_c = h (1 - a)/(1 + a), let
 
     p = k_1 - m u^2 - u Im Y,   f = n p + p^2/kappa + C,   n = 1 - l w_c/h,
     r = Re Y + b,               g = w r + u^2 r^2/kappa,   w = w_c + l h t^2 (1 + 2 k_1/kappa),
 
-E = f(p) + g(r) must be positive for all masses and dampings of the box; C = l k_1 (w_c/h + t^2 (1 + k_1/kappa)). Both
-are convex. So E is at least the sum of two tangents
+and C = l k_1 (w_c/h + t^2 (1 + k_1/kappa)). E = f(p) + g(r) must be positive for all masses and dampings of the box.
+Both terms are convex. So E is at least the sum of two tangents,
 
     f >= tau/c^2 p - kappa/4 (tau/c^2 - n)^2 + C,   g >= (w + 2 u^2 r_0/kappa) r - u^2 r_0^2/kappa,
 
-which are least at the greatest mass if tau > 0, at the least mass if tau < 0, and at the least damping if the slope in
-r is not negative. Tangents at the least values of f and g give E itself, any others a lower bound.
+The sum is least at the greatest mass if tau > 0, at the least mass if tau < 0, and at the least damping if the slope in
+r is not negative. Tangents at the minima of f and g give E itself; any other tangents give a lower bound.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from vctune.model.sampled.loop_in_worlds import NOTHING, Disjuncts, Offered, See
 from vctune.model.worlds import Worlds
 
 LEADS = (0.0, 1.0)
-"""l of the trapezoidal rule and of backward Euler: a wall may be stepped by either."""
+"""l of the trapezoidal rule and l of backward Euler. The firmware may step a wall by either."""
 
 
 class Strip(NamedTuple):
-    """Where p and r are with the masses and dampings of a box, each as the terms that it is the sum of.
+    """The ranges of p and r over the masses and dampings of a box, each as the terms of a sum.
 
     Attributes
     ----------
-    low, high : c^2 |F|^2 p with the greatest and with the least mass; low is None without a greatest mass
+    low, high : c^2 |F|^2 p with the greatest and with the least mass; low is None if the mass has no upper limit
     excess : |F|^2 r with the least damping
     size : |F|^2
     """
@@ -48,11 +48,11 @@ class Strip(NamedTuple):
 
 
 class Tangent(NamedTuple):
-    """Where f and g are bounded from; any numbers, subject to their signs, give a lower bound.
+    """The points at which f and g have their tangents. Any numbers with the right signs give a lower bound.
 
     Attributes
     ----------
-    rising, falling : tau if it is positive and if it is negative, else 0
+    rising, falling : tau if it is positive, else 0; tau if it is negative, else 0
     excess : r_0, with w c^2 kappa + 2 h^2 s^2 r_0 >= 0
     """
 
@@ -62,12 +62,12 @@ class Tangent(NamedTuple):
 
 
 class Shares(NamedTuple):
-    """A lower bound of E times c^2 |F|^2 as f + g.
+    """The two terms of a lower bound of E times c^2 |F|^2.
 
     Attributes
     ----------
-    flat : c^2 times that of f
-    rest : that of g
+    flat : c^2 times the bound of f
+    rest : the bound of g
     """
 
     flat: Number
@@ -77,17 +77,17 @@ class Shares(NamedTuple):
 def strip_in_walls(
     offered: Offered, worlds: Worlds, sample_time: Number, seen: Seen, share: Number, theta: Number, ops: Arithmetic
 ) -> Strip:
-    """Return where p and r are.
+    """Return the ranges of p and r over the box.
 
     Parameters
     ----------
-    offered : by the coupling
-    worlds : the box, in numbers of the arithmetic; a limit that is infinite is a plain float
+    offered : response of the coupling
+    worlds : the box, in numbers of the arithmetic; an infinite limit is a plain float
     sample_time : T, s
-    seen : of the loop in a hand
-    share : y of the coupling, from 1/safety_factor to 1
+    seen : impedance of the loop in a hand
+    share : y, the share of the coupling, from 1/safety_factor to 1
     theta : omega T, rad, in [0, pi]
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
     """
     sin, cos, low, high = ops.sin(theta / 2), ops.cos(theta / 2), worlds.low, worlds.high
     h, size = 2 / sample_time, seen.size
@@ -105,7 +105,7 @@ def strip_in_walls(
 
 @dataclass(frozen=True, slots=True)
 class _Condition:
-    """The numbers of f and g at an angle, g over c^2.
+    """The numbers in f and g at one angle, with g divided by c^2.
 
     Attributes
     ----------
@@ -145,18 +145,19 @@ def _condition(worlds: Worlds, lead: Number, sample_time: Number, theta: Number,
 def disjuncts_in_walls(
     strip: Strip, worlds: Worlds, lead: Number, sample_time: Number, theta: Number, ops: Arithmetic
 ) -> Disjuncts:
-    """Return margins as the terms that they are sums of: E is positive if and only if one of them is.
+    """Return the terms of sums, the margins. E is positive if and only if one of the margins is.
 
-    r suffices with p as it is; or p is above, or below, all that r as it is forbids.
+    The first margin says that r suffices, whatever p is. The others say that p lies above, or below, every value at
+    which E could vanish with this r.
 
     Parameters
     ----------
-    strip : of masses and dampings
+    strip : ranges of p and r over masses and dampings
     worlds : the box, with the corner
     lead : l, 0 or 1
     sample_time : T, s
     theta : omega T, rad, in [0, pi]
-    ops : arithmetic of all of these, in which numbers have a sign
+    ops : arithmetic of the other arguments; its numbers must have a sign
     """
     at = _condition(worlds, lead, sample_time, theta, ops)
     u2, corner, half = at.inertia / at.square, at.corner / at.square * at.width / 2, at.flat * at.width / 2
@@ -190,17 +191,17 @@ def shares_of(
     theta: Number,
     ops: Arithmetic,
 ) -> Shares:
-    """Return a lower bound of E by tangents.
+    """Return a lower bound of E from tangents of f and g.
 
     Parameters
     ----------
-    strip : of masses and dampings
-    tangent : where f and g are bounded from
+    strip : ranges of p and r over masses and dampings
+    tangent : points of the tangents
     worlds : the box, with the corner
     lead : l, 0 or 1
     sample_time : T, s
     theta : omega T, rad, in [0, pi]
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
     """
     at = _condition(worlds, lead, sample_time, theta, ops)
     off = tangent.rising + tangent.falling - at.flat * at.square
@@ -215,12 +216,12 @@ def shares_of(
 def flattest(
     strip: Strip, rest: Number, worlds: Worlds, lead: Number, sample_time: Number, theta: Number, ops: Arithmetic
 ) -> Number:
-    """Return the lower bound of E times c^2 |F|^2 in which f has its least value, regular at theta = pi.
+    """Return the lower bound of E times c^2 |F|^2 with f at its minimum. The bound is regular at theta = pi.
 
     Parameters
     ----------
-    strip, worlds, lead, sample_time, theta, ops : as of `shares_of`
-    rest : of its result
+    strip, worlds, lead, sample_time, theta, ops : see `shares_of`
+    rest : the bound of g from `shares_of`
     """
     at = _condition(worlds, lead, sample_time, theta, ops)
     return rest + strip.size * (at.kept - at.width * 0.25 * (at.flat * at.flat) * at.square)
@@ -229,11 +230,11 @@ def flattest(
 def tangent_at(
     strip: Strip, worlds: Worlds, lead: Number, sample_time: Number, theta: Number, ops: Arithmetic
 ) -> Tangent:
-    """Return the tangents at the least values of f and g, with which the bound is E.
+    """Return the tangents at the minima of f and g over the box, for which the lower bound is E itself.
 
     Parameters
     ----------
-    strip, worlds, lead, sample_time, theta, ops : as of `shares_of`, in numbers that have a sign
+    strip, worlds, lead, sample_time, theta, ops : see `shares_of`; the numbers must have a sign
     """
     at = _condition(worlds, lead, sample_time, theta, ops)
     level, least = at.flat * at.square, at.corner * at.width
@@ -251,12 +252,12 @@ def tangent_at(
 def tangent_of_one(
     strip: Strip, worlds: Worlds, lead: Number, sample_time: Number, theta: Number, ops: Arithmetic
 ) -> Tangent:
-    """Return the tangents with which the bound is E of a single mass and damping.
+    """Return the tangents for a single mass and damping, for which the lower bound is E itself.
 
     Parameters
     ----------
-    strip : of one mass and one damping
-    worlds, lead, sample_time, theta, ops : as of `shares_of`
+    strip : p and r for one mass and one damping
+    worlds, lead, sample_time, theta, ops : see `shares_of`
     """
     at = _condition(worlds, lead, sample_time, theta, ops)
     slope = at.flat * at.square + 2 / at.width * (sum_of(strip.high) / strip.size)
@@ -268,7 +269,7 @@ def tangent_at_rest(worlds: Worlds, lead: Number, sample_time: Number, theta: Nu
 
     Parameters
     ----------
-    worlds, lead, sample_time, theta, ops : as of `shares_of`
+    worlds, lead, sample_time, theta, ops : see `shares_of`
     """
     at = _condition(worlds, lead, sample_time, theta, ops)
     return Tangent(at.flat * at.square, 0, 0)
@@ -284,5 +285,5 @@ def _positive(x: Number, ops: Arithmetic) -> Number:
 
 
 def _root(x: Number, ops: Arithmetic) -> Number:
-    """Return the root of x, and about 0 of what is negative."""
+    """Return the square root of a number; about 0 if the number is negative."""
     return ops.sqrt(_positive(x, ops) + NOTHING)

@@ -1,20 +1,22 @@
 """The sampled loop in a hand with every environment of a box (model/README.md, section 18).
 
-An environment Z_e = b + m s_d + k/s_d of the box holds a pole of the loop at the angle theta if -Y = Z_e there, with Y
-= y Z_c + Z_seen, s_d = j u and u = (2/T) tan(theta/2). As b has no upper limit, there is no such environment if
+An environment Z_e = b + m s_d + k/s_d puts a pole of the loop at the angle theta if -Y = Z_e there, with Y = y Z_c +
+Z_seen, s_d = j u and u = (2/T) tan(theta/2). Since b has no upper limit, the box contains no such Z_e if
 
     Re Y + b_1 > 0,   or   -Im Y > m_2 u - k_1/u,   or   -Im Y < m_1 u - k_2/u.
 
-The safety factor g requires this with every y from 1/g to 1. The values of y at which all three fail form an interval:
-the first fails below a y, the second above one, the third below one. So the interval is outside if the first or the
-third holds at y = 1/g, the second at y = 1, or the first from where the second fails. The last is
+The safety factor g requires this for every y from 1/g to 1. The first condition fails below some y, the second above
+some y, the third below some y. So the values of y at which all three fail form an interval. The interval is outside
+[1/g, 1] if the first or the third condition holds at y = 1/g, if the second holds at y = 1, or if the first holds from
+the y at which the second fails. The last is
 
     Re Z_c (-Im Z_seen - m_2 u + k_1/u) > Im Z_c (R - b_1).
 
-Multiplied by s c |F|^2, s = sin(theta/2) and c = cos(theta/2), they are regular at both ends.
+These numbers are multiplied by s c |F|^2, with s = sin(theta/2) and c = cos(theta/2), and are then regular at both
+ends.
 
-An impedance display meets Z_e through Y = y/Z_c + G, an admittance, and a pole is where -1/Y = Z_e. With Y = s^2 (r +
-j i/s)/d, d > 0, and Q = s^2 r^2 + i^2, none is if for each y from 1/g to 1
+An impedance display meets Z_e through the admittance Y = y/Z_c + G; a pole is where -1/Y = Z_e. With Y = s^2 (r + j
+i/s)/d, d > 0, and Q = s^2 r^2 + i^2, the box contains no such Z_e if for each y from 1/g to 1
 
     r > 0,   or   r d + b_1 Q > 0,   or   c i d > Q (m_2 (2/T) s^2 - k_1 (T/2) c^2),
     or   c i d < Q (m_1 (2/T) s^2 - k_2 (T/2) c^2).
@@ -33,19 +35,19 @@ from vctune.model.sampled.impedance_display import Offered as OfferedBySpring
 from vctune.model.worlds import Worlds
 
 NOTHING = 1e-30
-"""Amount added to sizes that may all be 0. Any number works that is far below them and above the square root of the
-least."""
+"""Number added to sums of sizes that may all be 0. It may be any number far below the sizes and above the square root
+of the least positive double."""
 
 
 class Seen(NamedTuple):
     """Z_seen = -lost/size - j swing/(s size), the impedance of the loop in a hand that the environment sees.
 
-    On an impedance display it is G/s^2.
+    For an impedance display the same quotient is G/s^2.
 
     Attributes
     ----------
     lost, size : R = lost/size
-    swing : half of Re(P conj F), > 0 for a spring
+    swing : half of Re(P conj F); it is > 0 for a spring
     """
 
     lost: Number
@@ -54,7 +56,7 @@ class Seen(NamedTuple):
 
 
 class Offered(NamedTuple):
-    """Z_c of the coupling as the firmware runs it.
+    """The impedance Z_c of the coupling as the firmware runs it.
 
     Attributes
     ----------
@@ -67,15 +69,17 @@ class Offered(NamedTuple):
 
 
 class Disjuncts(NamedTuple):
-    """Margins as the terms of their sums: where one of the margins is positive, no environment puts a pole there.
+    """Margins, each as the terms of its sum.
 
-    None for an environment that no coupling can have, or that the others contain.
+    If one of the margins is positive, no environment puts a pole at this angle.
+
+    A field is None if no coupling can have such an environment, or if another margin covers it.
 
     Attributes
     ----------
-    resistive : the real part suffices
-    above, below : the reactance is above, or below, that of every environment
-    turned : one or the other with every reserve
+    resistive : margin of the real part
+    above, below : margins of the reactance above, and below, that of every environment
+    turned : margin of the real part or the reactance above, whichever holds at each safety factor
     """
 
     resistive: tuple[Number, ...]
@@ -85,12 +89,12 @@ class Disjuncts(NamedTuple):
 
 
 class DisjunctsOfForce(NamedTuple):
-    """The same of an impedance display with one share of its coupling.
+    """Margins of an impedance display with one share of its coupling, each as the terms of its sum.
 
     Attributes
     ----------
-    resistive, above, below : as of `Disjuncts`; the real part without any damping of the environment
-    damped : the real part suffices with the least damping; None if that is 0
+    resistive, above, below : see `Disjuncts`; the real part is without any damping of the environment
+    damped : margin of the real part with the least damping; None if that damping is 0
     """
 
     resistive: tuple[Number, ...]
@@ -107,7 +111,7 @@ def offered_at(coupling: Coupling, sample_time: Number, theta: Number, ops: Arit
     coupling : coupling in numbers of the arithmetic
     sample_time : T, s
     theta : rad, in [0, pi]
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
     """
     return Offered(
         sampled_resistance(coupling, sample_time, theta, ops), sampled_reactance(coupling, sample_time, theta, ops)
@@ -121,7 +125,7 @@ def posed(worlds: Worlds, factor: float, *, inverse: bool = False) -> tuple[str,
     ----------
     worlds : the box
     factor : g, >= 1
-    inverse : whether the display is an impedance display, whose margins are of one share of the coupling
+    inverse : True for an impedance display, whose margins belong to one share of the coupling
     """
     turned = () if factor == 1 or inverse else ("turned",)
     above = () if _endless(worlds.high.mass) else ("above", *turned)
@@ -132,17 +136,17 @@ def posed(worlds: Worlds, factor: float, *, inverse: bool = False) -> tuple[str,
 def disjuncts(
     offered: Offered, worlds: Worlds, sample_time: Number, seen: Seen, factor: Number, theta: Number, ops: Arithmetic
 ) -> Disjuncts:
-    """Return the margins, of which one must be positive.
+    """Return the margins of an admittance display. One of them must be positive.
 
     Parameters
     ----------
-    offered : by the coupling
-    worlds : the box, in numbers of the arithmetic; a limit that is infinite is a plain float
+    offered : response of the coupling
+    worlds : the box, in numbers of the arithmetic; an infinite limit is a plain float
     sample_time : T, s
     seen : impedance of the loop in a hand
     factor : g, >= 1
     theta : omega T, rad, in [0, pi]
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
     """
     sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)
     inertia, compliance = sin * sin * (2 / sample_time), cos * cos * (sample_time / 2)
@@ -169,12 +173,12 @@ def disjuncts_of_force(
     theta: Number,
     ops: Arithmetic,
 ) -> DisjunctsOfForce:
-    """Return the same of an impedance display with one share of its coupling's admittance.
+    """Return the margins of an impedance display with one share of its coupling's admittance.
 
     Parameters
     ----------
-    offered : by the coupling
-    worlds, sample_time, seen, theta, ops : as of `disjuncts`
+    offered : response of the coupling
+    worlds, sample_time, seen, theta, ops : see `disjuncts`
     share : y, from 1/g to 1
     """
     sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)
@@ -198,12 +202,12 @@ def disjuncts_of_force(
 def limp_disjuncts(
     offered: Offered, worlds: Worlds, sample_time: Number, seen: Seen, factor: Number, theta: Number, ops: Arithmetic
 ) -> Disjuncts:
-    """Return the same over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
+    """Return `disjuncts` divided by rho^2, for K_p = 0, theta near 0 and a hand without stiffness.
 
     Parameters
     ----------
     offered, worlds, sample_time, factor, theta, ops : see `disjuncts`
-    seen : the loop over rho^2, and its swing also over s
+    seen : the loop divided by rho^2; its swing is also divided by s
     """
     sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)
     low, high, size = worlds.low, worlds.high, seen.size
@@ -217,20 +221,20 @@ def limp_disjuncts(
 
 
 def room_of(terms: tuple[Number, ...], absolute: Callable[[Number], Number]) -> Number:
-    """Return how far a margin is from 0: twice the sum of its terms, relative to the sum of their sizes.
+    """Return the distance of a margin from 0: twice the sum of its terms, divided by the sum of their magnitudes.
 
-    Near 0 that is the logarithm of the ratio of gain to loss.
+    Near 0 this is the logarithm of the ratio of positive to negative terms.
 
     Parameters
     ----------
     terms : terms of the margin
-    absolute : returns the size of a number
+    absolute : function that returns the magnitude of a number
     """
     return 2 * sum_of(terms) / (sum_of(tuple(map(absolute, terms))) + NOTHING)
 
 
 def sum_of(terms: tuple[Number, ...]) -> Number:
-    """Return a margin from its terms."""
+    """Return a margin as the sum of its terms."""
     first, *others = terms
     return sum(others, start=first)
 

@@ -1,12 +1,12 @@
 """Device and hand as one mechanism, held and sampled exactly (model/README.md, section 14).
 
-E x' = A x + b u, dimensionless with T = 1, in which the masses are in E alone, damping and stiffness of the hand in A.
-Held and sampled, with theta = omega T, s = sin(theta/2) and c = cos(theta/2),
+The mechanism is E x' = A x + b u, dimensionless with T = 1. E alone contains the masses, A alone the damping and the
+stiffness of the hand. Held and sampled, with theta = omega T, s = sin(theta/2) and c = cos(theta/2), it is
 
     (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = f(A/E) E,   f(X) = (X/2) coth(X/2),
 
-where d = 1 - z^-1, b_1 is the share of the older force of a sample and f(X) = 1 + X^2/12 - ...: nearly the mechanism
-itself with 2 j tan(theta/2) instead of s, so that its low frequencies hardly depend on the mass.
+where d = 1 - z^-1, b_1 is the share of a sample's older force, and f(X) = 1 + X^2/12 - .... This is nearly the
+mechanism itself with 2 j tan(theta/2) instead of s, so that its low frequencies hardly depend on the mass.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ Complex = TypeVar("Complex", EvenOdd, Pair)
 
 @dataclass(frozen=True, slots=True)
 class Delays:
-    """The whole samples of two delays, and whether a part of a sample remains.
+    """The whole samples of two delays, and whether a fraction of a sample remains.
 
     Attributes
     ----------
-    loop : N, of the device's delay
-    loop_fractional : whether there is an older force in a sample
-    felt : the same of the sum with the force sensor's delay
+    loop : N, the number of whole samples in the device's delay
+    loop_fractional : whether a fraction remains, so that an older force acts in each sample
+    felt : the number of whole samples in the sum of the device's and the force sensor's delay
     felt_fractional : whether the sensed force contains an older command
     """
 
@@ -59,25 +59,25 @@ class Delays:
 
 
 def delays_of(device: Device) -> Delays:
-    """Return the delays of a device whose numbers are plain."""
+    """Return the delays of a device with plain numbers."""
     loop, left = split_delay(device.latency, device.sample_time)
     felt, felt_left = split_delay(device.sensed_latency, device.sample_time)
     return Delays(loop, left > 0, felt, felt_left > 0)
 
 
 class Mechanism(NamedTuple):
-    """E x' = A x + b u of a device in a hand, dimensionless.
+    """E x' = A x + b u, the equation of a device in a hand, dimensionless.
 
     Attributes
     ----------
     names : names of the states
-    inertia : diagonal of E, by state; 1 for other states
-    sensed : additional entries of E, of the handle's acceleration, by the row of the sensor's filter
+    inertia : diagonal of E by state; it is 1 for the other states
+    sensed : additional entries of E, which belong to the handle's acceleration, by the row of the sensor's filter
     rates : rows of A
     push : b
-    felt : sensed part of x, by state
-    felt_inertia : sensed part of the handle's acceleration; None with a filter
-    handle : state that is the handle's velocity
+    felt : share of each state in the sensed force, by state
+    felt_inertia : share of the handle's acceleration in the sensed force; None with a filter
+    handle : name of the state that is the handle's velocity
     """
 
     names: list[str]
@@ -92,19 +92,20 @@ class Mechanism(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PlantInHand:
-    """A device in a hand over a sample; in the equation of this module.
+    """A device in a hand over one sample, in the equation of this module.
 
     Attributes
     ----------
     rates, step : A and Q
-    push, older, felt_older : b, b_1 of the loop, and b_1 of the sensed force, whose delay is longer; None if it is 0
-    felt : sensed part of the states; -G_f includes the handle's inertia
-    felt_inertia : row of the sensed part of d x, and that of d b_1 u; None with a filter
-    delays : whole samples
-    sample_time, mass : T and m, of the units
-    difference : whether the velocity is that of the position
-    low_pass, order : a and r of the firmware's low-passes of the velocity; None without
-    meets_position : whether the environment acts on the position, as an impedance display's does
+    push, older, felt_older : b, b_1 of the loop, and b_1 of the sensed force, whose delay is longer; None for a b_1 of
+        0
+    felt : share of each state in the sensed force; -G_f includes the handle's inertia
+    felt_inertia : row of the shares of d x in the sensed force, and the share of d b_1 u; None with a filter
+    delays : whole samples of the delays
+    sample_time, mass : T and m, which define the units
+    difference : whether the firmware differences positions to get the velocity
+    low_pass, order : a and r of the firmware's low-passes of the velocity; None and 0 without low-passes
+    meets_position : whether the environment acts on the position, as it does on an impedance display
     """
 
     rates: Matrix
@@ -124,13 +125,13 @@ class PlantInHand:
 
     @property
     def poles(self) -> int:
-        """Return the number of the loop F's poles beyond its delays, which gives its turns if none is unstable."""
+        """Return the number of F's poles apart from its delays. If no pole is unstable, this number gives F's turns."""
         return len(self.push) + (0 if self.meets_position else self.order)
 
 
 @dataclass(frozen=True, slots=True)
 class ServoInHand:
-    """A servo over a sample, and the hand that holds it; neither moves the other."""
+    """A servo over one sample, and the hand that holds it. Neither moves the other."""
 
     plant: ServoPlant
     hand: Hand
@@ -142,7 +143,7 @@ class ServoInHand:
 
 
 AnyPlantInHand = PlantInHand | ServoInHand
-"""A device in a hand over a sample."""
+"""A device in a hand over one sample."""
 
 
 def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -> AnyPlantInHand:
@@ -150,15 +151,15 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
 
     Parameters
     ----------
-    device : device in SI units; its least operator is ignored, the hand takes its place
+    device : device in SI units; the hand takes the place of its least operator
     hand : M, B and K at the handle
-    delays : whole samples of the device's delay alone, and with the force sensor's
+    delays : whole samples of the device's delay, and of that delay plus the force sensor's
     ops : arithmetic of device and hand
 
     Returns
     -------
     AnyPlantInHand
-        Its type follows the display. Its numbers have the shape of the device's and the hand's.
+        Its type depends on the display. Its numbers have the shape of the device's and the hand's.
     """
     if device.servo is not None:
         own = SensedDelay(delays.loop, delays.loop_fractional)
@@ -211,16 +212,16 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
 
 
 def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
-    """Return the states of device and hand; the hand's force on the handle is -(M a + B v + K x).
+    """Return the equations of a device in a hand. The hand's force on the handle is -(M a + B v + K x).
 
     Parameters
     ----------
-    device : device in SI units, no servo
+    device : device in SI units, not a servo
     hand : M, B and K at the handle
-    ops : arithmetic of both
+    ops : arithmetic of device and hand
     """
     T, m, sensor = device.sample_time, device.mass, device.sensing
-    one = 0 * T + 1  # in the arithmetic, so that what it is divided by is enclosed
+    one = 0 * T + 1  # in the arithmetic, so that the quotient below is enclosed
     carried, held, grip = hand.mass / m, hand.damping * T / m, hand.stiffness * (T * T) / m
     own = device.damping * T / m
     names = ["position", "velocity"]
@@ -249,7 +250,7 @@ def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
         corner = filter_rows(rows, ("felt", "felt rate"), sensor.bandwidth_hz * T, sensor.order, ops)
         driven = ("felt", "felt rate")[sensor.order - 1]
         rows[driven] |= {name: -share for name, share in felt.items()}
-        sensed[driven], felt = carried, {"felt": -corner}  # filtered force over the corner: no square of it is in A/E
+        sensed[driven], felt = carried, {"felt": -corner}  # divided by the corner, so that A/E has no square of it
     return Mechanism(
         names=names,
         inertia=inertia,
@@ -302,7 +303,7 @@ def equations(
     Returns
     -------
     list of rows
-        n rows of n + 1 entries, the right-hand side last; None for an entry that is 0 by structure.
+        n rows of n + 1 entries. The last entry is the right-hand side; None stands for an entry that is 0 by structure.
     """
     d = EvenOdd(2 * square, 2 * cos, square)
 
@@ -321,7 +322,10 @@ def equations(
 
 
 def numerators(rows: list[list[Complex | None]]) -> dict[int, Complex]:
-    """Return the determinant of n linear equations, by n, and the product of each unknown j with it, by j."""
+    """Return the solution of n linear equations by Cramer's rule: the determinant, and its product with each unknown.
+
+    The key n has the determinant, the key j its product with the unknown j.
+    """
     n = len(rows)
-    # Cramer's rule: the right-hand side, the last column, passes n - 1 - j others on its way to column j
+    # the right-hand side, the last column, moves past n - 1 - j others to column j
     return {j: minor.scaled(-1) if (n - 1 - j) % 2 and j < n else minor for j, minor in minors(rows).items()}

@@ -1,7 +1,6 @@
-"""The impedance that the environment sees of a servo in a hand, and its requirement on the coupling (model/README.md,
-section 17).
+"""The impedance of a servo in a hand that the environment sees, and what it requires of the coupling.
 
-The motion follows the command alone, and the sensed force of a hand is linear in it:
+See model/README.md, section 17. The motion follows the command alone, and the sensed force of a hand is linear in it:
 
     Z_seen = M G_a + B G_v + K G_x = (even + j s odd)/(2 j s),   R = -Re Z_seen = -odd/2.
 
@@ -9,9 +8,9 @@ With the letters of `vctune.model.sampled.servo_plant` and d = 1 - w = 2 j s e^(
 
     Z_seen = w^(N+1) (K T (1 - delta + delta w)/d + B - K T l - (B, M/T, K T) (q_0, q_1, q_-1)),
 
-times cos(theta/2) e^(-j theta/2) for a position command. A filter a/(1 - b w), b = 1 - a, of the sensed samples is
-a/(a + b d); before 1/d it is 1 - b d/(a + b d). What the firmware's own spring is seen as, its stiffness times the G_x
-of a servo without force sensor, adds to Z_seen.
+For a position command it is also multiplied by cos(theta/2) e^(-j theta/2). A filter a/(1 - b w), b = 1 - a, of the
+sensed samples is a/(a + b d); in front of 1/d it is 1 - b d/(a + b d). The firmware's own spring adds its stiffness
+times the G_x of a servo without force sensor to Z_seen.
 """
 
 from __future__ import annotations
@@ -32,10 +31,12 @@ from vctune.model.sampled.servo_plant import Pull, ServoPlant, sensed_delay, ser
 
 Floats = NDArray[np.float64]
 Radii = tuple[tuple[float, float], ...]
-"""(Hz, r) of a disc that contains Z_seen: r is linear between these on logarithmic axes, constant above the last, and
-below the first proportional to the frequency: at rest a servo is at its command."""
+"""Points (Hz, r) of the radius of a disc that contains Z_seen. r is linear between the points on logarithmic axes,
+constant above the last point, and proportional to the frequency below the first, because a servo at rest is at its
+command."""
 BEYOND = 1e9
-"""Times the last frequency of a disc, up to which r is constant. Half and twice it are above Nyquist as well."""
+"""Multiple of a disc's last frequency up to which r is constant. With half and twice this number, that frequency is
+above Nyquist as well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +55,11 @@ class Seen:
 def seen_of_servo(plant: ServoPlant, hand: Hand, theta: Number, ops: Arithmetic) -> Seen:
     """Return Z_seen, the impedance of a servo in a hand that the environment sees (model/README.md, section 17).
 
-    The firmware's own spring, if the servo has one, adds to it.
+    It includes the firmware's own spring, if the servo has one.
 
     Parameters
     ----------
-    plant : the servo over a sample
+    plant : the servo over one sample
     hand : M, B and K; arrays of shape (h, 1) for several hands
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
@@ -66,7 +67,7 @@ def seen_of_servo(plant: ServoPlant, hand: Hand, theta: Number, ops: Arithmetic)
     Returns
     -------
     Seen
-        Both parts of Z_seen, of the shape of theta and the hand together.
+        Both parts of Z_seen. They have the shape of theta and the hand together.
     """
     at = circle(theta, ops)
     seen = _seen_at(plant, hand, at)
@@ -82,7 +83,7 @@ def _pulling(pull: Pull) -> Hand:
 
 
 def _seen_at(plant: ServoPlant, hand: Hand, at: Circle) -> Seen:
-    """Return the part of Z_seen that a hand makes through the force sensor."""
+    """Return the part of Z_seen that the hand causes through the force sensor."""
     s, c, y = at.sin, at.cos, at.square
     spring = times(hand.stiffness, plant.sample_time)
     # K T (1 - delta + delta w), w = 1 - 2 y - 2 j s c
@@ -92,7 +93,7 @@ def _seen_at(plant: ServoPlant, hand: Hand, at: Circle) -> Seen:
         back = 1 - plant.share
         passed = _reciprocal(Pair(plant.share + 2 * back * y, 2 * back * (s * c)), at.ops)
         rest = (rest.scaled(plant.share) + Pair(step[0], s * step[1]).scaled(-(back * spring))) * passed
-    # 2 j s e^(-j theta/2) times what is regular
+    # 2 j s e^(-j theta/2) times a regular number
     turned = rest * Pair(c, -s)
     even, odd = step[0] * spring - 2 * (s * turned.im), step[1] * spring + 2 * turned.re
     cos, sine = at.turned(plant.turns)
@@ -101,7 +102,7 @@ def _seen_at(plant: ServoPlant, hand: Hand, at: Circle) -> Seen:
 
 
 def _regular(plant: ServoPlant, hand: Hand, spring: Number, at: Circle) -> Pair:
-    """Return what of Z_seen/w^(N+1) is regular at theta = 0; the spring is K T."""
+    """Return the part of Z_seen/w^(N+1) that is regular at theta = 0. The argument `spring` is K T."""
     late: Number = 0
     for x in plant.lags:
         late = add(late, x)
@@ -119,7 +120,7 @@ def _regular(plant: ServoPlant, hand: Hand, spring: Number, at: Circle) -> Pair:
 
 
 def _driven(plant: ServoPlant, d: Pair, ops: Arithmetic) -> list[Pair]:
-    """Return p: the servo's states follow nothing, the sensor's follow the servo's."""
+    """Return p. Nothing drives the servo's states; the servo's states drive the sensor's."""
     first = len(plant.held) - plant.order
     servo, sensor = plant.below[first:], plant.below[:first]
     moved = _solved(servo[0][first:], [Pair(h, 0) for h in plant.held[first:]], d, ops)
@@ -133,7 +134,7 @@ def _driven(plant: ServoPlant, d: Pair, ops: Arithmetic) -> list[Pair]:
 
 
 def _solved(below: Vector, right: list[Pair], d: Pair, ops: Arithmetic) -> list[Pair]:
-    """Return (w + d g)^-1 of a vector; g is a number x, or ((x, y), (-y, x)), which is x + j y and x - j y."""
+    """Return (w + d g)^-1 times a vector; g is a number x, or ((x, y), (-y, x)), which is x + j y and x - j y."""
     along = d.scaled(below[0] - 1).plus(1)
     if len(right) == 1:
         return [right[0] * _reciprocal(along, ops)]
@@ -148,11 +149,11 @@ def _reciprocal(x: Pair, ops: Arithmetic) -> Pair:
 
 
 def blur_of(plant: ServoPlant, seen: Seen, theta: Number, ops: Arithmetic) -> Number:
-    """Return the greatest increase of -odd/2 while Z_seen moves within its disc: r |Z_seen|.
+    """Return r |Z_seen|, the greatest increase of -odd/2 while Z_seen varies within its disc.
 
     Parameters
     ----------
-    plant : the servo over a sample; its `radii` are those of the disc
+    plant : the servo over one sample, with the `radii` of the disc
     seen : Z_seen in a hand, without the disc
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
@@ -160,7 +161,7 @@ def blur_of(plant: ServoPlant, seen: Seen, theta: Number, ops: Arithmetic) -> Nu
     Returns
     -------
     Number
-        N s/m, of the shape of theta; 0 without a disc.
+        N s/m. It has the shape of theta; 0 without a disc.
     """
     if not plant.radii:
         return 0
@@ -169,7 +170,7 @@ def blur_of(plant: ServoPlant, seen: Seen, theta: Number, ops: Arithmetic) -> Nu
 
 
 def _blur(radii: Radii, sample_time: Number, theta: Number, ops: Arithmetic) -> Number:
-    """Return r/(2 s); r/f is as linear between the points as r."""
+    """Return r/(2 s). Between the points, r/f is as linear as r."""
     beyond = BEYOND * radii[-1][0]
     table = (*((hertz, radius / hertz) for hertz, radius in radii), (beyond, radii[-1][1] / beyond))
     turn = 2 * ops.pi * sample_time
@@ -178,24 +179,24 @@ def _blur(radii: Radii, sample_time: Number, theta: Number, ops: Arithmetic) -> 
 
 @dataclass(frozen=True, slots=True)
 class Demand:
-    """The requirement of the hands of a box on a coupling.
+    """The resistance that a box of hands requires of a coupling.
 
     Attributes
     ----------
-    plant : the servo, in plain numbers
-    vertices : hands, one of which requires most at every angle, numbers of shape (v, 1)
+    plant : the servo, with plain numbers
+    vertices : hands at the vertices, with numbers of shape (v, 1); at every angle one of them requires the most
     """
 
     plant: ServoPlant
     vertices: Hand
 
     def in_each(self, theta: Floats) -> Floats:
-        """Return R at angles of shape (n,) in each vertex, N s/m, of shape (v, n)."""
+        """Return R in each vertex, N s/m, of shape (v, n), at angles of shape (n,)."""
         seen = seen_of_servo(self.plant, self.vertices, theta, FLOATS)
         return np.asarray(blur_of(self.plant, seen, theta, FLOATS) - 0.5 * seen.odd)
 
     def at(self, theta: Floats) -> Floats:
-        """Return R at angles, N s/m, of their shape."""
+        """Return R, N s/m, at angles; the result has their shape."""
         return np.asarray(self.in_each(np.ravel(theta)).max(axis=0).reshape(np.shape(theta)))
 
 
@@ -204,12 +205,12 @@ def demand_of(device: Device, hands: Hands) -> Demand:
 
     Parameters
     ----------
-    device : a servo in plain numbers
-    hands : the box; its vertices suffice, since R is convex in the hand
+    device : a servo with plain numbers
+    hands : the box; its vertices suffice because R is convex in the hand
 
     Returns
     -------
     Demand
-        Evaluates R at angles.
+        The function that evaluates R at angles.
     """
     return Demand(servo_plant(device, sensed_delay(device), FLOATS), stacked(hands.corners, (-1, 1)))

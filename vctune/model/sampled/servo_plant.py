@@ -1,18 +1,18 @@
 """A servo and its force sensor over a sample, exactly (model/README.md, section 17).
 
-Velocity, acceleration and position pass servo and sensor alike, so that the sensor's low-pass may follow the servo's
-and both delays add up to (N + delta) T. Both are a chain x' = A x + b u with T = 1, whose first state is the sensed
-velocity and whose states are all 1 at rest with u = 1. In w = z^-1 and d = 1 - w the pulse transfer functions from the
-held velocity are
+Velocity, acceleration and position pass through servo and sensor alike. So the sensor's low-pass may follow the
+servo's, and both delays add up to (N + delta) T. Together they form a chain x' = A x + b u with T = 1. Its first state
+is the sensed velocity, and all states are 1 at rest with u = 1. With w = z^-1 and d = 1 - w, the pulse transfer
+functions from the held velocity are
 
     G_v = w^(N+1) (1 - q_0),   G_a = -w^(N+1) q_1/T,   G_x = T w^(N+1) ((1 - delta + delta w)/d - l - q_-1),
 
-where q_i is the first entry of A^i d g p, d g p = h - w p, and l that of -A^-1 (1, 1, ...), with
+where q_i is the first entry of A^i d g p with d g p = h - w p, l is the first entry of -A^-1 (1, 1, ...), and
 
     p = (w + d g)^-1 h,   g = 1/(1 - e^A) = 1/2 - f A^-1,   f = (A/2) coth(A/2),   h = e^(A (1 - delta)) (1, 1, ...).
 
-Little of this depends on delta, and g is nearly a straight line of the lags -A^-1: boxes of uncertain delays and
-bandwidths stay tight.
+Little of this depends on delta, and g is nearly linear in the lags -A^-1. So boxes of uncertain delays and bandwidths
+stay tight.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ from vctune.model.parts import Servo
 from vctune.model.sampled.velocity_loop import split_delay
 
 FAR = 4.0
-"""Up to which |A| times the half-width of a time the series goes from the middle. Half and twice: a servo of half and
-twice the bandwidth is enclosed so."""
+"""Greatest |A| times half a time for which the code expands the exponential around the middle of the time. Half and
+twice this number enclose a servo of half and twice the bandwidth."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,16 +52,16 @@ class ServoPlant:
 
     Attributes
     ----------
-    below : g, of the sensor's states first
+    below : g, with the sensor's states first
     held : h
     lags, driven : first rows of -A^-1 and of A g
     older : delta, the share of a sample for which the older command acts
-    order : of the servo, so many of the states
-    turns : N + 1/2, for a position command half more
-    interpolated : whether the command is a position: all is times cos(theta/2)
-    share : a of the firmware's filter y += a (x - y) of the sensed samples; None without
+    order : order of the servo, the number of its states
+    turns : N + 1/2; N + 1 for a position command
+    interpolated : whether the command is a position, which multiplies everything by cos(theta/2)
+    share : a of the firmware's filter y += a (x - y) of the sensed samples; None without a filter
     sample_time : T, s
-    pull : the firmware's own spring; None without it
+    pull : the firmware's own spring; None without one
     radii : radii of a disc of responses, `Servo.radii`
     """
 
@@ -79,7 +79,7 @@ class ServoPlant:
     radii: tuple[tuple[float, float], ...] = ()
 
     def converted(self, number: Callable[[Number], Number]) -> ServoPlant:
-        """Return the plant in numbers of another arithmetic."""
+        """Return the plant with its numbers in another arithmetic."""
 
         def entries(vector: Vector) -> Vector:
             return tuple(x if isinstance(x, int) else number(x) for x in vector)
@@ -100,12 +100,12 @@ class ServoPlant:
 
 @dataclass(frozen=True, slots=True)
 class Pull:
-    """A spring of the firmware between the measured position and a reference.
+    """A spring in the firmware between the measured position and a reference.
 
     Attributes
     ----------
-    plant : the servo without force sensor
-    stiffness : N/m
+    plant : the servo without its force sensor
+    stiffness : stiffness of the spring, N/m
     """
 
     plant: ServoPlant
@@ -114,12 +114,12 @@ class Pull:
 
 @dataclass(frozen=True, slots=True)
 class SensedDelay:
-    """N of the delays of servo and sensor together, and whether a part of a sample remains.
+    """The whole samples in the sum of the servo's and the sensor's delay, and whether a fraction remains.
 
     Attributes
     ----------
     whole, fractional : N, and whether delta > 0
-    moved : those of the servo alone; None if they are the same
+    moved : the same numbers for the servo alone; None if they are equal
     """
 
     whole: int
@@ -128,7 +128,7 @@ class SensedDelay:
 
 
 def sensed_delay(device: Device) -> SensedDelay:
-    """Return the delays of a device whose numbers are plain, in samples."""
+    """Return the delays of a device with plain numbers, in samples."""
     whole, left = split_delay(device.sensed_latency, device.sample_time)
     moved, rest = split_delay(device.latency, device.sample_time)
     return SensedDelay(whole, left > 0, SensedDelay(moved, rest > 0))
@@ -137,13 +137,13 @@ def sensed_delay(device: Device) -> SensedDelay:
 def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPlant:
     """Sample a servo and its force sensor exactly (model/README.md, section 17).
 
-    The sensor reads the force just before the next command acts. With a delay of whole samples, the previous command
-    still causes that force.
+    The sensor samples the force just before the next command acts. If the delay is a whole number of samples, that
+    force still comes from the previous command.
 
     Parameters
     ----------
     device : a servo, in SI units
-    delay : whole samples of the delays of servo and sensor together, and of the servo alone
+    delay : whole samples in the delay of servo and sensor together, and in the delay of the servo alone
     ops : arithmetic of the device's numbers
 
     Returns
@@ -179,7 +179,7 @@ def _at_once(rates: Matrix, ops: Arithmetic) -> Vector:
 
 
 def _let_go(rates: Matrix, time: Number, ops: Arithmetic) -> Vector:
-    """Return e^(A t) (1, 1, ...), from the middle of t on by its series, which loses nothing to matrices of boxes."""
+    """Return e^(A t) (1, 1, ...) by a series around the middle of t, in which matrices of intervals stay tight."""
     middle = ops.middle(time)
     off = time - middle
     reach = norm_of(rates, ops) * ops.magnitude(off)
@@ -192,7 +192,7 @@ def _let_go(rates: Matrix, time: Number, ops: Arithmetic) -> Vector:
         size *= reach / order
         term = tuple(x * (off / order) for x in applied(rates, term))
         found = tuple(map(add, found, term))
-    # what is left out is less than the series of e^FAR would add
+    # the omitted terms are less than the series of e^FAR would add
     return tuple(x + ops.within(exp(FAR) * size) for x in found)
 
 
@@ -206,7 +206,7 @@ def _pull(device: Device, servo: Servo, delay: SensedDelay, ops: Arithmetic) -> 
 
 
 def servo_rates(device: Device, ops: Arithmetic) -> tuple[Matrix, Matrix]:
-    """Return A and -A^-1 of the states of sensor and servo, T = 1.
+    """Return A and -A^-1 of the states of sensor and servo, with T = 1.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ def servo_rates(device: Device, ops: Arithmetic) -> tuple[Matrix, Matrix]:
 
 
 def _write_lags(lags: dict[str, dict[str, Number]], states: tuple[str, ...], samples: Number, ops: Arithmetic) -> None:
-    """Write -A^-1 of a low-pass of `filter_rows` alone."""
+    """Write the entries of -A^-1 of a low-pass, in the states of `filter_rows`, without forming A."""
     corner = 2 * ops.pi * samples
     if len(states) == 1:
         lags[states[0]][states[0]] = 1 / corner

@@ -1,7 +1,7 @@
-"""A device with an actuator or a structure over one sample, exactly: its states and their step.
+"""The exact step over one sample of a device with an actuator or a structure.
 
-Time is in units of T, impedances in m/T, so that all numbers are dimensionless and of the size of their effect on the
-sampled loop (README, section 12).
+Time is in units of T and impedance in units of m/T, so that all numbers are dimensionless and have the size of their
+effect on the sampled loop (README, section 12).
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from vctune.model.numbers.matrices import (
 
 @dataclass(frozen=True, slots=True)
 class StepResponse:
-    """The effect of a sample, over the polynomials of its step: x[k+1] - x[k] = psi x[k] + the forces' shares.
+    """The effect of one sample, x[k+1] - x[k] = psi x[k] + the forces' shares, as polynomials of the step.
 
     Attributes
     ----------
-    open : coefficients of det(x - psi), without the last, which is 1
-    velocity, position : numerators from the newer and from the older force of the sample; T/m and T^2/m
+    open : coefficients of det(x - psi) without the last, which is 1
+    velocity, position : numerators for the newer and the older force of the sample, in units of T/m and T^2/m
     """
 
     open: Vector
@@ -50,13 +50,13 @@ def sampled_states(device: Device, older: Number | None, ops: Arithmetic) -> Ste
     Parameters
     ----------
     device : device in SI units
-    older : part of a sample for which the older force acts, s; None if the delay is a whole number of samples
-    ops : arithmetic of both
+    older : part of the sample for which the older force acts, s; None if the delay is a whole number of samples
+    ops : arithmetic of device and older
 
     Returns
     -------
     StepResponse
-        Velocities in units of T/m, positions in units of T^2/m.
+        Velocities are in units of T/m, positions in units of T^2/m.
     """
     share = None if older is None else older / device.sample_time
     chain = sampled_chain(_rates(device, ops), share, ops)
@@ -66,13 +66,13 @@ def sampled_states(device: Device, older: Number | None, ops: Arithmetic) -> Ste
 
 @dataclass(frozen=True, slots=True)
 class SampledChain:
-    """States that a held input drives, and the integral of the first of them, over the polynomials of their step.
+    """States that a held input drives, and the integral of the first state, as polynomials of the step.
 
     Attributes
     ----------
-    open : coefficients of det(x - psi), without the last, which is 1
-    states : numerators of all states, a vector for each power of x, from the newer and from the older input of a sample
-    position : numerators of the integral, over another x, in the same way
+    open : coefficients of det(x - psi) without the last, which is 1
+    states : numerators of all states, one vector for each power of x, for the newer and the older input of a sample
+    position : numerators of the integral, divided by another x, for the newer and the older input
     """
 
     open: Vector
@@ -81,13 +81,13 @@ class SampledChain:
 
 
 def sampled_chain(rates: Matrix, older: Number | None, ops: Arithmetic) -> SampledChain:
-    """Sample a chain of n states and the integral of the first exactly, as polynomials of x = z - 1.
+    """Sample a chain of n states and the integral of the first state exactly, as polynomials of x = z - 1.
 
     Parameters
     ----------
-    rates : d/dt, with T = 1, of the integral (first), the n states and the input (last), (n + 2) x (n + 2)
+    rates : matrix of d/dt with T = 1 for the integral (first), the n states and the input (last), (n + 2) x (n + 2)
     older : share of the sample for which the older input acts, in (0, 1); None if it does not act
-    ops : arithmetic of both
+    ops : arithmetic of rates and older
 
     Returns
     -------
@@ -109,18 +109,18 @@ def sampled_chain(rates: Matrix, older: Number | None, ops: Arithmetic) -> Sampl
 
 
 def stepped(rates: Matrix, older: Number | None, ops: Arithmetic) -> tuple[Matrix, Vector, Vector]:
-    """Return the change of a linear system over a sample, and the shares of the newer and the older force in it.
+    """Return the change of a linear system over one sample, and the shares of the newer and the older force in it.
 
     Parameters
     ----------
-    rates : A, d/dt with T = 1 of the states and of the force (last), n x n
+    rates : A, the matrix of d/dt with T = 1 for the states and the force (last), n x n
     older : share of the sample for which the older force acts, in (0, 1); None if it does not act
-    ops : arithmetic of both
+    ops : arithmetic of rates and older
 
     Returns
     -------
     step : e^A - 1, n x n
-    newer, older_force : change of the states per unit of either force, of length n
+    newer, older_force : change of the states per unit of the newer and of the older force, vectors of length n
     """
     if older is None:
         step = exponential_less_one(rates, ops)
@@ -131,18 +131,18 @@ def stepped(rates: Matrix, older: Number | None, ops: Arithmetic) -> tuple[Matri
 
 
 def left_by_older(rates: Matrix, older: Number, ops: Arithmetic) -> Vector:
-    """Return the change of the states over a sample per unit of the older force.
+    """Return the change of the states over one sample per unit of the older force.
 
     Parameters
     ----------
-    rates : A, d/dt with T = 1 of the states and of the force (last), n x n
+    rates : A, the matrix of d/dt with T = 1 for the states and the force (last), n x n
     older : share of the sample for which the older force acts, in (0, 1)
-    ops : arithmetic of both
+    ops : arithmetic of rates and older
 
     Returns
     -------
     Vector
-        Of length n, the force's own row last.
+        Vector of length n; the last entry belongs to the force.
     """
     return _moved_on(*_halves(rates, older, ops))
 
@@ -159,9 +159,9 @@ def _moved_on(early: Matrix, late: Matrix) -> Vector:
 
 
 def _rates(device: Device, ops: Arithmetic) -> Matrix:
-    """Return d/dt of position, motor's velocity, bend, handle's velocity, drive and command, dimensionless."""
+    """Return the matrix of d/dt for position, motor's velocity, bend, handle's velocity, drive and command."""
     T, m = device.sample_time, device.mass
-    one = 0 * T + 1  # in the arithmetic, so that what it is divided by is enclosed
+    one = 0 * T + 1  # in the arithmetic, so that the quotient below is enclosed
     bent = ("bend", "handle") if device.structure is not None else ()
     names = ("position", "velocity", *bent, *drive_states(device), COMMAND)
     rows: Rows = {name: {} for name in names}

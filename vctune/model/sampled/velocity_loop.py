@@ -1,19 +1,19 @@
-"""The sampled velocity loop: device and hold sampled exactly, any real delay (model/README.md, sections 7 and 12).
+"""The exact sampled velocity loop, with any real delay (model/README.md, sections 7 and 12).
 
-Between samples the device sees u[k-N-1] for the first delta T and u[k-N] for the rest, where delay = (N + delta) T. In
-w = z^-1 and d = 1 - w, its pulse transfer functions from the held command to the velocity and to the position are
+Between samples the device receives u[k-N-1] for the first delta T and u[k-N] for the rest, where delay = (N + delta) T.
+With w = z^-1 and d = 1 - w, the pulse transfer functions from the held command to velocity and position are
 
     G_v = w^N (V_0 + w V_1)/O,   G_x = w^N (P_0 + w P_1)/(d O)
 
 with polynomials that are homogeneous in d and w, O = sum c_k d^k w^(n-k). Their coefficients are those of the step z -
-1, and nothing cancels next to z = 1. The firmware estimates the velocity as L G_v or L d G_x/T with its low-pass L =
-a^r/(d + a w)^r, so that the loop's return difference, cleared of its denominators, is
+1, and nothing cancels near z = 1. The firmware estimates the velocity as L G_v or L d G_x/T, with the low-pass L =
+a^r/(d + a w)^r. So the loop's return difference, cleared of its denominators, is
 
     F = d O (d + a w)^r + K_v V d + K_p P (d + a w)^r,
 
-or F = O (d + a w)^r + K_v V when K_p = 0: the position is then not in the loop. With F_0 the part without gains the
-loop's sensitivity is S = F_0/F = 1/(1 + K_v G_v + K_p G_x); F is affine in the gains with complex constants that depend
-on the device alone.
+or F = O (d + a w)^r + K_v V if K_p = 0, when the loop does not contain the position. Let F_0 be F without the gains.
+Then the loop's sensitivity is S = F_0/F = 1/(1 + K_v G_v + K_p G_x). F is affine in the gains; its complex constants
+depend on the device alone.
 """
 
 from __future__ import annotations
@@ -38,17 +38,18 @@ Polynomial = tuple[Number, ...]
 
 @dataclass(frozen=True, slots=True)
 class SampledPlant:
-    """The step-invariant device with input delay.
+    """The device with input delay, sampled exactly for a held input.
 
     Attributes
     ----------
     open : O, of degree n, without its last coefficient, which is 1
-    velocity : V for the newer and the older force of a sample, m/(N s); each of degree n, without its last, which is 0
-    position : P, the same of degree n + 1, m/N
-    low_pass : a of the firmware's low-passes; None without one
+    velocity : V for the newer and the older force of a sample, m/(N s); each of degree n, without its last coefficient,
+        0
+    position : P for the newer and the older force, m/N; each of degree n + 1, without its last coefficient, 0
+    low_pass : a of the firmware's low-passes; None without low-passes
     order : r, the number of low-passes
-    whole_samples : N, of the delay
-    fractional : whether delta > 0, that is, whether there is an older force
+    whole_samples : N, the number of whole samples in the delay
+    fractional : whether delta > 0, so that an older force acts
     """
 
     open: Polynomial
@@ -60,7 +61,7 @@ class SampledPlant:
     order: int = 0
 
     def converted(self, number: Callable[[Number], Number]) -> SampledPlant:
-        """Return the plant in numbers of another arithmetic."""
+        """Return the plant with its numbers in another arithmetic."""
 
         def each(polynomial: Polynomial) -> Polynomial:
             return tuple(number(c) for c in polynomial)
@@ -79,14 +80,14 @@ class SampledPlant:
 
 
 SNAP = 1e-12
-"""Share of a sample that counts as rounding: a quotient of decimals is off by 1e-16 relative, and no intended delay is
-as close. Half and twice it make no difference."""
+"""Share of a sample that counts as rounding. A quotient of decimals is wrong by 1e-16 of itself, and no intended delay
+is that close to a whole sample. Half and twice this share make no difference."""
 
 
 def split_delay(delay: Number, sample_time: Number) -> tuple[Number, Number]:
-    """Split a delay into whole samples and the fraction of one that remains.
+    """Split a delay into whole samples and the remaining fraction of a sample.
 
-    A delay that differs from a whole number of samples only by rounding (`SNAP`) is taken as that number.
+    If a delay differs from a whole number of samples only by rounding (`SNAP`), it is that number.
 
     Parameters
     ----------
@@ -114,7 +115,7 @@ def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fra
     Parameters
     ----------
     device : device in SI units; its force sensor and operator are ignored
-    whole_samples : N, the whole samples of its delay
+    whole_samples : N, the number of whole samples in its delay
     ops : arithmetic of the device's numbers
     fractional : whether the delay is longer than N samples, delta > 0
 
@@ -144,7 +145,7 @@ def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fra
 
 
 def _rigid(device: Device, older: Number | None, ops: Arithmetic) -> StepResponse:
-    """Sample 1/(m s + b) in closed form, with 1 - e^{-bT/m} by its own formula."""
+    """Sample 1/(m s + b) in closed form, with a separate formula for 1 - e^{-bT/m}."""
     m, T = device.mass, device.sample_time
     rate = device.damping / m
 
@@ -155,12 +156,12 @@ def _rigid(device: Device, older: Number | None, ops: Arithmetic) -> StepRespons
         return t * t / m * ops.phi_2(rate * t)
 
     t_0 = T if older is None else T - older
-    drift = T * ops.phi_1(rate * T)  # how far a unit velocity coasts in one sample
+    drift = T * ops.phi_1(rate * T)  # distance that a unit velocity coasts in one sample
     fall = rate * drift
     beta_0, gamma_0 = velocity_step(t_0), position_step(t_0)
     beta_1 = gamma_1 = 0
     if older is not None:
-        v_1 = velocity_step(older)  # what the older force leaves coasts on for t_0
+        v_1 = velocity_step(older)  # the effect of the older force coasts on for t_0
         beta_1 = v_1 * ops.exp(-(rate * t_0))
         gamma_1 = position_step(older) + v_1 * (t_0 * ops.phi_1(rate * t_0))
     return StepResponse(
@@ -200,10 +201,10 @@ def return_difference(plant: SampledPlant, theta: Number, ops: Arithmetic, *, po
 
     Parameters
     ----------
-    plant : a device without a hand, over a sample
+    plant : a device without a hand, over one sample
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of plant and theta
-    position : whether the law has K_p > 0; if not, the position's part is 0 and F is that of the velocity loop
+    position : whether the law has K_p > 0; if not, the position's part is 0 and F is the F of the velocity loop
 
     Returns
     -------
@@ -211,7 +212,7 @@ def return_difference(plant: SampledPlant, theta: Number, ops: Arithmetic, *, po
         Each part has the shape of theta.
     """
     sin = ops.sin(theta)
-    half_sine = ops.sin(theta / 2)  # 1 - cos theta = 2 sin^2(theta/2) does not cancel
+    half_sine = ops.sin(theta / 2)  # the form 2 sin^2(theta/2) of 1 - cos theta does not cancel
     d, w = Pair(2 * half_sine * half_sine, sin), Pair(ops.cos(theta), -sin)
 
     def delayed(steps: Number) -> Pair:
@@ -240,7 +241,7 @@ def return_difference(plant: SampledPlant, theta: Number, ops: Arithmetic, *, po
 
 
 def _homogeneous(coefficients: Polynomial, d: Pair, w: Pair, delay: Pair) -> Pair:
-    """Return the sum of c_k d^k w^(n - 1 - k) over k < n, of n coefficients, delayed."""
+    """Return the sum of c_k d^k w^(n - 1 - k) over the n coefficients, k < n, times a delay."""
     *lower, last = coefficients
     total, power = None, w
     for c in reversed(lower):
@@ -250,10 +251,10 @@ def _homogeneous(coefficients: Polynomial, d: Pair, w: Pair, delay: Pair) -> Pai
 
 
 def _monic(coefficients: Polynomial, d: Pair, w: Pair) -> Pair:
-    """Return d^n + the sum of c_k d^k w^(n - k) over k < n, of n coefficients."""
+    """Return d^n plus the sum of c_k d^k w^(n - k) over the n coefficients, k < n."""
     *lower, last = coefficients
     rest = 1 - last
-    total, power = Pair(last + rest * d.re, rest * d.im), w  # d + last w, w = 1 - d, with theta in one place only
+    total, power = Pair(last + rest * d.re, rest * d.im), w  # d + last w with w = 1 - d; theta appears once
     for c in reversed(lower):
         power = power * w
         total = total * d + power.scaled(c)
@@ -261,7 +262,7 @@ def _monic(coefficients: Polynomial, d: Pair, w: Pair) -> Pair:
 
 
 def sensitivity_abs2(parts: ReturnDifference, gains: Gains) -> Number:
-    """Return |S|^2 = |F_0/F|^2 of the sampled loop, F_0 the return difference with both gains 0.
+    """Return |S|^2 = |F_0/F|^2 of the sampled loop, where F_0 is the return difference with both gains 0.
 
     Parameters
     ----------
@@ -271,7 +272,7 @@ def sensitivity_abs2(parts: ReturnDifference, gains: Gains) -> Number:
     Returns
     -------
     Number
-        Dimensionless, of the shape of the parts.
+        Dimensionless. It has the shape of the parts.
     """
     return parts.open.abs2() / parts.closed(gains).abs2()
 
@@ -289,7 +290,7 @@ def difference_slope(theta: Number, ops: Arithmetic) -> Pair:
     Returns
     -------
     Pair
-        Of the shape of theta; j at theta = 0.
+        It has the shape of theta, and is j at theta = 0.
     """
     half = theta / 2
     return Pair(ops.sin(half) * ops.sinc(half), ops.sinc(theta))

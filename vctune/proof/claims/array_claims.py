@@ -1,4 +1,4 @@
-"""The claims of a certificate as functions of a frequency and a design, over enclosures and jets.
+"""The claims of a certificate as functions of a frequency and a design, on enclosures and jets.
 
 See proof/README.md, section 7.
 """
@@ -76,13 +76,14 @@ from vctune.proof.engine.boxes import FREQUENCY, WHOLE_SAMPLES, Values, coupling
 from vctune.proof.engine.sharing import shared
 
 SHARES = "share of the integrator", "share of the hand's stiffness in the rest"
-"""Shares of rho, with which F vanishes for theta = 0, a hand without stiffness and K_p = 0: rows of boxes."""
+"""Names of the rows that hold the shares of rho, with which F vanishes at theta = 0, K_p = 0 and no hand's
+stiffness."""
 AT_REST = (FREQUENCY, STIFFNESS)
-"""Rows of boxes of hands, the angle and the stiffness, that both begin at 0 there."""
+"""Names of the rows of boxes of hands that both begin at 0 there: the angle and the stiffness."""
 
 
 WORLD_ENDS = tuple(tuple(f"{key}.{end}" for key in WORLD) for end in ("min", "max"))
-"""Names of the rows of boxes of environments: the least mass, damping and stiffness, and the greatest."""
+"""Names of the rows of boxes of environments: least mass, damping and stiffness, then the greatest."""
 NO_HAND = Hand(0, 0, 0)
 OFFSET, SLOPE = "offset of the bound", "slope of the bound"
 """Names of the rows of a straight line that bounds R in all hands (`vctune.proof.claims.envelope`)."""
@@ -90,27 +91,30 @@ OFFSET, SLOPE = "offset of the bound", "slope of the bound"
 
 @dataclass(frozen=True, slots=True)
 class Claims:
-    """The claims about one device as functions of a frequency and a design, over enclosures.
+    """The claims about one device as functions of a frequency and a design, on enclosures.
+
+    A function of an angle takes theta = omega T.
 
     Attributes
     ----------
-    conditions, sensitivity : margins that must be positive; the latter of theta = omega T
-    conditions_near_zero : proves as much as `conditions`, next to omega = 0
-    unmodelled : margin that must be positive too if the device's response is not known exactly, a function of theta
-    conditions_near_infinity : `conditions` at omega = 1/v, of v; hold "lag" without delay
-    clamped : margins that must both be positive too if the response is within a disc and `conditions` at its edge
-    resistance : the loop's, which must be positive too for every coupling, N s/m
-    in_hand : one of these must be positive in every hand, of theta
-    above_bound : proves as much, of theta, `OFFSET` and `SLOPE`, for the gains that these are of
-    any_hand : both must be positive for any passive hand on an impedance display, of theta
-    required_in_hands : the least feasible Re Z_c in a hand, of theta, N s/m; unbounded where F may be 0
-    poles_in_hand : curve that must not turn around 0, of a hand and of theta
-    required : the least feasible Re Z_c where the resistance is positive throughout, N s/m; unbounded elsewhere
-    sensitivity_any_position : proves as much as `sensitivity` for every K_p, next to theta = 0 too
-    model_poles, sampled_poles : curves that must not turn around 0, of omega and of theta = omega T
-    model_any_position, sampled_any_position : where positive, the curve is not 0 for any K_p > 0
-    sampled_any_phase, sensitivity_any_phase : where positive at theta, `sampled_poles` is not 0, and `sensitivity` is
-        positive, however many whole samples of delay there are
+    conditions, sensitivity : margins that must be positive; `sensitivity` is a function of theta
+    conditions_near_zero : margin near omega = 0 that proves as much as `conditions`
+    unmodelled : margin in theta that must be positive if the device's response is not known exactly
+    conditions_near_infinity : `conditions` at omega = 1/v, as a function of v; for hold "lag" without delay
+    clamped : two margins that must both be positive if the response lies within a disc and `conditions` hold at its
+        edge
+    resistance : the loop's resistance, N s/m, which must be positive for every coupling
+    in_hand : margins in theta, of which one must be positive in every hand
+    above_bound : margin in theta, `OFFSET` and `SLOPE` that proves as much as `in_hand` for the gains of that bound
+    any_hand : two margins in theta that must both be positive for any passive hand on an impedance display
+    required_in_hands : the least feasible Re Z_c in a hand, N s/m, as a function of theta; unbounded where F may be 0
+    poles_in_hand : curve of a hand and theta that must not turn around 0
+    required : the least feasible Re Z_c, N s/m, where the resistance is positive in the whole box; unbounded elsewhere
+    sensitivity_any_position : margin that proves as much as `sensitivity` for every K_p, also near theta = 0
+    model_poles, sampled_poles : curves of omega and of theta that must not turn around 0
+    model_any_position, sampled_any_position : margins; where they are positive, the curve is not 0 for any K_p > 0
+    sampled_any_phase, sensitivity_any_phase : margins in theta for any number of whole samples of delay; where they are
+        positive, `sampled_poles` is not 0, and `sensitivity` is positive
     """
 
     conditions: Margin
@@ -138,17 +142,17 @@ class Claims:
 def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
     """Return each claim about a device as a function of a frequency and of values by name (proof/README.md, section 7).
 
-    The functions enclose the device's decimals. Nothing is evaluated here.
+    The functions enclose the decimals of the device. This function evaluates nothing.
 
     Parameters
     ----------
-    demands : device, factor and limits of the claims
+    demands : constraints with the device, the factor and the limits of the claims
     uncertain : keys of the device's numbers that each function takes from its values, as `device.KEY`
 
     Returns
     -------
     Claims
-        Functions over enclosures and jets.
+        Functions on enclosures and jets.
     """
     device, plant = _devices(demands.device, uncertain)
     factor, limit = decimal(demands.factor), decimal(demands.max_sensitivity)
@@ -217,21 +221,21 @@ def hands_margins(
     lead: float = 0.0,
     sides: tuple[str, ...] | None = None,
 ) -> Margins:
-    """Return the margins, of which one must be positive in every hand, of theta and of values with those of `HAND`.
+    """Return the margins of which one must be positive in every hand.
 
     Parameters
     ----------
     demands : the constraints
-    uncertain : numbers of the device that the margins take from among their values
-    delays : whole samples, the same for all of them
+    uncertain : keys of the device's numbers that the margins take from their values
+    delays : whole samples of the delays, the same for all devices
     ops : arithmetic of theta and the values
-    lead : of walls, 0 by the trapezoidal rule, 1 by backward Euler
+    lead : rule of the walls: 0 for the trapezoidal rule, 1 for backward Euler
     sides : of environments that run late or by Euler's rules, those that are looked at; None for all
 
     Returns
     -------
     Margin
-        Function of theta, rad, and of values by name: the design, `HAND` and the uncertain numbers; N s/m.
+        Functions of theta, rad, and of values by name: the design, `HAND` and the uncertain numbers; N s/m.
     """
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
@@ -276,8 +280,8 @@ def worlds_of(values: Values, otherwise: Worlds) -> Worlds:
 
     Parameters
     ----------
-    values : by name, of `WORLD_ENDS` among others
-    otherwise : has the ends that are not among them
+    values : values by name; some names may be from `WORLD_ENDS`
+    otherwise : environments with the ends that are not among the values
     """
     ends = (astuple(otherwise.low), astuple(otherwise.high))
     least, most = (
@@ -290,19 +294,19 @@ def worlds_of(values: Values, otherwise: Worlds) -> Worlds:
 def whenever_margins(
     demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS
 ) -> Margin:
-    """Return the margin that proves as much before a servo, however many whole samples late it is.
+    """Return a margin that proves as much for a servo with any number of whole samples of delay.
 
     Parameters
     ----------
-    demands : what is to be met
-    uncertain : numbers of the device that the margin takes from among its values
-    delays : any whole samples
+    demands : the constraints
+    uncertain : keys of the device's numbers that the margin takes from its values
+    delays : delays whose whole samples the margin ignores
     ops : arithmetic of theta and the values
 
     Returns
     -------
     Margin
-        As of `hands_margins`; only for theta > 0.
+        See `hands_margins`; it is valid for theta > 0 only.
     """
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
@@ -320,7 +324,7 @@ def bounded_in_hands(device: Device, ops: ArrayArithmetic = OPS) -> Margin:
 
     Parameters
     ----------
-    device : plain numbers, taken as decimals
+    device : device with plain numbers, which stand for the decimals that they print as
     ops : arithmetic of theta and the values
 
     Returns
@@ -338,11 +342,11 @@ def bounded_in_hands(device: Device, ops: ArrayArithmetic = OPS) -> Margin:
 
 
 def bounded_in_any_hand(device: Device) -> Margin:
-    """Return the margin that is positive where R in any passive hand on an impedance display is below such a bound.
+    """Return the margin that is positive where a straight line bounds R in any passive hand on an impedance display.
 
     Parameters
     ----------
-    device : plain numbers
+    device : device with plain numbers
     """
     exact, delays = device.converted(decimal), delays_of(device)
 
@@ -355,7 +359,8 @@ def bounded_in_any_hand(device: Device) -> Margin:
 
 
 def _above_bound(demands: Demands) -> Margin:
-    """Return the margin of a coupling above a bound of R in all hands, a function of theta, `OFFSET` and `SLOPE`."""
+    """Return the margin of a coupling against a bound of R in all hands, as a function of theta, `OFFSET` and
+    `SLOPE`."""
     device, factor = demands.device.converted(decimal), decimal(demands.factor)
 
     def margin(theta: Number, v: Values) -> Number:
@@ -368,17 +373,17 @@ def _above_bound(demands: Demands) -> Margin:
 def limp_hands_margins(
     demands: Demands, uncertain: tuple[str, ...], delays: Delays, lead: float = 0.0
 ) -> tuple[Margin, ...]:
-    """Return the margins of `hands_margins` next to theta = 0, a hand without stiffness and K_p = 0.
+    """Return the margins of `hands_margins` for theta near 0, a hand without stiffness and K_p = 0.
 
-    They are of theta and of values with those of `HAND` and with `SHARES`, each between 0 and 1. Margins that decide
-    nothing there are left out. With environments of a box K_p is 0.
+    They are functions of theta and of values, with the values of `HAND` and those of `SHARES`, each between 0 and 1.
+    Margins that decide nothing there are omitted. With a box of environments, K_p is 0.
 
     Parameters
     ----------
     demands : the constraints
-    uncertain : numbers of the device that the margins take from among their values
-    delays : whole samples, the same for all of them
-    lead : as of `hands_margins`
+    uncertain : keys of the device's numbers that the margins take from their values
+    delays : whole samples of the delays, the same for all devices
+    lead : see `hands_margins`
     """
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
@@ -420,11 +425,11 @@ def limp_hands_margins(
 
 
 def any_hand_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> tuple[Margin, Margin]:
-    """Return both margins that must be positive for any passive hand on an impedance display (`any_hand_margin`).
+    """Return the two margins that must be positive for any passive hand on an impedance display (`any_hand_margin`).
 
     Parameters
     ----------
-    demands : device and factor
+    demands : constraints with the device and the factor
     uncertain : keys of the device's numbers that the margins take from their values
     delays : whole samples of the delays, the same for all devices
 
@@ -450,17 +455,17 @@ def _uncertain_device(nominal: Device, uncertain: tuple[str, ...]) -> Callable[[
 def _plant_in_hand(
     nominal: Device, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS
 ) -> Callable[[Values], AnyPlantInHand]:
-    """Return the device in a hand as a function of values, sampled once for boxes of the same hand and device."""
+    """Return the device in a hand as a function of values. It samples once for boxes with the same hand and device."""
     exact, rows = nominal.converted(decimal), HAND + tuple(f"device.{key}" for key in uncertain)
 
-    if nominal.servo is not None and not uncertain:  # sampled once, in balls, which leave enclosures of half a digit
+    if nominal.servo is not None and not uncertain:  # sampled once, in balls, whose enclosures are half a digit wide
         with ctx.workprec(PRECISION):
             known = plant_in_hand(device_ball(nominal), NO_HAND, delays, BALLS)
         assert isinstance(known, ServoInHand)
         servo = known.plant.converted(enclosure_of)
         return lambda v: ServoInHand(servo, Hand.of(v))
 
-    if nominal.servo is not None:  # no hand moves it
+    if nominal.servo is not None:  # no hand moves a servo
 
         def servo_of(*numbers: Number) -> ServoPlant:
             found = plant_in_hand(exact.with_numbers(dict(zip(uncertain, numbers, strict=True))), NO_HAND, delays, ops)
@@ -484,9 +489,9 @@ def _plant_in_hand(
 def _devices(
     nominal: Device, uncertain: tuple[str, ...]
 ) -> tuple[Callable[[Values], Device], Callable[[Values], Plant]]:
-    """Return the device and its sampled plant as functions of a claim's values; constant for a certain device.
+    """Return the device and its sampled plant as functions of a claim's values. For a certain device they are constant.
 
-    The plant is sampled once for boxes of the same devices at several frequencies.
+    Boxes of the same devices at several frequencies share one sampled plant.
     """
     exact = nominal.converted(decimal)
     whole, fraction = split_delay(nominal.delay, nominal.sample_time)

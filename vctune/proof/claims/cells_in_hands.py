@@ -1,4 +1,4 @@
-"""The demand in every hand of a box for many cells of gains, next to rest divided by the factors that vanish.
+"""Prove the constraint in every hand of a box for many cells of gains, also near theta = 0, where the margin vanishes.
 
 See proof/README.md, section 10.
 """
@@ -23,24 +23,25 @@ from vctune.proof.engine.boxes import Boxes, Cells, Integers, band_of, joined, o
 from vctune.proof.engine.branching import Test, prove
 
 MAX_HALVINGS, MAX_BOXES, TOGETHER = 4 * CELL_HALVINGS, 30_000, 128
-"""What `CELL_HALVINGS` and `MAX_BOXES` are for boxes of angle and hand, and how many cells are proved together: what is
-known of them fits into memory. Cells with room take up to 30,000 boxes, most some thousand;
-with 12,000 some of those next to K_p = 0 are left to smaller ones."""
+"""Greatest number of halvings of a box of angle and hand, greatest number of boxes for a cell, and number of cells that
+are proved together, so that their boxes fit into memory. Feasible cells take up to 30,000 boxes, most some thousand.
+With 12,000 boxes the prover leaves some of the cells near K_p = 0 to smaller cells."""
 AT_REST = 0.1
-"""Greatest K_p T^2/m, as a share of the first interval of angles, of cells that are proved next to rest apart."""
+"""Greatest K_p T^2/m of cells that are proved separately near theta = 0, as a share of the first interval of angles."""
 
 MASS = "coupling.mass"
 FEW = 1024
-"""Boxes that take about as long as one, arrays of many cells being as long. An eighth takes a fifth longer."""
+"""Number of boxes that take about as long as one, since the arrays of many cells are long anyway. An eighth of this
+number takes a fifth longer."""
 
 
 def hold_in_hands(demands: Demands, cells: Cells) -> Flags:
-    """Return the cells all of whose designs meet the demand in every hand, where none has a pole on the unit circle.
+    """Return the cells all of whose designs meet the constraint in every hand and have no pole on the unit circle.
 
     Parameters
     ----------
-    demands : with the hands
-    cells : n of them, all of them with K_p > 0, or none
+    demands : constraints with hands
+    cells : n cells, either all with K_p > 0 or all with K_p = 0
     """
     limp = _next_to_rest(demands, cells)
     proved = np.zeros(len(cells), bool)
@@ -60,7 +61,7 @@ def _few(at: Integers) -> Iterator[Integers]:
 
 
 def _next_to_rest(demands: Demands, cells: Cells) -> Flags:
-    """Return the cells with so little K_p that in a hand without stiffness the margin nearly vanishes at theta = 0."""
+    """Return the cells with so small a K_p that the margin in a hand without stiffness nearly vanishes at theta = 0."""
     assert demands.hands is not None
     if not _senses_force_in_a_loop(demands) or demands.hands.low.stiffness > 0:
         return np.zeros(len(cells), bool)
@@ -68,7 +69,7 @@ def _next_to_rest(demands: Demands, cells: Cells) -> Flags:
 
 
 def _stiffness_of(demands: Demands, theta: float) -> float:
-    """Return the stiffness that adds as much as an angle to what the margin vanishes with, N/m."""
+    """Return the stiffness, N/m, that contributes as much as an angle to the factor with which the margin vanishes."""
     return theta * demands.device.mass / demands.device.sample_time**2
 
 
@@ -82,21 +83,21 @@ def _proved_everywhere(demands: Demands, cells: Cells) -> Flags:
 
 
 def _in_hand(demands: Demands) -> Test:
-    """Return the test that the margin in a hand is positive, from theta = 0 by the drag: all that is offered there.
+    """Return the test that the margin in a hand is positive. At theta = 0 the coupling offers its drag alone.
 
-    A heavy coupling changes within a millionth of the angles there, and nothing else does.
+    There a heavy coupling changes within a millionth of the angles, and nothing else changes as fast.
     """
     margin = alone(claims_of(demands).in_hand)
     return positive(margin, {}, None if demands.device.kind.inverse else _by_drag(margin))
 
 
 def _by_drag(margin: Margin) -> Margin:
-    """Return the margin of the coupling's drag alone, which is less."""
+    """Return the margin of the coupling's drag alone. It is a lower bound of the margin of the whole coupling."""
     return lambda theta, v: margin(theta, {**v, MASS: Enclosure(0.0)})
 
 
 def _proved_apart(demands: Demands, cells: Cells) -> Flags:
-    """Prove the demand next to rest whatever the margin vanishes with, and elsewhere as it is."""
+    """Prove the constraint near theta = 0 with the margin divided by what it vanishes with, and elsewhere as it is."""
     hands, (first, others) = demands.hands, _parted(_band())
     assert hands is not None
     stiffness = min(hands.high.stiffness, _stiffness_of(demands, first[1][0]))
@@ -117,13 +118,13 @@ def _proved_apart(demands: Demands, cells: Cells) -> Flags:
 
 
 def _parted(band: tuple[Floats, Floats]) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
-    """Return the first interval of a band and the others."""
+    """Return the first interval of a band, and the other intervals."""
     low, high = band
     return (low[:1], high[:1]), (low[1:], high[1:])
 
 
 def _with_shares(boxes: Boxes) -> Boxes:
-    """Return boxes of hands and cells with the rows of `SHARES`: of what there is, any."""
+    """Return boxes of hands and cells with the rows of `SHARES` added, each with its full range."""
     there = [boxes.high[boxes.names.index(key)].max(initial=0.0) > 0 for key in (KEYS[1], HAND[2])]
     rows = np.repeat(np.array(there, float)[:, None], len(boxes), axis=1)
     return replace(

@@ -1,8 +1,8 @@
-"""Gains for which no coupling damping b_c works: the values required at different frequencies exclude each other.
+"""Find gains for which no coupling damping b_c works: the intervals required at different frequencies are disjoint.
 
 Re Z_c - b_0 = b M^2/(b^2 + M^2) with M = omega m_c is at least r for b between M (M -+ sqrt(M^2 - 4 r^2))/(2 r), and
-for none where r > M/2. It grows with m_c and with b_0: their greatest values decide. As the firmware runs it, omega is
-(2/T) tan(theta/2).
+for no b where r > M/2. Since it grows with m_c and b_0, the greatest values of these decide. For the coupling as the
+firmware runs it, omega is (2/T) tan(theta/2).
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from vctune.proof.engine.box_tests import Margin
 from vctune.proof.engine.boxes import Cells
 
 GUARD = 1e-14
-"""Bound on the relative rounding of a cell's requirement on b_c: 90 units of u = 2^-53.
+"""Bound on the relative rounding error of a cell's requirement on b_c: 90 u with u = 2^-53.
 
-factor R - b_0 may cancel. It is rounded 5 times. The product is off by u factor R; 1 + `GUARD` and its product with b_0
-by 2 u b_0; the difference and its product with 1 - `GUARD`, itself exact to u, by 3 u of the difference. The raised b_0
-and the lowered difference together give away `GUARD` (b_0 + (factor R - b_0)) = `GUARD` factor R, 22 times the 4 u
-factor R that these make at most. M - 2 r is exact where it cancels (Sterbenz 1974). The rest is a dozen operations on
-positive numbers, including a tangent of 8 units in the last place; `ROUNDING_OF_BOUNDS` covers them 1e5 times. Half and
-twice it decide alike.
+The difference factor R - b_0 may cancel. It has 5 roundings: the product is wrong by at most u factor R, 1 + `GUARD`
+and its product with b_0 by 2 u b_0, and the difference and its product with 1 - `GUARD` (which is exact to u) by 3 u of
+the difference. Together these are at most 4 u factor R. The raised b_0 and the lowered difference allow for `GUARD`
+(b_0 + (factor R - b_0)) = `GUARD` factor R, which is 22 times as much. M - 2 r is exact where it cancels (Sterbenz
+1974). The remaining dozen operations act on positive numbers and include a tangent with 8 units in the last place;
+`ROUNDING_OF_BOUNDS` covers them 1e5 times. Half and twice this guard decide alike.
 """
 ROUNDING_OF_BOUNDS = 1e-9
-"""Rounding allowance by which two constraints on b_c have to exclude each other. Half and twice it decide alike, except
-where the interval between them is as narrow."""
+"""Rounding allowance: two intervals of b_c must be this far apart to exclude each other. Half and twice this allowance
+decide alike, unless the intervals are only about that far apart."""
 
 
 def admissible_damping(resistance: Floats, reactance: Floats) -> tuple[Floats, Floats]:
@@ -38,12 +38,12 @@ def admissible_damping(resistance: Floats, reactance: Floats) -> tuple[Floats, F
 
     Parameters
     ----------
-    resistance : r, N s/m; every b >= 0 is feasible where r <= 0
+    resistance : r, N s/m; where r <= 0, every b >= 0 is feasible
     reactance : M = omega m_c, N s/m, of a shape that broadcasts against r
 
     Returns
     -------
-    least, greatest : N s/m; (inf, 0) where none is feasible
+    least, greatest : N s/m; (inf, 0) where no b is feasible
     """
     r, M = np.maximum(resistance, 0.0), reactance
     root = np.sqrt(np.maximum((M - 2 * r) * (M + 2 * r), 0.0))
@@ -54,20 +54,20 @@ def admissible_damping(resistance: Floats, reactance: Floats) -> tuple[Floats, F
 
 
 def no_damping(demands: Demands, cells: Cells, places: Places) -> Flags:
-    """Return the cells in which no b_c between the cell's own edges meets the constraints on Re Z_c.
+    """Return the cells in which no b_c between the cell's edges meets the constraints on Re Z_c.
 
-    Different frequencies may require intervals of b_c that have no point in common.
+    Different frequencies may require intervals of b_c that have no common point.
 
     Parameters
     ----------
-    demands : device, factor, band and hands
+    demands : constraints with device, factor, band and hands
     cells : n cells; the edges of b_c and the upper edges of m_c and b_0 decide
-    places : frequencies and hands at which R is bounded from below, several for each cell
+    places : frequencies and hands at which R is bounded from below; several for each cell
 
     Returns
     -------
     array of bool
-        Shape (n,); False if nothing is proved.
+        Shape (n,); True only if the claim is proved.
     """
     # rows in the order of `KEYS`: 2 is b_c, 3 is m_c, 4 is b_0
     least, most = cells.low[2].copy(), cells.high[2].copy()

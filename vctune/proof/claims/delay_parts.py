@@ -1,4 +1,4 @@
-"""Parts of a box of devices by the whole samples of their delays: the loop changes smoothly with a delay in each."""
+"""Divide a box of devices by the whole samples of their delays. Within each part the loop is smooth in the delay."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from vctune.proof.engine.boxes import Boxes
 from vctune.proof.engine.branching import Decided, Test
 
 Ends = dict[str, tuple[Floats, Floats]]
-"""The least and the greatest number of each row by its name, of one box or of several."""
+"""Least and greatest number of each row, by its name, for one box or several."""
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """The devices and hands of a box whose delays have the same whole samples.
+    """The devices and hands of a box whose delays have the same number of whole samples.
 
     Attributes
     ----------
-    low, high : ends of the numbers, shape (rows, 1), or (rows, n) of n parts
-    delays : whole samples
-    sample_time, other : T, and of device and sensor the delay that is no row, s
+    low, high : ends of the numbers, shape (rows, 1), or (rows, n) for n parts
+    delays : whole samples of the delays
+    sample_time, other : T, s; and the one delay of device or sensor that is not a row, s
     """
 
     low: Floats
@@ -42,12 +42,12 @@ class Part:
         return np.asarray((self.high - self.low).max(axis=1, keepdims=True))
 
     def within(self, test: Test, names: tuple[str, ...]) -> Test:
-        """Return a test that ignores points where the sum of both delays has other whole samples.
+        """Return a test that ignores points at which the sum of both delays has other whole samples.
 
         Parameters
         ----------
         test : test of boxes with these rows
-        names : names of the rows, but the frequency
+        names : names of the rows without the frequency
         """
         rows = [1 + index for index, name in enumerate(names) if name in DELAY_ROWS]
         if not rows:
@@ -62,14 +62,14 @@ class Part:
             decided = test(boxes)
             outside = (total(boxes.low) > most) | (total(boxes.high) < least)
             there = (total(decided.point) >= least) & (total(decided.point) <= most)
-            decided.side[rows] = 0.0  # an end may be outside, and be left out
+            decided.side[rows] = 0.0  # the end may lie outside the part, where it does not count
             return replace(decided, proved=decided.proved | outside, fails=decided.fails & there)
 
         return tested
 
 
 def row_of(key: str) -> str:
-    """Return the name of the row of a number of the device."""
+    """Return the name of the row for a number of the device."""
     return f"device.{key}"
 
 
@@ -77,12 +77,14 @@ DELAY_ROWS = tuple(map(row_of, DELAYS))
 
 
 def parts_of(device: Device, ends: Ends) -> list[Part]:
-    """Return the parts of a box of devices by the whole samples of their delays: one if those are known.
+    """Divide a box of devices by the whole samples of their delays; return its parts.
+
+    Known delays give one part.
 
     Parameters
     ----------
-    device : has the delays that are not rows
-    ends : least and greatest number of each row but the angle
+    device : device with the delays that are not rows
+    ends : least and greatest number of each row except the angle
     """
     names = tuple(ends)
     low, high = (np.array([pair[end] for pair in ends.values()]) if ends else np.empty((0, 1)) for end in (0, 1))
@@ -109,7 +111,7 @@ def parts_of(device: Device, ends: Ends) -> list[Part]:
 
 
 def _parts_of_sum(row: int, low: Floats, high: Floats, known: Delays, T: float, other: float) -> list[Part]:
-    """Return the parts of a box of servos, of which only the sum of both delays counts, one of them in a row."""
+    """Return the parts of a box of servos. Only the sum of the two delays matters, and one of them is a row."""
     parts = []
     for felt in _whole(low[row, 0] + other, high[row, 0] + other, T, last=True):
         least, most = low.copy(), high.copy()
@@ -120,9 +122,10 @@ def _parts_of_sum(row: int, low: Floats, high: Floats, known: Delays, T: float, 
 
 
 def _whole(low: float, high: float, T: float, *, last: bool) -> range:
-    """Return the whole samples of delays between two; of the `last` delays also the whole number that they end at.
+    """Return the numbers of whole samples of the delays in a range.
 
-    The sensed force at a whole number is not the limit of that just below it.
+    For the `last` delays the range includes the whole number at its upper end, because the sensed force at a whole
+    number is not the limit from below.
     """
     first, end = floor(low / T * (1 + SNAP)), high / T
     return range(first, max(first + 1, floor(end * (1 + SNAP)) + 1 if last else ceil(end * (1 - SNAP))))

@@ -1,4 +1,4 @@
-"""How often the curves of the loop go around 0, for many cells of designs at once: 0 if no pole is unstable.
+"""Count how often the curves of the loop go around 0, for many cells of designs at once. 0 means no unstable pole.
 
 See proof/README.md, section 2.
 """
@@ -23,7 +23,7 @@ from vctune.proof.engine.boxes import Cells, Integers, Values
 
 
 def by_integrator(cells: Cells) -> list[Integers]:
-    """Return the cells with and those without K_p: with K_p = 0 the law has no integrator."""
+    """Return the cells with K_p > 0 and those with K_p = 0, where the law has no integrator."""
     # row 1 is K_p in `KEYS` and in `SPRING_KEYS`
     parts = np.flatnonzero(cells.high[1] > 0), np.flatnonzero(cells.high[1] == 0)
     return [at for at in parts if len(at)]
@@ -35,10 +35,10 @@ class Encirclements:
 
     Attributes
     ----------
-    number : turns of the model's curve, if the claim needs it, and of the sampled loop's, for each of its loops: 0
-        where stable, nan if undecided or not the same throughout the cell; one row each, shape (rows, n)
-    boxes : number of pairs, at the centres, for the model and for the sampled loop, shape (2, n)
-    throughout : the same to see that no pole crosses over within a cell, of both, shape (n,)
+    number : turns of the frequency model's curve, if the claim needs it, and of the curve of each sampled loop, one row
+        each, shape (rows, n); 0 where stable, nan if undecided or not constant over the cell
+    boxes : number of boxes at the cells' centres for the model and for the sampled loop, shape (2, n)
+    throughout : number of boxes that prove that no pole crosses the boundary within a cell, shape (n,)
     """
 
     number: Floats
@@ -51,13 +51,13 @@ def encirclements(demands: Demands, cells: Cells) -> Encirclements:
 
     Parameters
     ----------
-    demands : the device, with each loop that must be stable by itself, and whether the frequency model must be
+    demands : constraints with the device; they decide which loops, and whether the frequency model, must be stable
     cells : n cells, either all with K_p > 0 or all with K_p = 0
 
     Returns
     -------
     Encirclements
-        Numbers of shape (rows, n); 0 where a loop is stable, nan if undecided.
+        Numbers of shape (rows, n): 0 where a loop is stable, nan if undecided.
     """
     parts = [_encirclements(replace(demands, device=loop), cells) for loop in demands.device.loops]
     if not parts:
@@ -68,7 +68,7 @@ def encirclements(demands: Demands, cells: Cells) -> Encirclements:
 
 
 def _encirclements(demands: Demands, cells: Cells) -> Encirclements:
-    """Return the numbers of one loop: those of a cell's centre, if no pole crosses over within the cell."""
+    """Return the numbers for one loop: those at a cell's centre, if no pole crosses the boundary within the cell."""
     claims, device = claims_of(demands), demands.device
     same, throughout = np.ones((2, len(cells)), bool), np.zeros(len(cells), np.intp)
     if cells.extended:
@@ -77,7 +77,8 @@ def _encirclements(demands: Demands, cells: Cells) -> Encirclements:
     calm = np.flatnonzero(same.any(axis=0))
     points = cells.subset(calm).centres()
     # the arguments are those of `vctune.proof.claims.model_poles`: the model's curve ends within a third of a turn of
-    # where it goes; the sampled loop's begins at F(1) > 0 and ends on the real axis
+    # its
+    # limit; the sampled loop's curve begins at F(1) > 0 and ends on the real axis
     if demands.passive:
         goal, end = final_angle(device, integral=bool(points.high[1].any())), model_curve_end(device, points)
         number[0, calm], boxes[0, calm] = _turns_at(claims.model_poles, points, end, 2 * pi, goal)
@@ -89,15 +90,15 @@ def _encirclements(demands: Demands, cells: Cells) -> Encirclements:
 def _turns_at(
     curve: Curve, points: Cells, end: float, turn: float, goal: float = 0.0, fixed: Values | None = None
 ) -> tuple[Floats, Integers]:
-    """Return how often a curve goes around 0 at each point, nan if undecided, and the number of pairs."""
+    """Return how often a curve goes around 0 at each point (nan if undecided), and the number of boxes."""
     test, angles = misses_zero(curve, fixed or {}), turned_angles(curve, fixed or {})
     found = cells_over_band(test, points, 0.0, end, angles)
     return np.where(found.proved, np.round((goal - found.total) / turn), np.nan), found.boxes
 
 
 def _no_pole_crosses(demands: Demands, claims: Claims, cells: Cells) -> tuple[Flags, Integers]:
-    """Return the cells within which no pole of the sampled loop, and none of the model if required, crosses the
-    boundary."""
+    """Return the cells within which no pole crosses the boundary, in the sampled loop and, if required, in the
+    model."""
     boxes = np.zeros(len(cells), np.intp)
 
     def uncrossed(curve: Curve, sufficient: Margin, high: float) -> Flags:
@@ -115,7 +116,7 @@ def _no_pole_crosses(demands: Demands, claims: Claims, cells: Cells) -> tuple[Fl
 
 
 def encirclements_in_hand(demands: Demands, cells: Cells) -> tuple[Floats, Integers]:
-    """Return how often the curve of the loop in the middle hand of the box goes around 0 for each cell.
+    """Return how often the loop's curve in the middle hand of the box goes around 0, for each cell.
 
     Parameters
     ----------
@@ -125,7 +126,7 @@ def encirclements_in_hand(demands: Demands, cells: Cells) -> tuple[Floats, Integ
     Returns
     -------
     number : shape (n,); nan if undecided
-    boxes : boxes that the proof took, shape (n,)
+    boxes : number of boxes of the proof, shape (n,)
     """
     assert demands.hands is not None
     claims, number = claims_of(demands), np.full(len(cells), np.nan)
@@ -137,17 +138,17 @@ def encirclements_in_hand(demands: Demands, cells: Cells) -> tuple[Floats, Integ
 
 
 def turns_in_hand(demands: Demands, points: Cells) -> Floats:
-    """Return how often the curve of the loop in the middle hand of the box goes around 0 for single designs.
+    """Return how often the loop's curve in the middle hand of the box goes around 0, for single designs.
 
     Parameters
     ----------
     demands : constraints with hands
-    points : n cells without extent, either all with K_p > 0 or all with K_p = 0
+    points : n cells of one design each, either all with K_p > 0 or all with K_p = 0
 
     Returns
     -------
     array of float
-        Shape (n,); 0 where the loop is stable, nan if undecided.
+        Shape (n,): 0 where the loop is stable, nan if undecided.
     """
     claims = claims_of(demands)
     turns, _ = _turns_at(claims.poles_in_hand, points, HALF_TURN, pi, fixed=_middle(demands))
@@ -155,24 +156,24 @@ def turns_in_hand(demands: Demands, points: Cells) -> Floats:
 
 
 def _middle(demands: Demands) -> Values:
-    """Return the hand in the middle of the box, by name."""
+    """Return the numbers of the hand at the centre of the box, by name."""
     assert demands.hands is not None
     return demands.hands.middle.mapped(decimal).by_key
 
 
 def model_curve_end(device: Device, cells: Cells, ops: Arithmetic = FLOATS) -> float:
-    """Return a frequency beyond which the frequency model's curve cannot turn around 0 any more, in any cell.
+    """Return a frequency above which the frequency model's curve cannot turn around 0 in any cell.
 
     Parameters
     ----------
-    device : device in numbers of the arithmetic; enclosures stand for all devices of a box
-    cells : only their greatest gains matter
+    device : device in numbers of the arithmetic; enclosures represent all devices of a box
+    cells : cells; only their greatest gains matter
     ops : arithmetic of the device's numbers
 
     Returns
     -------
     float
-        rad/s, > 0 also without a loop.
+        rad/s; > 0 even if no loop is closed.
     """
     K_v, K_p = (float(row.max(initial=0.0)) for row in cells.high[:2])
     return (1 + NEAR) * max(curve_end(device, K_v, K_p, ops), NEAR / ops.magnitude(device.sample_time))

@@ -1,7 +1,7 @@
-"""An upper bound of what hands require of a coupling: straight pieces over the angle, each of them proved.
+"""A proved upper bound of the resistance that hands require of a coupling: straight pieces over the angle.
 
-The requirement in a hand depends on the gains alone. If many couplings have the same gains the prover bounds it once,
-and compares each coupling with the bound over the angle, without a hand.
+The requirement in a hand depends on the gains alone. If many couplings have the same gains, the prover bounds it once
+and compares each coupling with the bound, over the angle alone.
 """
 
 from __future__ import annotations
@@ -30,37 +30,39 @@ from vctune.proof.engine.branching import Proofs, prove
 from vctune.proof.engine.polynomial_tests import FEW, positive_by_polynomials
 
 STEP = 1.05
-"""Ratio of the edges of a piece. Its square root takes a third more boxes and leaves as much of a plane open, its
-square a tenth fewer and half as much again."""
+"""Ratio of the edges of a piece. The square root of this ratio takes a third more boxes and leaves as much of a plane
+open. Its square takes a tenth fewer boxes and leaves half as much again open."""
 SHARES = (0.0, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0)
-"""Shares of each range of the hands that are tried before a piece is proved. Half as many miss the requirement between
-them, so that pieces are up to a tenth higher and twice as much of a plane stays open; twice as many take twice as long.
-"""
+"""Shares of each range of the hands that are evaluated before a piece is proved. Half as many shares miss the maximum
+between them, so that pieces are up to a tenth higher and twice as much of a plane stays open. Twice as many shares take
+twice as long."""
 WITHIN = 5
-"""Angles of a piece at which they are. Half and twice as many: the same, on average to 1e-4."""
+"""Number of angles of a piece at which hands are evaluated. Half and twice as many give the same bound to 1e-4 on
+average."""
 SLACK, RAISED = 5e-3, 4.0
-"""Relative amount by which a piece is first raised above the tried hands, and its growth in each further attempt. Half
-of either takes a third more boxes, twice a sixth fewer. For a plane, half and twice the first leave half as much again
-open, of the second a tenth."""
+"""Relative amount by which a piece is first raised above the evaluated hands, and growth of the amount with each
+further attempt. Half of either takes a third more boxes, twice of either a sixth fewer. Half and twice the first leave
+half as much again of a plane open, half and twice the second a tenth."""
 SMALL = 1e-4
-"""Share of the greatest bound; a smaller piece is raised as if it had this size. Half and twice: the same."""
+"""Share of the greatest bound. A smaller piece is raised as if it had this size. Half and twice it change nothing."""
 ATTEMPTS = 10
-"""Attempts to prove a piece before it stays open. Most take two or three; half and twice as many: the same."""
+"""Number of attempts to prove a piece. Most pieces take two or three; half and twice as many change nothing."""
 MAX_HALVINGS, MAX_BOXES = 40, 250
-"""How often a box of angle and hand is halved, and how many boxes of a piece are tried in the first attempt; each
-further attempt doubles the number. Half and twice the first: the same; of the second: as much of a plane is left open.
-"""
+"""Greatest number of halvings of a box of angle and hand, and number of boxes for a piece in the first attempt; each
+further attempt doubles the latter. Half and twice the first change nothing; half and twice the second leave as much of
+a plane open."""
 
 
 @dataclass(frozen=True, slots=True)
 class Envelope:
-    """An upper bound of R in all hands of a box, or in any, offset + slope theta on each of n pieces.
+    """An upper bound of R in all hands of a box, or in any hand: offset + slope theta on each of n pieces.
 
     Attributes
     ----------
     low, high : edges of the pieces, rad, shape (n,)
-    offset, slope : N s/m, and by rad, shape (n,); for an impedance display of R/s^2. inf if there is no bound
-    boxes : number of boxes
+    offset, slope : N s/m and N s/(m rad), shape (n,); for an impedance display they bound R/s^2. The offset is inf
+        without a bound
+    boxes : number of boxes of the proof
     """
 
     low: Floats
@@ -70,7 +72,7 @@ class Envelope:
     boxes: int
 
     def over(self, cells: Cells) -> Boxes:
-        """Return the boxes of every piece with every cell, with two rows for the bound before those of the cell."""
+        """Return the boxes of every piece with every cell. Two rows for the bound precede the rows of the cell."""
         boxes, rows = over_cells(cells, (self.low, self.high)), np.tile([self.offset, self.slope], len(cells))
         low, high = (np.vstack((edge[:1], rows, edge[1:])) for edge in (boxes.low, boxes.high))
         return Boxes((FREQUENCY, OFFSET, SLOPE, *cells.keys), low, high, boxes.owner, boxes.whole_samples)
@@ -81,13 +83,13 @@ class Envelope:
 def envelope(device: Device, hands: Hands | None, gains: Gains) -> Envelope:
     """Bound R from above in all hands, by a straight line over each piece of the angle.
 
-    For each piece a sample of hands gives a first line, and the prover raises it until it is certainly above R.
+    For each piece a sample of hands gives a first line. The prover raises the line until it is certainly above R.
 
     Parameters
     ----------
-    device : taken as the decimals that it is written as
+    device : device; its floats stand for the decimals that they print as
     hands : the box; None for any passive hand on an impedance display with damping
-    gains : K_v and K_p, taken as the decimals that they are written as
+    gains : K_v and K_p; floats stand for the decimals that they print as
 
     Returns
     -------
@@ -97,7 +99,7 @@ def envelope(device: Device, hands: Hands | None, gains: Gains) -> Envelope:
     low, high = band_of(0.0, HALF_TURN, STEP)
     theta = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, WITHIN)
     some = _some_of(hands) if hands is not None else None
-    # a coupling may be arbitrarily small where R <= 0, -inf included: the bound is 0 there
+    # where R <= 0, -inf included, a coupling may be arbitrarily small: the bound is 0 there
     asked = np.fmax(_required(device, some, gains, theta.ravel()), 0.0).max(axis=0)
     seen = asked.reshape(theta.shape)
     slope = (seen[:, -1] - seen[:, 0]) / (high - low)
@@ -123,13 +125,13 @@ def envelope(device: Device, hands: Hands | None, gains: Gains) -> Envelope:
 
 
 def _some_of(hands: Hands) -> Hand:
-    """Return some hands of a box, numbers of shape (h, 1)."""
+    """Return a sample of the hands of a box, with numbers of shape (h, 1)."""
     places = (np.unique(a + (b - a) * np.array(SHARES)) for a, b in hands.ranges.values())
     return Hand(*(number.reshape(-1, 1) for number in np.meshgrid(*places, indexing="ij")))
 
 
 def _required(device: Device, hand: Hand | None, gains: Gains, theta: Floats) -> Floats:
-    """Return R at angles of shape (n,), in hands (h, 1) or in any hand, of shape (h, n) or (1, n)."""
+    """Return R at angles of shape (n,): shape (h, n) in hands of shape (h, 1), or shape (1, n) in any hand."""
     delays = delays_of(device)
     if hand is None:
         found = any_hand(device, delays.loop, theta[None], FLOATS, fractional=delays.loop_fractional).required(gains)
@@ -139,7 +141,7 @@ def _required(device: Device, hand: Hand | None, gains: Gains, theta: Floats) ->
 
 
 def _proved(device: Device, hands: Hands | None, gains: Gains, pieces: Floats, max_boxes: int) -> Proofs:
-    """Prove the bound of some pieces, rows low, high, offset and slope."""
+    """Prove the bound of some pieces, given as rows low, high, offset and slope."""
     n, ends = pieces.shape[1], ({}, {}) if hands is None else (hands.low.by_key, hands.high.by_key)
     low, high = (np.array([*end.values()], float)[:, None] for end in ends)
     names = (FREQUENCY, *ends[0], OFFSET, SLOPE)

@@ -1,4 +1,4 @@
-"""The claims of a certificate for every device of a box, given that they hold for the nominal one."""
+"""Prove the claims of a certificate for every device of a box, given that they hold for the nominal device."""
 
 from __future__ import annotations
 
@@ -30,35 +30,35 @@ from vctune.proof.engine.branching import Proofs, Test, prove
 from vctune.proof.engine.interval import Outcome, Verdict
 
 LITTLE_PHASE = 0.5
-"""Angle omega tau up to which the margin that is regular at omega = 0 is worth a look, rad. Half and twice it take as
-many boxes for the uncertain friction wheel."""
+"""Angle omega tau, rad, up to which the prover tries the margin that is regular at omega = 0. Half and twice this angle
+need the same number of boxes for the uncertain friction wheel."""
 FEW_SAMPLES = 4
-"""Whole samples of a box's delays that are tried one by one; beyond, the prover first finds the angle above which their
-phase does not matter. Half and twice it only change the time, for long uncertain delays."""
+"""Number of whole samples in a box's delays up to which the prover tries them one by one. For more, it first finds the
+angle above which their phase does not matter. Half and twice as many only change the time for long uncertain delays."""
 ANGLES, LEAST_ANGLE = 400, 1e-6
-"""Angles at which the size of a loop is estimated, and the least of them. The prover then proves the estimate, so that
-half and twice it only cost time."""
+"""Number of angles at which the size of a loop is estimated, and the least of them. The prover then proves the
+estimate, so that half and twice as many angles only change the time."""
 MAX_BOXES, MAX_BOXES_OF_CURVES = 1_600_000, 40_000
-"""Boxes for one claim before it is left open; a curve that is nowhere nearly 0 takes some dozens, the uncertain
-friction wheel 27,000 for all claims, a device of two masses with seven uncertain numbers and a disc a million for one.
-Half and twice it: as long to give up."""
+"""Greatest number of boxes for one claim, and for one curve. A curve that stays away from 0 takes some dozens; the
+uncertain friction wheel takes 27,000 for all claims; a device of two masses with seven uncertain numbers and a disc
+takes a million for one claim. Half and twice as many boxes take half and twice as long to give up."""
 FEW = 64
-"""Boxes that are halved again before evaluation: as many take about as long as one. None: three times as long for the
-band around a proved one; four times as many: a third longer."""
+"""Number of boxes that are halved again before evaluation, because so many take about as long as one. Without this the
+band around a proved one takes three times as long; with four times as many boxes it takes a third longer."""
 MAX_HALVINGS = 80
-"""Greatest number of halvings of a box: twenty in each of four rows. Half and twice as often take as many boxes for the
-uncertain friction wheel."""
+"""Greatest number of halvings of a box: twenty in each of four rows. Half and twice as many halvings need the same
+number of boxes for the uncertain friction wheel."""
 
 
 @dataclass(frozen=True, slots=True)
 class RobustDesign:
-    """One design on every device of a box.
+    """One design for every device of a box.
 
     Attributes
     ----------
     design : design with the nominal device
     box : box of devices
-    demands : constraints on each of them
+    demands : constraints on each device
     """
 
     design: Design
@@ -67,22 +67,22 @@ class RobustDesign:
 
     @property
     def values(self) -> Values:
-        """The five numbers of the design, enclosed."""
+        """The numbers of the design, enclosed."""
         numbers = astuple(self.design.gains) + astuple(self.design.coupling)
         return dict(zip(keys_of(len(numbers)), map(decimal_or_inf, numbers), strict=True))
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The uncertain numbers."""
+        """The keys of the uncertain numbers."""
         return tuple(f"device.{name}" for name in self.box.uncertain)
 
     def loops(self) -> list[RobustDesign]:
-        """Return the design on the boxes of devices whose loops must be stable by themselves."""
+        """Return the design with the boxes of devices whose loops must be stable on their own."""
         design = self.design
         return [replace(self, design=replace(design, device=box.nominal), box=box) for box in self.box.loops]
 
     def ends(self) -> tuple[Floats, Floats]:
-        """Return the least and the greatest of the uncertain numbers."""
+        """Return the least and the greatest values of the uncertain numbers."""
         low, high = (
             np.array([end.number(key) for key in self.box.uncertain], float).reshape(-1, 1)
             for end in (self.box.low, self.box.high)
@@ -90,17 +90,17 @@ class RobustDesign:
         return low, high
 
     def claims(self) -> Claims:
-        """Return the claims as functions of the uncertain numbers too."""
+        """Return the claims as functions that also take the uncertain numbers."""
         demands = replace(self.demands, device=self.box.low)
         return claims_of(demands, self.box.uncertain)
 
     def device(self, numbers: Floats) -> Device:
-        """Return a device of the box from its uncertain numbers."""
+        """Return the device of the box with given uncertain numbers."""
         within = np.clip(numbers[:, None], *self.ends())
         return self.box.device(dict(zip(self.box.uncertain, within[:, 0].tolist(), strict=True)))
 
     def enclosed(self) -> Device:
-        """Return the nominal device with all numbers of the box enclosed."""
+        """Return the nominal device with the ranges of its uncertain numbers enclosed."""
         low, high = self.ends()
         numbers = dict(zip(self.box.uncertain, map(between, low[:, 0], high[:, 0]), strict=True))
         return self.box.nominal.converted(decimal).with_numbers(numbers)
@@ -111,23 +111,26 @@ NominalProof = Callable[[Device, float], Outcome]
 
 
 def prove_conditions_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
-    """Prove Llewellyn's conditions for every device.
+    """Prove Llewellyn's conditions for every device of the box.
 
     Parameters
     ----------
     robust : the design, proved for the nominal device, and the box
-    alone : judges the conditions for one device, at a frequency in rad/s if its response is perturbed
+    alone : function that judges the conditions for one device, at a frequency in rad/s if its response is perturbed
 
     Returns
     -------
     Outcome
-        Refuted with a device that fails on its own.
+        If it is refuted, it names a device that fails on its own.
     """
     return outcome_for_all(robust, _conditions(robust, *outwards(robust.demands.band), MAX_BOXES), alone)
 
 
 def _conditions(robust: RobustDesign, low: float, high: float, max_boxes: int) -> list[Proofs]:
-    """Prove the conditions: where a response is known to a disc only, at its edge, and that this is enough."""
+    """Prove the conditions.
+
+    If a response is known to a disc only, prove them at its edge, and that the edge suffices.
+    """
     claims, turning = robust.claims(), _turning(robust)
     beyond = max(1 / robust.box.nominal.sample_time, low)
     test = positive(
@@ -152,20 +155,20 @@ def _conditions(robust: RobustDesign, low: float, high: float, max_boxes: int) -
 
 
 def _turning(robust: RobustDesign) -> float:
-    """Return the frequency from which on the delays of the box turn the phase fully, rad/s; inf for one delay."""
+    """Return the frequency above which the delays of the box cover a full turn of phase, rad/s; inf for one delay."""
     range_ = robust.box.high.delay - robust.box.low.delay
     return 2 * pi / range_ * (1 + NEAR) if range_ > 0 else inf
 
 
 def _whatever_phase(robust: RobustDesign, margin: Margin, low: float, high: float, max_boxes: int) -> Proofs:
-    """Prove a margin of the frequency model positive at frequencies where the phase omega delay covers a full turn."""
+    """Prove a margin of the frequency model positive at frequencies where omega delay covers a full turn."""
     (least, greatest), row, name = robust.ends(), robust.box.uncertain.index("delay"), "device.delay"
 
     def of_phase(omega: Number, values: Values) -> Number:
         return margin(omega, {**values, name: values[name] / omega})
 
     shortest = least[row, 0]
-    # one full turn of the phase omega delay, the second one, so that no delay is 0
+    # one full turn of the phase omega delay: the second, so that no delay is 0
     least[row], greatest[row] = 2 * pi * (1 - NEAR), 4 * pi * (1 + NEAR)
     boxes = over_band(robust.names, least, greatest, band_of(low, high, STEP))
     found = _proved(positive(of_phase, robust.values), boxes, max_boxes)
@@ -175,7 +178,7 @@ def _whatever_phase(robust: RobustDesign, margin: Margin, low: float, high: floa
 
 
 def widest_band_for_all(robust: RobustDesign) -> tuple[float, float]:
-    """Return the widest band around a proved one on which the conditions are proved for every device, rad/s."""
+    """Return the widest band around a proved band on which the conditions are proved for every device, rad/s."""
     (low, high), device = robust.demands.band, robust.box.nominal
 
     def holds(low: float, high: float) -> bool:
@@ -189,17 +192,17 @@ def widest_band_for_all(robust: RobustDesign) -> tuple[float, float]:
 
 
 def prove_sensitivity_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
-    """Prove |S| < max_sensitivity of the sampled loop for every device.
+    """Prove |S| < max_sensitivity of the sampled loop for every device of the box.
 
     Parameters
     ----------
     robust : the design, proved for the nominal device, and the box
-    alone : judges |S| for one device
+    alone : function that judges |S| for one device
 
     Returns
     -------
     Outcome
-        Refuted with a device that fails on its own.
+        If it is refuted, it names a device that fails on its own.
     """
     claims = robust.claims()
     test = positive(claims.sensitivity, robust.values)
@@ -209,9 +212,10 @@ def prove_sensitivity_for_all(robust: RobustDesign, alone: NominalProof) -> Outc
 
 
 def _around_circle(robust: RobustDesign, test: Test, gain: Margin, max_boxes: int, *, at_ends: bool) -> list[Proofs]:
-    """Test all of theta = omega T, for the whole samples of the box's delays one by one.
+    """Test all theta = omega T for each number of whole samples in the box's delays.
 
-    If there are many, high frequencies are treated together, where the loop is so small that its phase does not matter.
+    If there are many such numbers, the function treats high frequencies together, where the loop is so small that its
+    phase does not matter.
     """
     samples, small, parts = _whole_samples(robust), HALF_TURN, []
     if len(samples) > FEW_SAMPLES:
@@ -229,14 +233,14 @@ def _around_circle(robust: RobustDesign, test: Test, gain: Margin, max_boxes: in
 
 
 def _within_a_sample(robust: RobustDesign) -> tuple[Floats, Floats]:
-    """Return the ends of the box without the whole samples of its delays."""
+    """Return the ends of the box with whole samples removed from its delays."""
     (low, high), row = robust.ends(), robust.box.uncertain.index("delay")
     low[row], high[row] = 0.0, robust.box.nominal.sample_time
     return low, high
 
 
 def _small_from(robust: RobustDesign, gain: Margin) -> float:
-    """Return an estimate of the theta from which on a loop is small, a little on the safe side; 0 if it always is."""
+    """Return an estimate of the theta above which a loop is small, slightly on the safe side; 0 if it always is."""
     theta = np.geomspace(LEAST_ANGLE, HALF_TURN, ANGLES)
     ends = np.hstack(_within_a_sample(robust))
     margins = []
@@ -248,17 +252,17 @@ def _small_from(robust: RobustDesign, gain: Margin) -> float:
 
 
 def prove_unmodelled(robust: RobustDesign, alone: NominalProof) -> Outcome:
-    """Prove |1 - S| r < 1 of the sampled loop for every device, r the radius of the unmodelled dynamics.
+    """Prove |1 - S| r < 1 of the sampled loop for every device, where r is the radius of the unmodelled dynamics.
 
     Parameters
     ----------
     robust : the design and a box whose devices have unmodelled dynamics
-    alone : judges |1 - S| r for one device at an angle omega T, rad
+    alone : function that judges |1 - S| r for one device at an angle omega T, rad
 
     Returns
     -------
     Outcome
-        Refuted with a device that fails, and a witness in rad/s.
+        If it is refuted, it names a device that fails, with a witness in rad/s.
     """
     modelled = replace(robust, box=robust.box.modelled)
     claims = claims_of(replace(robust.demands, device=robust.box.nominal), modelled.box.uncertain)
@@ -281,7 +285,7 @@ def prove_model_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Outc
     Returns
     -------
     Outcome
-        Refuted with a device that fails on its own.
+        If it is refuted, it names a device that fails on its own.
     """
     gains = robust.design.gains
     law, parts = np.array([[gains.velocity], [gains.position]]), []
@@ -296,7 +300,7 @@ def prove_model_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Outc
 def prove_sampled_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
     """Prove that no pole of the sampled loop crosses the unit circle from one device to another.
 
-    The loop depends continuously on the delay where a whole sample is added to it.
+    The loop is continuous in the delay where another whole sample is added to it.
 
     Parameters
     ----------
@@ -306,7 +310,7 @@ def prove_sampled_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Ou
     Returns
     -------
     Outcome
-        Refuted with a device that fails on its own.
+        If it is refuted, it names a device that fails on its own.
     """
     parts = []
     for loop in robust.loops():
@@ -317,7 +321,7 @@ def prove_sampled_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Ou
 
 
 def _whole_samples(robust: RobustDesign) -> list[tuple[int, Floats, Floats]]:
-    """Return the whole samples that delays of the box have, each with the ends of that part of the box."""
+    """Return the numbers of whole samples in the delays of the box, each with the ends of its part of the box."""
     (low, high), T, names = robust.ends(), robust.box.nominal.sample_time, robust.box.uncertain
     if "delay" not in names:
         return [(0, low, high)]
@@ -338,22 +342,23 @@ def part_over_band(
     Parameters
     ----------
     robust : the design and the box
-    test : test of boxes of a frequency and of the uncertain numbers
+    test : test of boxes with rows for a frequency and the uncertain numbers
     low, high : edges of the band, in the test's unit of frequency
-    max_boxes : boxes after which the proof stays open
+    max_boxes : number of boxes after which the proof stays open
     at_ends : whether to replace a box by the face at which its margin is least; not for curves
 
     Returns
     -------
     Proofs
-        With one owner.
+        All results have one owner.
     """
     boxes = over_band(robust.names, *robust.ends(), band_of(low, high, STEP))
     return _proved(test, boxes, max_boxes, at_ends=at_ends)
 
 
 def _proved(test: Test, boxes: Boxes, max_boxes: int, *, at_ends: bool = True) -> Proofs:
-    """Prove a margin positive, or a curve to miss 0: that is not least at an end."""
+    """Prove a margin positive, or prove that a curve misses 0, which is not nearest to 0 at an end
+    (`at_ends=False`)."""
     rows = [True] * len(boxes.names)
     return prove(test, boxes, 1, halved=rows, max_halvings=MAX_HALVINGS, max_boxes=max_boxes, at_ends=at_ends, few=FEW)
 
@@ -361,19 +366,19 @@ def _proved(test: Test, boxes: Boxes, max_boxes: int, *, at_ends: bool = True) -
 def outcome_for_all(robust: RobustDesign, parts: list[Proofs], alone: NominalProof) -> Outcome:
     """Return the outcome of a claim for all devices from the proofs of its parts.
 
-    If a part is open, the function judges the device at the open point and those at the box's corners by themselves.
-    One that fails refutes the claim.
+    If a part is open, the function judges the device at the open point and the devices at the box's corners one by one.
+    A device that fails refutes the claim.
 
     Parameters
     ----------
     robust : the design, proved for the nominal device, and the box
     parts : proofs of the claim over parts of the band or of the box
-    alone : judges the claim for one device near a frequency
+    alone : function that judges the claim for one device near a frequency
 
     Returns
     -------
     Outcome
-        Refuted with a device, its witness in rad/s, or undecided with the device at the open point.
+        If it is refuted, it names a device and its witness in rad/s; if it is undecided, the device at the open point.
     """
     boxes = sum(int(part.boxes[0]) for part in parts)
     open_ = next((part for part in parts if not part.proved[0]), None)

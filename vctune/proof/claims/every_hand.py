@@ -1,7 +1,8 @@
-"""The loop in every hand of a box, with every passive environment, at every frequency (model/README.md, section 14).
+"""Prove the loop in every hand of a box, with every passive environment or with a box of environments.
 
-The margin is proved positive over angle, hand and uncertain device together. Where it is positive, no pole of the loop
-is on the unit circle; in one hand none is outside, and from there to any other hand none crosses over.
+See model/README.md, section 14. The prover shows that the margin is positive over angle, hand and uncertain device
+together. Where the margin is positive, no pole of the loop lies on the unit circle. In one hand all poles lie inside,
+and from there to any other hand no pole crosses the circle.
 """
 
 from __future__ import annotations
@@ -69,40 +70,42 @@ from vctune.proof.engine.polynomial_tests import FEW, any_positive, positive_by_
 from vctune.proof.engine.winding import turned_angle
 
 STEP = 1.4
-"""Ratio of the edges of the first intervals. Its square root and its square take as many boxes within a tenth."""
+"""Ratio of the edges of the first intervals. Its square root and its square need the same number of boxes to within a
+tenth."""
 MAX_BOXES = 400_000
-"""Boxes before the claim is left open; an optimal design takes some thousand. Half and twice it: as long to give up."""
+"""Number of boxes after which the claim stays open. An optimal design takes some thousand. Half and twice as many boxes
+take half and twice as long to give up."""
 EASY_BOXES = 20_000
-"""Boxes after which hands near a sharp resonance get boxes of their own; if the constraint leaves room there, some
-hundred suffice. If they do not, half or twice as many cost half or twice as much: some seconds."""
+"""Number of boxes after which hands near a sharp resonance get boxes of their own. If the constraint leaves a reserve
+there, some hundred boxes suffice. If it does not, half or twice as many cost half or twice as much, some seconds."""
 MANY_PARTS = 3
-"""Parts of a box of delays from which on what holds however late a servo is is looked at first; of fewer there may be
-none whose delay is a whole sample."""
+"""Least number of parts of a box of delays for which the prover first tries the test that holds for any whole samples
+of a servo's delay. Among fewer parts, none may have a delay of whole samples."""
 EASY_PARTS = 4_000
-"""Boxes after which an interval of angles is left to each part by itself. Half and twice it: as long."""
+"""Number of boxes after which an interval of angles is left to each part. Half and twice as many take the same time."""
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
-"""How far from an end of the angles, as a share of pi, a witness is looked for. Fewer: growth that takes longer to see;
-more: none that is seen."""
+"""Distances from the ends of the angles, as shares of pi, at which the code looks for a witness. With fewer of them,
+the growth at a witness takes longer to show; with more, no further growth shows."""
 AT_NYQUIST = 1e-5
 """Share of pi next to it in which only the sides that decide at pi are looked at, so that a box there can fail. A tenth
 and ten times it: the same verdicts."""
 MAX_HALVINGS = 120
-"""Greatest number of halvings of a box: twenty in each of six rows. Half and twice as often: the same proofs."""
+"""Greatest number of halvings of a box: twenty in each of six rows. Half and twice as many give the same proofs."""
 
 
 def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
-    """Prove Re Z_c > factor R, or that every environment of a box leaves the loop stable, in every hand.
+    """Prove Re Z_c > factor R in every hand, or that every environment of a box leaves the loop stable in every hand.
 
     Parameters
     ----------
-    design : taken as the decimals that it is written as
+    design : design; its floats stand for the decimals that they print as
     demands : constraints with the hands and the factor
-    box : devices for which the claim is proved; None for the design's own alone
+    box : box of devices for all of which the claim is proved; None for the design's own device
 
     Returns
     -------
     Outcome
-        Refuted or undecided with a hand and, of a box of devices, with a device.
+        If it is refuted or undecided, it names a hand and, for a box of devices, a device.
     """
     assert demands.hands is not None
     if box is not None and (parts := moved_as_one(box)):
@@ -112,9 +115,9 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     looped = design.device.kind.senses_force and design.device.kind.own_loop
     if looped:
         if not design.gains.closed:
-            return Outcome(Verdict.PROVED, 0)  # nothing is driven
+            return Outcome(Verdict.PROVED, 0)  # no gain drives the device
         if design.gains.position == 0 and demands.hands.high.stiffness == 0:
-            return Outcome(Verdict.UNDECIDED, 0)  # no spring anywhere: the position is free
+            return Outcome(Verdict.UNDECIDED, 0)  # there is no spring anywhere, so the position is free
     stable = prove_stable_in_middle(design, demands)
     if stable.verdict is not Verdict.PROVED:
         return stable
@@ -133,19 +136,20 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
 
 
 def prove_stable_in_middle(design: Design, demands: Demands) -> Outcome:
-    """Prove the loop stable in the hand in the middle of the box, with one of the environments that are to be met.
+    """Prove the loop stable in the hand at the centre of the box, with one of the required environments.
 
-    With environments of a box the virtual tool of an impedance display is held, as by the greatest damping.
+    With a box of environments, the virtual tool of an impedance display is held, as by an environment of infinite
+    damping.
     Environments that are not passive as they run have a greatest damping, and one of them is proved too.
 
     Parameters
     ----------
-    design, demands : as of `prove_hands`
+    design, demands : see `prove_hands`
 
     Returns
     -------
     Outcome
-        With the hand if it is not proved.
+        It names the hand if it is not proved.
     """
     assert demands.hands is not None
     middle, coupling = demands.hands.middle, design.coupling
@@ -159,13 +163,13 @@ def prove_stable_in_middle(design: Design, demands: Demands) -> Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What is asked of a design in every hand: the rows of the boxes over which it is proved, and their tests.
+    """A claim about a design in every hand: the rows of the boxes that cover it, and their tests.
 
     Attributes
     ----------
-    design : taken as the decimals that it is written as
-    demands : with hands
-    box : devices for all of which it is asked; None for the design's own alone
+    design : design; its floats stand for the decimals that they print as
+    demands : constraints with hands
+    box : box of devices that the claim covers; None for the design's own device
     """
 
     design: Design
@@ -174,12 +178,12 @@ class Asked:
 
     @property
     def uncertain(self) -> tuple[str, ...]:
-        """The numbers of the device that are rows."""
+        """The keys of the device's numbers that are rows of the boxes."""
         return self.box.modelled.uncertain if self.box is not None else ()
 
     @property
     def limp(self) -> bool:
-        """Whether nothing keeps the position next to angle 0 and a hand without stiffness."""
+        """Whether nothing holds the position near angle 0 in a hand without stiffness."""
         assert self.demands.hands is not None
         kind, free = self.design.device.kind, self.design.gains.position == 0
         return kind.senses_force and kind.own_loop and free and self.demands.hands.low.stiffness == 0
@@ -202,7 +206,7 @@ class Asked:
 
     @property
     def whenever(self) -> Callable[[Part, Values], Test] | None:
-        """A test that proves as much of parts with any whole samples; None if there is none."""
+        """A test that proves as much for parts with any number of whole samples; None if there is no such test."""
         servo = self.design.device.servo
         if servo is None or servo.stiffness is not None or self.demands.worlds is not None:
             return None
@@ -214,22 +218,22 @@ class Asked:
         return test
 
     def ends(self) -> Ends:
-        """Return the least and the greatest number of each row but the angle."""
+        """Return the least and the greatest number of each row except the angle."""
         assert self.demands.hands is not None
-        # what a servo asks is convex in the hand; which environments it meets is not
+        # the requirement of a servo is convex in the hand; the environments that it meets are not
         of_servo = self.design.device.servo is not None and self.demands.worlds is None
         corners = self.demands.hands.corners if of_servo else None
         reserve = self.demands.factor if self.shared else None
         return _ends(self.demands.hands, self.box, self.uncertain, corners, limp=self.limp, reserve=reserve)
 
     def tests(self, part: Part, fixed: Values, near: Resonance | None = None) -> list[Test]:
-        """Return the tests that prove it on a part of the boxes.
+        """Return the tests that prove the claim on a part of the boxes.
 
         Parameters
         ----------
-        part : of the boxes
-        fixed : values that are no rows
-        near : hands next to resonance, to be left out; None for all hands
+        part : part of the boxes
+        fixed : values by name that are not rows of the boxes
+        near : resonance whose hands get boxes of their own, so that these tests omit them; None for all hands
         """
         return [self._test(part, fixed, near, lead) for lead in (LEADS if self.walls else LEADS[:1])]
 
@@ -247,7 +251,7 @@ class Asked:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of all rows but the angle."""
+        """The names of all rows except the angle."""
         return tuple(self.ends())
 
 
@@ -260,7 +264,7 @@ def _of_margins(
     lead: float = 0.0,
     sides: tuple[str, ...] | None = None,
 ) -> Test:
-    """Return the test of the margins, of which one must be positive, in hands next to resonance or in all."""
+    """Return the test that one of the margins is positive, in hands near resonance or in all hands."""
     both = [hands_margins(demands, uncertain, part.delays, ops, lead, sides) for ops in (ENCLOSURES, TAYLOR)]
     slopes, polynomials = (near.margins(each) for each in both) if near else both
     spans = part.spans
@@ -272,7 +276,7 @@ def _of_margins(
 
 
 def _proved_next_to(near: Resonance, asked: Asked) -> Outcome:
-    """Prove the same for hands near resonance, with their stiffness relative to the resonant one."""
+    """Prove the claim for hands near resonance, with their stiffness relative to the resonant stiffness."""
     least, most = (np.array([share]) for share in AROUND)
     ends = _ends(asked.demands.hands, asked.box, asked.uncertain)
     beside = {RATIO if name == STIFFNESS else name: pair for name, pair in ends.items()} | {RATIO: (least, most)}
@@ -285,14 +289,14 @@ def _proved_next_to(near: Resonance, asked: Asked) -> Outcome:
 
 
 def _moved_as_one(design: Design, demands: Demands, hands: Hands, box: DeviceBox, parts: tuple[str, ...]) -> Outcome:
-    """Prove the same of the least device in longer hands."""
+    """Prove the claim for the device with the least mass and damping; the hands then include the range of both."""
     least = {key: box.low.number(key) for key in parts}
     one = replace(design, device=design.device.with_numbers(least))
     rest, longer = in_longer_hands(box, hands, parts)
     found = prove_hands(one, replace(demands, device=demands.device.with_numbers(least), hands=longer), rest)
     if found.hand is None or found.verdict is Verdict.PROVED:
         return found
-    # the hand has what it may, the device the rest
+    # the hand takes as much as its box permits, the device takes the rest
     own = {key: min(getattr(found.hand, key), getattr(hands.high, key)) for key in parts}
     beyond = {
         key: min(value + (getattr(found.hand, key) - own[key]), box.high.number(key)) for key, value in least.items()
@@ -302,7 +306,7 @@ def _moved_as_one(design: Design, demands: Demands, hands: Hands, box: DeviceBox
 
 
 def _late_as_one(design: Design, demands: Demands, box: DeviceBox) -> Outcome:
-    """Prove the same of one delay of both."""
+    """Prove the claim for servos of which one delay, the servo's, has the range of the sum of both delays."""
     one = in_one_delay(box)
     found = prove_hands(replace(design, device=one.nominal), replace(demands, device=one.nominal), one)
     if found.hand is None or found.device is None or found.verdict is Verdict.PROVED:
@@ -312,7 +316,7 @@ def _late_as_one(design: Design, demands: Demands, box: DeviceBox) -> Outcome:
 
 
 def _judged_again(found: Outcome, design: Design, demands: Demands, hand: Hand) -> Outcome:
-    """Return what is not proved with the device and the hand that it is about, refuted if these are."""
+    """Return an outcome that is not proved with its own device and hand. It is refuted if these refute the claim."""
     theta = None if found.witness is None else min(found.witness * design.device.sample_time, pi)
     fails = theta is not None and any(
         _fails_at(design, replace(demands, factor=factor), hand, theta) for factor in {demands.factor, 1.0}
@@ -325,18 +329,18 @@ def _judged_again(found: Outcome, design: Design, demands: Demands, hand: Hand) 
 def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
     """Prove Re 1/Z_c > factor R of an impedance display in any passive hand (model/README.md, section 15).
 
-    The loop of K_v alone is stable in every such hand if both margins of `any_hand_margins` are positive.
+    If both margins of `any_hand_margins` are positive, the loop of K_v alone is stable in every such hand.
 
     Parameters
     ----------
-    design : taken as the decimals that it is written as
+    design : design; its floats stand for the decimals that they print as
     demands : constraints with the factor
-    box : devices for which the claim is proved; None for the design's own alone
+    box : box of devices for all of which the claim is proved; None for the design's own device
 
     Returns
     -------
     Outcome
-        Refuted or undecided with a frequency and, of a box of devices, with a device.
+        If it is refuted or undecided, it names a frequency and, for a box of devices, a device.
     """
     uncertain = box.modelled.uncertain if box is not None else ()
     if design.device.least_damping == 0:
@@ -357,8 +361,10 @@ def _and_without_reserve(
     demands: Demands,
     box: DeviceBox | None,
 ) -> Outcome:
-    """Return an outcome that holds with the factor 1 too; for a coupling that may drive, the factor 1 is no weaker
-    constraint."""
+    """Return an outcome that also holds with the factor 1.
+
+    For a coupling that may drive, the factor 1 is not weaker.
+    """
     if found.verdict is not Verdict.PROVED or demands.factor == 1 or not design.device.coupling_may_drive:
         return found
     again = proof(design, replace(demands, factor=1.0), box)
@@ -373,16 +379,16 @@ def _decided(
     near: Resonance | None = None,
     whenever: Callable[[Part, Values], Test] | None = None,
 ) -> Outcome:
-    """Prove margins of theta, the hand's numbers and the device's numbers positive over all of them.
+    """Prove margins positive over all values of theta, the hand's numbers and the device's numbers.
 
     Parameters
     ----------
-    asked : the design and its constraints
+    asked : the claim about the design
     ends : least and greatest number of each row
-    tests : of a part of the boxes, and of the values that are no rows
-    max_boxes : of each part, before it is left open
-    near : where the hands are those next to resonance
-    whenever : a test that proves as much of parts with any whole samples
+    tests : function of a part of the boxes, and of the values that are not rows, that returns the tests
+    max_boxes : number of boxes after which a part stays open
+    near : resonance to which the hands are near; None for all hands
+    whenever : function that returns a test for parts with any whole samples; None without one
     """
     names, boxes = tuple(ends), 0
     parts, fixed = parts_of(asked.design.device, ends), fixed_of(asked.design)
@@ -409,31 +415,33 @@ def _decided(
 
 
 def fixed_of(design: Design) -> Values:
-    """Return the numbers of a design, which are no rows."""
+    """Return the numbers of a design, which are not rows of the boxes."""
     numbers = (*astuple(design.gains), *astuple(design.coupling))
     return dict(zip(keys_of(len(numbers)), map(decimal_or_inf, numbers), strict=True))
 
 
 def boxes_over(part: Part, names: tuple[str, ...], near: Resonance | None = None) -> Boxes:
-    """Return the first boxes over the angle and all rows of a part, of one owner.
+    """Return the first boxes over the angle and all rows of a part, with one owner.
 
     Parameters
     ----------
-    part : with the ends of the rows
-    names : of the rows, but the angle
-    near : where the hands are those next to resonance
+    part : part with the ends of the rows
+    names : names of the rows except the angle
+    near : resonance to which the hands are near; None for all hands
     """
     boxes = over_band(names, part.low, part.high, band_of(near.first if near else 0.0, HALF_TURN, STEP))
     return replace(boxes, owner=np.zeros_like(boxes.owner))
 
 
 def _left_of_parts(test: Test, boxes: Boxes) -> tuple[Flags, int]:
-    """Return which boxes of each part are left to prove, and how many were looked at: the others hold in all parts.
+    """Return which boxes of each part remain to be proved, and the number of evaluated boxes.
+
+    The other boxes are proved in all parts.
 
     Parameters
     ----------
-    test : of angles > 0 and a part whose delays are those of a whole sample
-    boxes : of that part
+    test : test for angles > 0 and a part whose delays have whole samples only
+    boxes : boxes of that part
     """
     own, left = np.arange(len(boxes)), np.ones(len(boxes), bool)
     beyond = np.flatnonzero(boxes.low[0] > 0)
@@ -463,9 +471,9 @@ def _in_doubt(
     boxes: int,
     near: Resonance | None,
 ) -> Outcome:
-    """Decide by balls about a point at which arrays have not proved the constraint."""
+    """Decide in ball arithmetic at a point where array arithmetic has not proved the claim."""
     for row, name in enumerate(names):
-        if name in DELAY_ROWS:  # at its ends the whole samples change
+        if name in DELAY_ROWS:  # at its ends the number of whole samples changes
             inwards = np.minimum(NEXT_TO * design.device.sample_time, (part.high[row] - part.low[row]) / 2)
             part.low[row], part.high[row] = part.low[row] + inwards, part.high[row] - inwards
     within = np.clip(point[1:], part.low.min(axis=1), part.high.max(axis=1)).tolist()
@@ -478,7 +486,7 @@ def _in_doubt(
         return _fails_at(replace(design, device=device), demands, hand, theta, share)
 
     refuted = fails(theta)
-    if refuted and theta in (0.0, pi):  # no spring and no mass makes a loop grow at an end, but next to it
+    if refuted and theta in (0.0, pi):  # at an end of the angles no loop grows, but it may near it
         theta = next((beside for off in NEAR_ENDS if fails(beside := abs(theta - pi * off))), theta)
     outcome = Outcome(
         Verdict.REFUTED if refuted else Verdict.UNDECIDED, boxes, theta, device if uncertain else None, hand
@@ -491,16 +499,17 @@ def prove_poles_in(device: Device, hand: Hand, gains: Gains, held: SpringDamper 
 
     Parameters
     ----------
-    device : taken, like hand and gains, as the decimals that it is written as
+    device : device; floats of device, hand and gains stand for the decimals that they print as
     hand : M, B and K
     gains : K_v and K_p, N s/m and N/m
-    held : the coupling of an impedance display, the virtual tool at rest; None for one that is let go
+    held : coupling of an impedance display whose virtual tool is held; None for a free tool
 
     Returns
     -------
     Outcome
-        Refuted if a pole is outside the unit circle; undecided with a witness in rad/s where the curve comes too close
-        to 0.
+        It is refuted if a pole lies outside the unit circle. It is undecided, with a witness in rad/s, where the curve
+        comes
+            too close to 0.
     """
     plant = plant_in_hand(device_ball(device), hand.mapped(ball), delays_of(device), BALLS)
     law, wall = gains_ball(gains), None if held is None else SpringDamper(ball(held.damping), ball(held.stiffness))
@@ -511,7 +520,7 @@ def prove_poles_in(device: Device, hand: Hand, gains: Gains, held: SpringDamper 
 
 
 def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float, share: float = 1.0) -> bool:
-    """Return whether every margin in a hand, or in any, is negative at one angle, in balls."""
+    """Return whether every margin in a hand, or in any hand, is negative at one angle, in ball arithmetic."""
     if hand is not None and demands.walls_met is not None:
         return 0 < theta < pi and fails_with_a_wall(design, demands, hand, theta, share)
     exact, delays, at, factor = design_ball(design), delays_of(design.device), arb(theta), ball(demands.factor)
@@ -540,10 +549,11 @@ def _ends(
     limp: bool = False,
     reserve: float | None = None,
 ) -> Ends:
-    """Return the ends of the numbers of hand, if the claim is about hands, of the shares, and of the device.
+    """Return the ends of the rows: the hand's numbers if the claim is about hands, the shares, and the device's
+    numbers.
 
-    With a reserve g, the share of the coupling is a row too, from 1/g to 1. If the vertices of the hands suffice, each
-    has a column.
+    With a reserve g, the share of the coupling is a row from 1/g to 1. If the vertices of the hands suffice, each
+    vertex has a column.
     """
     low, high = ([], []) if hands is None else ([hands.low], [hands.high])
     if corners is not None:
@@ -551,7 +561,7 @@ def _ends(
     least, most = (stacked(each).by_key if each else {} for each in (low, high))
     ends = {key: (least[key], most[key]) for key in least}
     if limp:
-        ends |= {SHARES[0]: (np.zeros(1), np.zeros(1)), SHARES[1]: (np.zeros(1), np.ones(1))}  # no integrator
+        ends |= {SHARES[0]: (np.zeros(1), np.zeros(1)), SHARES[1]: (np.zeros(1), np.ones(1))}  # without an integrator
     if reserve is not None:
         ends[COUPLING_SHARE] = np.array([nextafter(1 / reserve, 0.0)]), np.ones(1)
     if box is not None:

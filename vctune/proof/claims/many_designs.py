@@ -1,4 +1,4 @@
-"""The claims of a certificate for many cells at once, on arrays; Arb decides what stays open.
+"""Prove the claims of a certificate for many cells at once on arrays. Arb decides the cells that stay open.
 
 See proof/README.md, section 2.
 """
@@ -27,9 +27,9 @@ from vctune.proof.engine.boxes import Cells, Integers, over_each
 from vctune.proof.engine.branching import prove as prove_boxes
 
 ON_ARRAYS: tuple[ClaimId, ...] = "passive", "sensitivity", "stable_model", "stable"
-"""The claims whose boxes are counted, in the order of `Certified.boxes`."""
+"""Identifiers of the claims whose boxes are counted, in the order of `Certified.boxes`."""
 OF_CELLS: tuple[ClaimId, ...] = *ON_ARRAYS, "any_hand", "hands"
-"""The claims that can be proved for cells. If a problem requires another claim, no cell is proved."""
+"""Identifiers of the claims that can be proved for cells. If a problem requires another claim, no cell is proved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +38,8 @@ class Certified:
 
     Attributes
     ----------
-    proved : the cells in which every design meets all constraints
-    boxes : number for each claim of `ON_ARRAYS`, 0 for claims that are not made; shape (4, n)
+    proved : whether every design in the cell meets all constraints, shape (n,)
+    boxes : number of boxes for each claim of `ON_ARRAYS`, shape (4, n); 0 for a claim that is not made
     """
 
     proved: Flags
@@ -49,8 +49,8 @@ class Certified:
 def prove(demands: Demands, cells: Cells) -> Certified:
     """Prove all constraints throughout each cell (proof/README.md, section 2).
 
-    K_p = 0 takes the position out of the loop. A cell whose K_p starts at 0 does therefore not contain K_p = 0 itself.
-    A cell whose K_p is 0 throughout does.
+    With K_p = 0 the loop does not contain the position. A cell whose K_p starts at 0 therefore does not include the
+    designs with K_p = 0. A cell with K_p = 0 throughout does include them.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def prove(demands: Demands, cells: Cells) -> Certified:
     Returns
     -------
     Certified
-        A cell that is not proved is open, not refuted.
+        A cell that is not proved is open, which does not mean refuted.
     """
     proofs = Certified(np.zeros(len(cells), bool), np.zeros((4, len(cells)), np.intp))
     known = set(claims_asked(demands)) <= set(OF_CELLS)
@@ -71,7 +71,7 @@ def prove(demands: Demands, cells: Cells) -> Certified:
 
 
 def _proofs(demands: Demands, cells: Cells) -> Certified:
-    """Prove claim after claim for the cells that are left."""
+    """Prove one claim after another for the cells that remain."""
     claims = claims_of(demands)
 
     def conditions_hold(cells: Cells) -> tuple[Flags, Integers]:
@@ -117,11 +117,11 @@ def _proofs(demands: Demands, cells: Cells) -> Certified:
 
 
 def _holds_in_any_hand(demands: Demands, claims: Claims, cells: Cells) -> Flags:
-    """Prove the constraint in any passive hand on an impedance display."""
+    """Prove the constraint for any passive hand on an impedance display."""
     if demands.device.least_damping == 0:
         return np.zeros(len(cells), bool)
     margin, size = (positive(each, {}) for each in claims.any_hand)
-    if _have_the_same_gains(cells):  # and so the same size
+    if _have_the_same_gains(cells):  # with the same gains the cells have the same `size`
         one = cells.subset(np.zeros(1, np.intp))
         return cells_over_band(size, one, 0.0, HALF_TURN).proved & _above_envelope(demands, None, claims, cells)
     return cells_over_band(size, cells, 0.0, HALF_TURN).proved & cells_over_band(margin, cells, 0.0, HALF_TURN).proved
@@ -130,15 +130,15 @@ def _holds_in_any_hand(demands: Demands, claims: Claims, cells: Cells) -> Flags:
 def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
     """Prove the constraint in every hand.
 
-    If the margin is positive no pole of any design of the cell is on the unit circle in any hand: the poles of one
-    design in one hand decide for all.
+    If the margin is positive, no pole of any design of the cell lies on the unit circle in any hand. The poles of one
+    design in one hand then decide for all.
     """
     hands, proved = demands.hands, np.zeros(len(cells), bool)
     assert hands is not None
     kind = demands.device.kind
     looped = kind.senses_force and kind.own_loop
     if looped and hands.high.stiffness == 0 and not cells.high[1].any():
-        return proved  # no spring anywhere: the position is free
+        return proved  # there is no spring anywhere, so the position is free
     left = np.flatnonzero(turns_in_hand(demands, cells.centres()) == 0)
     if _have_the_same_gains(cells):
         proved[left] = _above_envelope(demands, hands, claims, cells.subset(left))
@@ -148,15 +148,16 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
 
 
 def _have_the_same_gains(cells: Cells) -> bool:
-    """Return whether these are several couplings with the same gains."""
+    """Return whether the cells are couplings with the same gains."""
     # rows 0 and 1 are the gains
     return cells.extended and not np.ptp((cells.low[:2], cells.high[:2]), axis=(0, 2)).any()
 
 
 def _above_envelope(demands: Demands, hands: Hands | None, claims: Claims, cells: Cells) -> Flags:
-    """Prove the constraint in every hand of a box, or in any, for couplings with the same gains.
+    """Prove the constraint in every hand of a box, or in any hand, for couplings with the same gains.
 
-    The prover also divides cells, because the angle alone is not always enough; the callers divide the remaining cells.
+    The prover also divides the cells, because dividing the angle alone does not always suffice. The caller divides the
+    cells that remain.
     """
     if not len(cells):
         return np.zeros(0, bool)
@@ -175,14 +176,14 @@ def _above_envelope(demands: Demands, hands: Hands | None, claims: Claims, cells
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """For each of n cells, where a constraint may fail throughout; None for absent constraints.
+    """For each of n cells, the places where a constraint may fail throughout the cell; None for absent constraints.
 
     Attributes
     ----------
-    theta_S : rad, angle omega T of |S|, shape (n,)
-    omega : rad/s, frequencies of the band of Llewellyn's conditions, the hardest first, shape (any number, n)
-    theta : rad, angles of any passive hand on an impedance display likewise
-    in_hands : angles in hands likewise
+    theta_S : angles omega T for |S|, rad, shape (n,)
+    omega : frequencies in the band of Llewellyn's conditions, rad/s, the hardest first, shape (any number, n)
+    theta : angles for any passive hand on an impedance display, rad, the hardest first, shape (any number, n)
+    in_hands : angles in hands, the hardest first, shape (any number, n)
     """
 
     theta_S: Floats
@@ -202,13 +203,13 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
     Parameters
     ----------
     demands : constraints on a design
-    cells : n cells of designs, as for `prove`
-    places : for each cell, places where a constraint may fail; the function uses the first of several places
+    cells : n cells of designs, see `prove`
+    places : places where a constraint may fail in each cell; of several places the function uses the first
 
     Returns
     -------
     array of bool
-        Shape (n,); False if nothing is proved.
+        Shape (n,); True only if the claim is proved.
     """
     fails = np.zeros(len(cells), bool)
     for at in by_integrator(cells):
@@ -233,13 +234,13 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
 
 
 def negative_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> Flags:
-    """Return the cells throughout which a margin is negative, each at a place of its own.
+    """Return the cells throughout which a margin is negative, each at its own place.
 
     Parameters
     ----------
     margin : function of a frequency and of values by name
     cells : n cells of designs
-    at : as of `over_each`
+    at : see `over_each`
 
     Returns
     -------
@@ -250,13 +251,13 @@ def negative_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> Fla
 
 
 def lower_bound_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> Floats:
-    """Return a lower bound of a margin over each cell, at a place of the cell's own.
+    """Return a lower bound of a margin over each cell, at the cell's own place.
 
     Parameters
     ----------
     margin : function of a frequency and of values by name
     cells : n cells of designs
-    at : as of `over_each`
+    at : see `over_each`
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The margins of the claims, functions that must be positive; each is written once for every arithmetic."""
+"""The margins of the claims: functions that must be positive, each written once for every arithmetic."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ from vctune.model.sampled.velocity_loop import difference_slope
 from vctune.model.worlds import Worlds, WorldsMet
 
 HALF_TURN = nextafter(pi, inf)
-"""theta = omega T at the Nyquist frequency, rounded upwards; the sampled loop's curve is symmetric there."""
+"""theta = omega T at the Nyquist frequency, rounded upwards. The curve of the sampled loop is symmetric about it."""
 
 
 @dataclass(frozen=True, slots=True)
 class LoopDelay:
-    """The whole samples of a delay, and whether a part of one remains."""
+    """The number of whole samples in a delay, and whether a fraction of a sample remains."""
 
     whole_samples: Number
     fractional: bool
@@ -59,7 +59,7 @@ class LoopDelay:
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """The judged design: a device with its gains and its coupling, in numbers of any arithmetic."""
+    """The judged design: a device with gains and coupling, in numbers of any arithmetic."""
 
     device: Device
     gains: Gains
@@ -67,37 +67,37 @@ class Design:
 
     @property
     def series(self) -> Coupling:
-        """The coupling of an admittance display, the only one that has a frequency model."""
+        """The coupling of an admittance display. Only this display has a frequency model."""
         assert isinstance(self.coupling, Coupling)
         return self.coupling
 
 
 def conditions_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
-    """Return 2 r (Re Z_c - factor R) at omega > 0, r the loop's resistance (model/README.md, section 4).
+    """Return 2 r (Re Z_c - factor R) at omega > 0, where r is the loop's resistance (model/README.md, section 4).
 
-    Re Z_c >= factor R where the margin is positive and r > 0. Without an operator the margin is
-    2 r Re Z_c - factor (|C||D| - Re(C conj D)), which is positive only if r is. An ideal device in a hand has
-    2 r Re Z_c + factor (2 b_h Re C - ...) with Re C <= 0 where r <= 0, so that the same is true. For any other device
-    r > 0 needs a proof of its own (`resistance_apart`).
+    Re Z_c >= factor R where the margin is positive and r > 0. Without an operator the margin is 2 r Re Z_c - factor
+    (|C||D| - Re(C conj D)), which is positive only if r > 0. For an ideal device in a hand the margin is 2 r Re Z_c +
+    factor (2 b_h Re C - ...) with Re C <= 0 where r <= 0, so that the same holds. For any other device, r > 0 needs a
+    separate proof (`resistance_apart`).
 
     Parameters
     ----------
     design : device, gains and coupling in numbers of the arithmetic
     omega : angular frequency, rad/s, > 0
-    factor : least Re Z_c / R
+    factor : least permitted Re Z_c / R
     ops : arithmetic of the other arguments
 
     Returns
     -------
     Number
-        (N s/m)^2, of the shape of omega.
+        (N s/m)^2. It has the shape of omega.
     """
     loop = loop_response(device_response(design.device, omega, ops), design.gains, ops)
     return 2 * loop.resistance * coupling_impedance(design.series, omega).re - factor * llewellyn_demand(loop, ops)
 
 
 def clamped_margin(design: Design, omega: Number, radius: Number, ops: Arithmetic) -> Number:
-    """Return |N|^2 - r^2 |N - N_0|^2 at omega > 0, positive where N is not 0 for any response within the disc.
+    """Return |N|^2 - r^2 |N - N_0|^2 at omega > 0. Where it is positive, N is not 0 for any response within the disc.
 
     N_0 is N with both gains 0 (model/README.md, section 13).
 
@@ -105,36 +105,36 @@ def clamped_margin(design: Design, omega: Number, radius: Number, ops: Arithmeti
     ----------
     design : device, gains and coupling in numbers of the arithmetic
     omega : angular frequency, rad/s, > 0
-    radius : r of the disc at omega, dimensionless
+    radius : radius r of the disc at omega, dimensionless
     ops : arithmetic of the other arguments
 
     Returns
     -------
     Number
-        Dimensionless, of the shape of omega.
+        Dimensionless. It has the shape of omega.
     """
     numerator = loop_constants(device_response(design.device.modelled, omega, ops)).numerator
     return numerator.closed(design.gains).abs2() - radius * radius * numerator.driven(design.gains).abs2()
 
 
 def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
-    """Return a margin that is regular at omega = 0 and, where positive, proves as much as `conditions_margin`.
+    """Return a margin that is regular at omega = 0. Where it is positive, it proves as much as `conditions_margin`.
 
-    Both sides of 2 Re D Re Z_c >= factor N are divided by omega^2 where they vanish together. For a coupling with drag,
-    or if an operator eases the constraint, only Re Z_c >= b_0 is used. Without either R does not vanish if K_p > 0 and
-    b > 0: then no margin is positive.
+    Where both sides of 2 Re D Re Z_c >= factor N vanish, they are divided by omega^2. For a coupling with drag, or if
+    an operator eases the constraint, the margin uses only Re Z_c >= b_0. In all other cases with K_p > 0 and b > 0, R
+    does not vanish, and no margin is positive.
 
     Parameters
     ----------
     design : device, gains and coupling in numbers of the arithmetic
     omega : angular frequency, rad/s, >= 0
-    factor : least Re Z_c / R
+    factor : least permitted Re Z_c / R
     ops : arithmetic of the other arguments
 
     Returns
     -------
     Number
-        Only its sign has a meaning; of the shape of omega.
+        Only its sign has a meaning. It has the shape of omega.
     """
     device, coupling = design.device, design.series
     loop = loop_response(device_response(device, omega, ops), design.gains, ops)
@@ -153,19 +153,20 @@ def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -
 
 
 def high_margin(design: Design, v: Number, factor: Number, ops: Arithmetic) -> Number:
-    """Return `conditions_margin` at omega = 1/v of an ideal device with hold "lag" and no delay, smooth at v = 0.
+    """Return `conditions_margin` at omega = 1/v for an ideal device with hold "lag" and no delay; it is smooth at v =
+    0.
 
     Parameters
     ----------
     design : device, gains and coupling in numbers of the arithmetic
     v : 1/omega, s/rad, >= 0
-    factor : least Re Z_c / R
+    factor : least permitted Re Z_c / R
     ops : arithmetic of the other arguments
 
     Returns
     -------
     Number
-        (N s/m)^2, of the shape of v.
+        (N s/m)^2. It has the shape of v.
     """
     device, gains, coupling = design.device, design.gains, design.series
     assert device.ideal, "beyond Nyquist only an ideal device has a model"
@@ -187,35 +188,36 @@ def high_margin(design: Design, v: Number, factor: Number, ops: Arithmetic) -> N
 
 
 def sensitivity_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
-    """Return limit^2 |F|^2 - |F_0|^2 of the sampled loop, positive where |S| = |F_0/F| < limit.
+    """Return limit^2 |F|^2 - |F_0|^2 of the sampled loop. It is positive where |S| = |F_0/F| < limit.
 
     See model/README.md, section 7.
 
     Parameters
     ----------
-    plant : a device without a hand, over a sample
+    plant : a device without a hand, over one sample
     gains : K_v and K_p, N s/m and N/m
     theta : omega T, rad, in [0, pi]
-    limit : greatest |S|
+    limit : greatest permitted |S|
     ops : arithmetic of the other arguments
 
     Returns
     -------
     Number
-        Dimensionless, of the shape of theta.
+        Dimensionless. It has the shape of theta.
     """
     parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
     return limit * limit * parts.closed(gains).abs2() - parts.open.abs2()
 
 
 def unmodelled_margin(plant: Plant, gains: Gains, theta: Number, radius: Number, ops: Arithmetic) -> Number:
-    """Return |F|^2 - radius^2 |F - F_0|^2, positive where |1 - S| radius < 1 (model/README.md, section 13).
+    """Return |F|^2 - radius^2 |F - F_0|^2. It is positive where |1 - S| radius < 1 (model/README.md, section 13).
 
-    Then no response within the disc of that radius around the device's makes a stable loop unstable (small gain).
+    By the small-gain theorem, no response within the disc of that radius around the device's then makes a stable loop
+    unstable.
 
     Parameters
     ----------
-    plant : a device without a hand, over a sample
+    plant : a device without a hand, over one sample
     gains : K_v and K_p, N s/m and N/m
     theta : omega T, rad, in [0, pi]
     radius : greatest |delta| at theta
@@ -224,7 +226,7 @@ def unmodelled_margin(plant: Plant, gains: Gains, theta: Number, radius: Number,
     Returns
     -------
     Number
-        Dimensionless, of the shape of theta.
+        Dimensionless. It has the shape of theta.
     """
     parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
     loop = parts.velocity.scaled(gains.velocity) + parts.position.scaled(gains.position)
@@ -232,22 +234,22 @@ def unmodelled_margin(plant: Plant, gains: Gains, theta: Number, radius: Number,
 
 
 def loop_gain_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
-    """Return limit^2 |F_0|^2 - |F - F_0|^2: where positive, |L| < limit and |S| < 1/(1 - limit), for any phase.
+    """Return limit^2 |F_0|^2 - |F - F_0|^2. Where it is positive, |L| < limit and |S| < 1/(1 - limit) for any phase.
 
-    Whole samples of delay turn F - F_0 and do not change its size.
+    Whole samples of delay rotate F - F_0 and do not change its magnitude.
 
     Parameters
     ----------
-    plant : a device without a hand, over a sample
+    plant : a device without a hand, over one sample
     gains : K_v and K_p, N s/m and N/m
     theta : omega T, rad, in [0, pi]
-    limit : greatest |L|, at most 1
+    limit : greatest permitted |L|, at most 1
     ops : arithmetic of the other arguments
 
     Returns
     -------
     Number
-        Dimensionless, of the shape of theta.
+        Dimensionless. It has the shape of theta.
     """
     parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
     loop = parts.velocity.scaled(gains.velocity) + parts.position.scaled(gains.position)
@@ -257,43 +259,44 @@ def loop_gain_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, o
 def hand_margin(plant: AnyPlantInHand, design: Design, theta: Number, factor: Number, ops: Arithmetic) -> Number:
     """Return |F|^2 (Re Z_c - factor R) in a hand (model/README.md, section 14).
 
-    Where it is positive F is not 0 either, so that no pole of the loop in the hand is at that frequency. An impedance
-    display has |F|^2 (Re 1/Z_c - factor R)/s^2 times a positive number (section 15).
+    Where it is positive, F is not 0, so that no pole of the loop in the hand lies at that frequency. For an impedance
+    display the margin is |F|^2 (Re 1/Z_c - factor R)/s^2 times a positive number (section 15).
 
     Parameters
     ----------
-    plant : the device in the hand, over a sample
+    plant : the device in the hand, over one sample
     design : device, gains and coupling in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
-    factor : least Re Z_c / R
+    factor : least permitted Re Z_c / R
     ops : arithmetic of the other arguments
 
     Returns
     -------
     Number
-        N s/m, of the shape of theta; only the sign has a meaning for an impedance display.
+        N s/m, with the shape of theta. For an impedance display only the sign has a meaning.
     """
     required = required_in_hand(loop_in_hand(plant, theta, ops), design.gains)
     return room(design.coupling, design.device, required, factor, theta, ops)
 
 
 def whenever_margin(plant: ServoInHand, design: Design, theta: Number, factor: Number, ops: Arithmetic) -> Number:
-    """Return 2 s (Re Z_c - factor |Z_seen|), with a disc around it, before a servo: however late it is, whole samples.
+    """Return 2 s (Re Z_c - factor |Z_seen|), including a disc around Z_seen, for a servo with any whole samples of
+    delay.
 
-    Where it is positive `hand_margin` is too.
+    Where it is positive, `hand_margin` is positive, too.
 
     Parameters
     ----------
-    plant : the servo in the hand, over a sample, with any whole samples of delay
+    plant : the servo in the hand, over one sample, with any number of whole samples of delay
     design : device, gains and coupling in numbers of the arithmetic
     theta : omega T, rad, in (0, pi]
-    factor : least Re Z_c / R
+    factor : least permitted Re Z_c / R
     ops : arithmetic of the other arguments
 
     Returns
     -------
     Number
-        N s/m, of the shape of theta.
+        N s/m. It has the shape of theta.
     """
     turned = replace(plant, plant=replace(plant.plant, turns=0.0))
     loop, twice = loop_in_hand(turned, theta, ops), 2 * ops.sin(theta / 2)
@@ -306,21 +309,21 @@ def whenever_margin(plant: ServoInHand, design: Design, theta: Number, factor: N
 def limp_hand_margin(
     plant: PlantInHand, design: Design, theta: Number, rest: NextToRest, factor: Number, ops: Arithmetic
 ) -> Number:
-    """Return `hand_margin` over rho^2, next to theta = 0, a hand without stiffness and K_p = 0.
+    """Return `hand_margin` divided by rho^2, for theta near 0, a hand without stiffness and K_p = 0.
 
     Parameters
     ----------
-    plant : the device in the hand, over a sample
-    design : in numbers of the arithmetic
+    plant : the device in the hand, over one sample
+    design : design in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
-    rest : shares of rho (`NextToRest`); `hand_margin` is positive if this margin is positive for all of them
-    factor : least Re Z_c / R
+    rest : shares of rho (`NextToRest`); if this margin is positive for all shares, `hand_margin` is positive
+    factor : least permitted Re Z_c / R
     ops : arithmetic of the other arguments
 
     Returns
     -------
     Number
-        N s/m, of the shape of theta.
+        N s/m. It has the shape of theta.
     """
     required = required_in_limp_hand(plant, design.gains.velocity, theta, rest, ops)
     return room(design.coupling, design.device, required, factor, theta, ops)
@@ -329,7 +332,7 @@ def limp_hand_margin(
 def margins_in_worlds(
     plant: AnyPlantInHand, design: Design, theta: Number, met: WorldsMet, ops: Arithmetic, share: Number = 1.0
 ) -> Disjuncts | DisjunctsOfForce:
-    """Return margins in a hand, of which one must be positive with every environment of a box, each as its terms.
+    """Return the margins in a hand with a box of environments, each as its terms. One of them must be positive.
 
     Parameters
     ----------
@@ -337,9 +340,8 @@ def margins_in_worlds(
     design : design in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
     met : the environments and the factor, in numbers of the arithmetic
-    ops : arithmetic of all of these
-    share : of the admittance of an impedance display's coupling, from 1 over the factor to 1; each has margins of its
-        own
+    ops : arithmetic of the other arguments
+    share : share of an impedance display's coupling admittance, from 1/factor to 1; each share has its own margins
     """
     seen, T = seen_in_hand(loop_in_hand(plant, theta, ops), design.gains), design.device.sample_time
     if isinstance(design.coupling, SpringDamper):
@@ -351,7 +353,7 @@ def margins_in_worlds(
 def limp_margins_in_worlds(
     plant: PlantInHand, design: Design, theta: Number, rest: NextToRest, met: WorldsMet, ops: Arithmetic
 ) -> Disjuncts:
-    """Return `margins_in_worlds` over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
+    """Return `margins_in_worlds` divided by rho^2, for K_p = 0, theta near 0 and a hand without stiffness.
 
     Parameters
     ----------
@@ -425,16 +427,17 @@ def _beyond(
 def strip_of_walls(
     plant: AnyPlantInHand, design: Design, theta: Number, share: Number, met: WorldsMet, ops: Arithmetic
 ) -> Strip:
-    """Return where the condition of walls is to be met in a hand, with a share of the coupling (section 19).
+    """Return the ranges over which the condition of walls must hold in a hand, with a share of the coupling (section
+    19).
 
     Parameters
     ----------
     plant : the device in the hand
-    design : in numbers of the arithmetic
+    design : design in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
-    share : of the coupling, from 1/safety_factor to 1
+    share : share of the coupling, from 1/safety_factor to 1
     met : the environments, with the corner, in numbers of the arithmetic
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
     """
     seen, T = seen_in_hand(loop_in_hand(plant, theta, ops), design.gains), design.device.sample_time
     return strip_in_walls(offered_at(design.series, T, theta, ops), met.worlds, T, seen, share, theta, ops)
@@ -443,7 +446,7 @@ def strip_of_walls(
 def limp_strip_of_walls(
     plant: PlantInHand, design: Design, theta: Number, rest: NextToRest, share: Number, met: WorldsMet, ops: Arithmetic
 ) -> Strip:
-    """Return `strip_of_walls` over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
+    """Return `strip_of_walls` divided by rho^2, for K_p = 0, theta near 0 and a hand without stiffness.
 
     Parameters
     ----------
@@ -458,22 +461,22 @@ def limp_strip_of_walls(
 def any_hand_margin(
     design: Design, delay: LoopDelay, theta: Number, factor: Number, ops: Arithmetic
 ) -> tuple[Number, Number]:
-    """Return two margins for an impedance display in any passive hand, which must both be positive.
+    """Return two margins for an impedance display in any passive hand. Both must be positive.
 
-    The first is size (Re 1/Z_c - factor R)/s^2 times a positive number, the second is size: it is positive if the loop
-    of K_v alone is stable in every passive hand (model/README.md, section 15).
+    The first margin is size (Re 1/Z_c - factor R)/s^2 times a positive number. The second is size, which is positive if
+    the loop of K_v alone is stable in every passive hand (model/README.md, section 15).
 
     Parameters
     ----------
     design : design of an impedance display, in numbers of the arithmetic
-    delay : whole samples of its device's delay
+    delay : whole samples of the device's delay
     theta : omega T, rad, in [0, pi]
-    factor : least Re(1/Z_c)/R
+    factor : least permitted Re(1/Z_c)/R
     ops : arithmetic of the other arguments
 
     Returns
     -------
-    margin, size : arrays of the shape of theta
+    margin, size : arrays with the shape of theta
     """
     hand = any_hand(design.device, delay.whole_samples, theta, ops, fractional=delay.fractional)
     required = hand.required(design.gains)
@@ -483,20 +486,20 @@ def any_hand_margin(
 def hand_curve(
     plant: AnyPlantInHand, gains: Gains, theta: Number, ops: Arithmetic, held: SpringDamper | None = None
 ) -> Pair:
-    """Return F of the loop in a hand, turned so that it is real at both ends and comes back without a turn if stable.
+    """Return F of the loop in a hand, rotated to be real at both ends. A stable loop's curve returns without a turn.
 
     Parameters
     ----------
-    plant : the device in the hand, over a sample
+    plant : the device in the hand, over one sample
     gains : K_v and K_p, N s/m and N/m
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
-    held : the coupling of an impedance display whose virtual tool is held; None for one that is let go
+    held : coupling of an impedance display whose virtual tool is held; None for a free tool
 
     Returns
     -------
     Pair
-        Dimensionless, of the shape of theta.
+        Dimensionless. It has the shape of theta.
     """
     loop, half, turns = loop_in_hand(plant, theta, ops), ops.sin(theta / 2), plant.poles / 2
     F = loop.clamped(gains, held) if held is not None and isinstance(loop, ForceInHand) else loop.closed(gains)
@@ -505,23 +508,23 @@ def hand_curve(
 
 
 def resistance_apart(device: Device) -> bool:
-    """Return whether a loop's resistance has to be proved positive beside the conditions."""
+    """Return whether a loop's resistance needs a proof of its own in addition to the conditions."""
     return device.operator is not None and not device.ideal
 
 
 def resistance_margin(design: Design, omega: Number, ops: Arithmetic) -> Number:
-    """Return the loop's resistance in the hand of the least operator, |D|^2 Re G_hh without one.
+    """Return the loop's resistance in the hand of the least operator; without an operator it is |D|^2 Re G_hh.
 
     Parameters
     ----------
-    design : only its device and its gains matter
+    design : design; only its device and its gains matter
     omega : angular frequency, rad/s, >= 0
     ops : arithmetic of both
 
     Returns
     -------
     Number
-        N s/m, of the shape of omega.
+        N s/m. It has the shape of omega.
     """
     return loop_response(device_response(design.device, omega, ops), design.gains, ops).resistance
 
@@ -529,8 +532,8 @@ def resistance_margin(design: Design, omega: Number, ops: Arithmetic) -> Number:
 def model_curve(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> Pair:
     """Return a curve that has the zeros of D and no pole to the right of the imaginary axis.
 
-    It is D; with an integrator j omega D; with a handle on a spring this times (k + j omega c) and a positive number.
-    It is real and positive at omega = 0.
+    The curve is D, or j omega D with an integrator; a handle on a spring multiplies it by (k + j omega c) and a
+    positive number. It is real and positive at omega = 0.
 
     Parameters
     ----------
@@ -541,7 +544,7 @@ def model_curve(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> Pair:
     Returns
     -------
     Pair
-        Of the shape of omega; its argument alone has a meaning.
+        Only its argument has a meaning. It has the shape of omega.
     """
     D = loop_response(at, gains, ops).D_scaled
     if not ops.is_zero(gains.position):
@@ -550,20 +553,20 @@ def model_curve(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> Pair:
 
 
 def along_drive(at: DeviceResponse, gains: Gains) -> Number:
-    """Return Re(D conj(e A H)), e = 1 + y Z_2, which does not depend on K_p; regular at omega = 0.
+    """Return Re(D conj(e A H)) with e = 1 + y Z_2. It does not depend on K_p and is regular at omega = 0.
 
-    The integrator's e K_p A H/(j omega) is at right angles to e A H. Where Re(D conj(e A H)) > 0, D is not 0 for any
-    K_p. With D = e W + Z_2 it is |e|^2 Re(W conj(A H)) + Re(Z_2 conj(e A H)).
+    The integrator's term e K_p A H/(j omega) is perpendicular to e A H. Where Re(D conj(e A H)) > 0, D is not 0 for any
+    K_p. With D = e W + Z_2 the result is |e|^2 Re(W conj(A H)) + Re(Z_2 conj(e A H)).
 
     Parameters
     ----------
     at : the device at omega >= 0
-    gains : only K_v matters, N s/m
+    gains : gains; only K_v matters, N s/m
 
     Returns
     -------
     Number
-        N s/m, of the shape of omega.
+        N s/m. It has the shape of omega.
     """
     omega, drive, spring = at.omega, at.drive, at.spring
     lagging = omega * drive.lag
@@ -579,21 +582,21 @@ def along_drive(at: DeviceResponse, gains: Gains) -> Number:
 
 
 def across_position(plant: Plant, gains: Gains, theta: Number, ops: Arithmetic) -> tuple[Number, Number]:
-    """Return Im(F conj P)/theta and |F_0|^2 |P|^2/theta^2, P = dF/dK_p; neither depends on K_p.
+    """Return Im(F conj P)/theta and |F_0|^2 |P|^2/theta^2 with P = dF/dK_p. Neither depends on K_p.
 
     Both are regular at theta = 0, where F and F_0 are those of the velocity loop alone times 1 - e^{-j theta}. Where
     the first is not 0, F is not 0 for any K_p.
 
     Parameters
     ----------
-    plant : a device without a hand, over a sample
-    gains : only K_v matters, N s/m
+    plant : a device without a hand, over one sample
+    gains : gains; only K_v matters, N s/m
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
 
     Returns
     -------
-    across, product2 : m/N and (m/N)^2, of the shape of theta
+    across, product2 : m/N and (m/N)^2, each with the shape of theta
     """
     velocity_loop = return_difference(plant, theta, ops, position=False)
     P, slope = return_difference(plant, theta, ops, position=True).position, difference_slope(theta, ops)
@@ -602,27 +605,27 @@ def across_position(plant: Plant, gains: Gains, theta: Number, ops: Arithmetic) 
 
 
 def sensitivity_sufficient_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
-    """Return (limit Im(F conj P) - |F_0||P|)/theta: positive only where |S| < limit for all K_p.
+    """Return (limit Im(F conj P) - |F_0||P|)/theta. Where it is positive, |S| < limit for all K_p.
 
     Parameters
     ----------
-    plant : a device without a hand, over a sample
-    gains : only K_v matters, N s/m
+    plant : a device without a hand, over one sample
+    gains : gains; only K_v matters, N s/m
     theta : omega T, rad, in [0, pi]
-    limit : greatest |S|
+    limit : greatest permitted |S|
     ops : arithmetic of the other arguments
 
     Returns
     -------
     Number
-        m/N, of the shape of theta.
+        m/N. It has the shape of theta.
     """
     across, product2 = across_position(plant, gains, theta, ops)
     return limit * across - ops.sqrt(product2)
 
 
 def outwards(band: tuple[float, float]) -> tuple[float, float]:
-    """Return a band in rad/s widened by the rounding of 2 pi f."""
+    """Return a band in rad/s widened by the rounding error of 2 pi f."""
     low, high = band
     for _ in range(4):
         low, high = nextafter(low, 0.0), nextafter(high, inf)
@@ -630,7 +633,7 @@ def outwards(band: tuple[float, float]) -> tuple[float, float]:
 
 
 def inwards(band: tuple[float, float]) -> tuple[float, float]:
-    """Return a band in rad/s that lies within the intended one, for any rounding of 2 pi f."""
+    """Return a band in rad/s that lies within the intended band for any rounding of 2 pi f."""
     low, high = band
     for _ in range(4):
         low, high = nextafter(low, inf), nextafter(high, 0.0)

@@ -1,4 +1,5 @@
-"""No pole of the frequency model in the closed right half plane (condition 1 of model/README.md, section 4)."""
+"""Prove that the frequency model has no pole in the closed right half plane (model/README.md, section 4, condition
+1)."""
 
 from __future__ import annotations
 
@@ -17,30 +18,30 @@ from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.proof.engine.winding import turned_angle
 
 NEAR = 1e-6
-"""Allowance for rounding of 1e-12, in a frequency beyond which something holds, and in an angle. Half and twice it give
-the same count."""
+"""Relative allowance for rounding errors of 1e-12, for a frequency above which a property holds, and for an angle. Half
+and twice it give the same count."""
 ROOM = 2.0
-"""Greatest difference of the argument at `curve_end` from its limit, rad: less than half pi + 2/7 for all loops without
-a zero to the right, more than 3 pi/2 - 2/7 for the others. Half would refuse some of the former, twice admit some of
-the latter."""
+"""Greatest difference of the argument at `curve_end` from its limit, rad. The difference is less than pi/2 + 2/7 for
+all loops without a zero to the right, and more than 3 pi/2 - 2/7 for the others. Half this limit would refuse some of
+the former, twice it would admit some of the latter."""
 
 
 def prove_model_poles(device: Device, gains: Gains) -> Outcome:
     """Prove that the zeros of D, the poles of G_hh, lie in the open left half plane.
 
-    The proof follows `model_curve` from omega = 0, where it is real and positive, to `curve_end`. Beyond that its
-    argument stays within half a turn. If no zero lies on the axis, none lies to its right exactly if the argument there
-    is that of a curve without such zeros.
+    The proof follows `model_curve` from omega = 0, where it is real and positive, to `curve_end`. Above that frequency
+    its argument stays within half a turn. If no zero lies on the axis, the argument there is that of a curve without
+    zeros to the right exactly if there are none.
 
     Parameters
     ----------
-    device : one of `Device.loops`; a disc around its response is ignored
-    gains : taken, like the device's numbers, as the decimals that they are written as
+    device : one of `Device.loops`; the proof ignores a disc around its response
+    gains : gains; floats of gains and device stand for the decimals that they print as
 
     Returns
     -------
     Outcome
-        Undecided with a witness in rad/s where the curve comes too close to 0; refuted without one.
+        Undecided with a witness in rad/s where the curve comes too close to 0; refuted without a witness.
     """
     exact, law = device_ball(device.modelled), gains_ball(gains)
     if not gains.closed:
@@ -59,17 +60,17 @@ def prove_model_poles(device: Device, gains: Gains) -> Outcome:
 def final_angle(device: Device, *, integral: bool) -> float:
     """Return the limit of the argument of `model_curve` for omega -> inf if all poles are stable.
 
-    D grows like s, with an integrator s D like s^2. On a spring (k + c s) D grows by two more powers of s.
+    D grows like s, and with an integrator s D grows like s^2. On a spring, (k + c s) D grows by two more powers of s.
 
     Parameters
     ----------
-    device : rigid, or a handle on a spring
+    device : a rigid device, or one with its handle on a spring
     integral : whether the law has its term K_p/s
 
     Returns
     -------
     float
-        rad, a multiple of pi/2.
+        In rad; a multiple of pi/2.
     """
     return pi / 2 * (1 + integral + (2 if device.structure is not None else 0))
 
@@ -77,14 +78,14 @@ def final_angle(device: Device, *, integral: bool) -> float:
 def curve_end(device: Device, K_v: float, K_p: float, ops: Arithmetic = FLOATS) -> float:
     """Return a frequency beyond which the argument of `model_curve` stays within `ROOM` of its limit.
 
-    |C_f| <= K_v + K_p/omega, since hold, actuator and velocity estimate nowhere amplify. For a rigid device that is at
-    most 5/16 of m omega. On a spring D = e (C_f + Z_1 + Z_2/e) with |Z_2/e| <= 4/3 (c + k/omega): together with C_f at
-    most half of m_1 omega, so that the bracket's imaginary part is positive; and e (k + j omega c) = k - m_2 omega^2 +
-    j omega (c + b_2) is within 2/7 rad of the negative axis.
+    |C_f| <= K_v + K_p/omega, since hold, actuator and velocity estimate never amplify. For a rigid device this is at
+    most 5/16 of m omega. On a spring D = e (C_f + Z_1 + Z_2/e) with |Z_2/e| <= 4/3 (c + k/omega). Together with C_f
+    this is at most half of m_1 omega, so that the bracket's imaginary part is positive. And e (k + j omega c) = k - m_2
+    omega^2 + j omega (c + b_2) lies within 2/7 rad of the negative axis.
 
     Parameters
     ----------
-    device : device in numbers of the arithmetic; enclosures stand for all devices of a box
+    device : device in numbers of the arithmetic; enclosures represent all devices of a box
     K_v, K_p : the greatest gains, N s/m and N/m
     ops : arithmetic of the device's numbers
 

@@ -1,5 +1,4 @@
-"""The claims of a certificate, each under an identifier that never changes: its statement and the quantity that it
-limits.
+"""The claims of a certificate, each with an identifier that never changes, its statement and the quantity it limits.
 
 All records, reports and messages refer to a claim by its identifier, so that its wording may change.
 """
@@ -30,12 +29,12 @@ class Claim:
     ----------
     id : public name in design.json; once a file contains it, it never changes
     sentence : the statement; {couples} stands for the response of the display's coupling, Z_c or 1/Z_c
-    quantity : quantity that it limits, under the name of the search's constraints (`in_hand`: the ratio in a hand)
+    quantity : the limited quantity, by the name that the search's constraints use (`in_hand` is the ratio in a hand)
     margin : dotted path within vctune of the function that must be positive, or of the curve that must not go around 0
-    witness : description of the place where it fails
-    label : heading of its row in a report
-    explain : its meaning for the reader
-    asked : whether the constraints require it, on a box of devices or on one device alone
+    witness : description of the place where the claim fails
+    label : heading of the claim's row in a report
+    explain : meaning of the claim for the reader
+    asked : function that returns whether the constraints require the claim, for a box of devices or one device
     """
 
     id: ClaimId
@@ -48,7 +47,7 @@ class Claim:
     asked: Callable[[Demands, DeviceBox | None], bool]
 
     def said_of(self, kind: Display) -> str:
-        """Return the statement about a kind of display."""
+        """Return the claim's statement about a kind of display."""
         return self.sentence.format(couples=kind.couples)
 
 
@@ -63,9 +62,9 @@ CLAIMS: dict[ClaimId, Claim] = {
             witness="a frequency of the stability band",
             label="any passive hand, on the band",
             explain=(
-                "Llewellyn's conditions. At every frequency of the stability band the device bears any passive hand "
-                "with every passive environment, as far as the frequency model goes, which has no aliasing. Outside "
-                "the proved band such a hand can make it oscillate."
+                "Llewellyn's conditions hold in the frequency model, which has no aliasing. At every frequency of the "
+                "stability band the device is stable in any passive hand with every passive environment. Outside the "
+                "proved band such a hand can make it oscillate."
             ),
             asked=lambda demands, _: demands.passive,
         ),
@@ -90,8 +89,8 @@ CLAIMS: dict[ClaimId, Claim] = {
             witness="if undecided, a frequency where the curve comes close to 0; poles themselves are only counted",
             label="poles of the frequency model",
             explain=(
-                "The model in which `passive` is proved is stable by itself, let go and in the hand of `[operator]`. "
-                "Without this claim those conditions say nothing."
+                "The frequency model itself is stable, let go and in the hand of `[operator]`. Without this claim, "
+                "`passive` would not imply stability."
             ),
             asked=lambda demands, _: demands.passive,
         ),
@@ -103,8 +102,8 @@ CLAIMS: dict[ClaimId, Claim] = {
             witness="if undecided, a frequency where the curve comes close to 0; poles themselves are only counted",
             label="poles of the sampled loop",
             explain=(
-                "The velocity loop as the computer runs it, sample by sample, is stable when nobody holds the device, "
-                "and in the hand of `[operator]`."
+                "The exactly sampled velocity loop is stable when nobody holds the device, and in the hand of "
+                "`[operator]`."
             ),
             asked=lambda demands, _: demands.device.kind.own_loop,
         ),
@@ -116,8 +115,8 @@ CLAIMS: dict[ClaimId, Claim] = {
             witness="a frequency up to Nyquist",
             label="unmodelled dynamics",
             explain=(
-                "The small-gain theorem: no response of the mechanism within the radius of `uncertainty.unmodelled` "
-                "around the modelled one makes the velocity loop unstable."
+                "By the small-gain theorem, no response of the mechanism within the radius of "
+                "`uncertainty.unmodelled` around the modelled one makes the velocity loop unstable."
             ),
             asked=lambda demands, box: (
                 box is not None and box.nominal.unmodelled is not None and demands.device.kind.own_loop
@@ -164,8 +163,8 @@ CLAIMS: dict[ClaimId, Claim] = {
             explain=(
                 "The device is stable in each hand of `[operator]` with each environment of `[environment]`, a mass, a "
                 "damper and a spring within their ranges, stepped by its rule and as many samples late as it states, "
-                "in the exact sampled loop, aliasing included, and with the coupling divided by any number from 1 to the "
-                "safety factor. The claim does not cover other hands and environments."
+                "in the exact sampled loop, aliasing included, and with the coupling divided by any number from 1 to "
+                "the safety factor. The claim does not cover other hands and environments."
             ),
             asked=lambda demands, _: demands.hands is not None and demands.worlds is not None,
         ),
@@ -180,25 +179,26 @@ CLAIMS: dict[ClaimId, Claim] = {
             witness="a frequency up to Nyquist and a hand of `[operator]`",
             label="every hand with every wall of the box",
             explain=(
-                "The multiplier of Zames and Falb. The device is stable in each hand of `[operator]` with each wall: a "
-                "force that depends on the position alone and rises with slopes of the range `environment.stiffness`, "
-                "one-sided or piecewise linear, anywhere, stepped by the trapezoidal rule or by backward Euler, beside "
-                "a mass and a damper of `[environment]`. The walls do not move, and no damper is one-sided. Where the "
-                "condition fails nothing is known: it does not say that a wall makes the device unstable."
+                "The device is stable in each hand of `[operator]` with each wall together with a mass and a damper of "
+                "`[environment]`. The force of a wall depends only on the position, and rises with slopes in the range "
+                "`environment.stiffness`. A wall is one-sided or piecewise linear, at any position, and is stepped by "
+                "the trapezoidal rule or by backward Euler. The walls do not move, and no damper is one-sided. The "
+                "proof uses the multiplier of Zames and Falb. If its condition fails, a wall need not make the device "
+                "unstable."
             ),
             asked=lambda demands, _: demands.hands is not None and demands.worlds is not None and demands.worlds.walls,
         ),
     )
 }
-"""The claims in the order of a certificate."""
+"""All claims, in the order of a certificate."""
 
 
 IN_HANDS: tuple[ClaimId, ...] = ("hands", "worlds", "walls")
-"""Claims about the hands of a box; a certificate makes one of the first two, and the last beside the second."""
+"""Claims about the hands of a box. A certificate makes one of the first two, and the third only with the second."""
 
 
 def claims_about(*quantities: Quantity) -> tuple[ClaimId, ...]:
-    """Return the identifiers of the claims that limit some quantities."""
+    """Return the identifiers of the claims that limit given quantities."""
     return tuple(claim.id for claim in CLAIMS.values() if claim.quantity in quantities)
 
 
@@ -208,7 +208,7 @@ def claims_asked(demands: Demands, box: DeviceBox | None = None) -> list[ClaimId
     Parameters
     ----------
     demands : constraints on a design; they decide which claims apply
-    box : uncertain devices that add claims of their own; None for one known device
+    box : box of uncertain devices, which adds claims; None for one known device
 
     Returns
     -------

@@ -1,9 +1,9 @@
-"""Hands near resonance with the device, in coordinates along the resonance (README.md, section 10).
+"""Hands near a resonance with the device, in coordinates along the resonance (README.md, section 10).
 
-A hand of little damping resonates with the device on a surface, theta = T sqrt(K/(m + M)), across which a margin
-changes within a share of the damping ratio. Boxes of mass, stiffness and angle cut across it and have to be as small as
-that in all of them; boxes of mass, angle and the stiffness over the resonant one, y = K/((m + M) (theta/T)^2), lie
-along it.
+A hand with little damping resonates with the device on the surface theta = T sqrt(K/(m + M)). Across this surface a
+margin changes within a share of the damping ratio. Boxes of mass, stiffness and angle cut across it and would have to
+be that small in all three. Boxes of mass, angle and the relative stiffness y = K/((m + M) (theta/T)^2) lie along the
+surface.
 """
 
 from __future__ import annotations
@@ -23,30 +23,32 @@ from vctune.proof.engine.branching import Decided, Test
 
 RATIO = "stiffness of the hand over the resonant one"
 ROWS = tuple(RATIO if key == STIFFNESS else key for key in HAND)
-"""The numbers of a hand here."""
+"""The numbers of a hand in these coordinates."""
 SHARP = 0.03
-"""Damping ratio of hand and device below which resonance gets boxes of its own. For loops at a ratio of 0.02, half of
-it takes up to two thirds fewer boxes; those at 1e-5 take 34,000 with it and more than half a million without."""
+"""Damping ratio of hand and device below which resonance gets boxes of its own. For loops with a damping ratio of 0.02,
+half this limit takes up to two thirds fewer boxes. Loops with 1e-5 take 34,000 boxes with it and more than half a
+million without it."""
 DAMPED = 0.1
-"""Damping ratio from which on a softer hand resonates no more sharply. Half and twice take as many boxes within a
-third."""
+"""Damping ratio above which a softer hand resonates no more sharply. Half and twice this ratio need the same number of
+boxes to within a third."""
 AROUND = (0.5, 2.0)
-"""Multiples of the resonant stiffness that such boxes cover. Half as far in the logarithm takes up to half as many
-boxes again, twice as far as many within a tenth."""
+"""Multiples of the resonant stiffness that such boxes cover. Half this range in the logarithm takes up to half as many
+boxes again; twice the range takes as many within a tenth."""
 WITHIN = 1e-9
-"""Least share by which a box lies inside if it is left to the others, or outside if it is left out: beyond rounding."""
+"""Relative margin against rounding, by which a box must lie inside the range to be left to the other boxes, or outside
+the range to be omitted."""
 DEVICE_MASS = "device.mass"
 
 
 @dataclass(frozen=True, slots=True)
 class Resonance:
-    """A sharp resonance of a hand with the device.
+    """A sharp resonance between hands and the device.
 
     Attributes
     ----------
-    mass, sample_time : m, kg, if it is not a row, and T, s
-    least, greatest : stiffness of the hands, N/m
-    first : the angle from which on, rad, > 0
+    mass, sample_time : m, kg, unless it is a row; and T, s
+    least, greatest : least and greatest stiffness of the hands, N/m
+    first : least angle of the resonance, rad, > 0
     """
 
     mass: float
@@ -56,7 +58,7 @@ class Resonance:
     first: float
 
     def margins(self, margins: Margins) -> Margins:
-        """Return margins of the numbers of `HAND` as some of those of `ROWS`."""
+        """Return margins in the coordinates `ROWS` from margins in the numbers of `HAND`."""
 
         def of_ratio(theta: Number, v: Values) -> tuple[Number, ...]:
             per_sample = theta / decimal(self.sample_time)
@@ -66,10 +68,10 @@ class Resonance:
         return of_ratio
 
     def left_to_it(self, test: Test, names: tuple[str, ...]) -> Test:
-        """Return a test that leaves boxes of `HAND` next to resonance to those of `ROWS`.
+        """Return a test that leaves boxes of `HAND` near resonance to the boxes of `ROWS`.
 
-        The test reports such a box as proved; `in_range` and `margin` then prove it over the ratio of stiffness. It
-        halves a box that the resonance crosses until the box is inside.
+        The test reports such a box as proved; `in_range` and `margins` then prove it in the relative stiffness. If the
+        resonance crosses a box, the test halves the box until it lies inside.
 
         Parameters
         ----------
@@ -79,7 +81,7 @@ class Resonance:
         Returns
         -------
         Test
-            Of the same boxes.
+            The test for the same boxes.
         """
         mass, stiffness = (1 + names.index(name) for name in (MASS, STIFFNESS))
 
@@ -89,10 +91,10 @@ class Resonance:
             low, high = boxes.low[stiffness], boxes.high[stiffness]
             inside = (low >= AROUND[0] * most * (1 + WITHIN)) & (high <= AROUND[1] * least * (1 - WITHIN))
             beyond = boxes.low[0] >= self.first
-            across = beyond & (low <= most) & (high >= least)  # to be halved until they are inside
+            across = beyond & (low <= most) & (high >= least)  # boxes to halve until they lie inside
             cost = decided.cost.copy()
             cost[:, across] = 0.0
-            # the resonant stiffness is (m + M) (theta/T)^2: the logarithm of the angle counts twice
+            # the resonant stiffness is (m + M) (theta/T)^2, so the logarithm of the angle counts twice
             cost[0, across] = 2 * np.log(boxes.high[0] / boxes.low[0])[across]
             cost[mass, across] = np.log((self.mass + boxes.high[mass]) / (self.mass + boxes.low[mass]))[across]
             cost[stiffness, across] = np.log(high / low)[across]
@@ -101,7 +103,7 @@ class Resonance:
         return tested
 
     def in_range(self, test: Test, names: tuple[str, ...]) -> Test:
-        """Return a test that leaves out boxes of `ROWS` that contain no hand's stiffness.
+        """Return a test that omits boxes of `ROWS` in which no hand has the stiffness.
 
         Parameters
         ----------
@@ -125,14 +127,14 @@ class Resonance:
             outside = (low > self.greatest * (1 + WITHIN)) | (high < self.least * (1 - WITHIN))
             whole = (low >= self.least) & (high <= self.greatest)
             side = decided.side.copy()
-            side[np.ix_(tied, ~whole)] = 0.0  # an end may be outside, and be left out
+            side[np.ix_(tied, ~whole)] = 0.0  # the end may lie outside the range, where it does not count
             had = (at >= self.least) & (at <= self.greatest)
             return replace(decided, proved=decided.proved | outside, fails=decided.fails & had, side=side)
 
         return tested
 
     def hand(self, theta: float, numbers: dict[str, float]) -> Hand:
-        """Return the hand at a point of `ROWS`, its stiffness kept within the hands' range.
+        """Return the hand at a point of `ROWS`, with its stiffness limited to the hands' range.
 
         Parameters
         ----------
@@ -149,20 +151,21 @@ class Resonance:
         return Hand.of({**numbers, STIFFNESS: min(max(stiffness, self.least), self.greatest)})
 
     def _resonant(self, names: tuple[str, ...], numbers: Floats) -> Floats:
-        """Return (m + M) (theta/T)^2 of the frequency and the other rows."""
+        """Return (m + M) (theta/T)^2 from the frequency and the other rows."""
         mass = numbers[1 + names.index(DEVICE_MASS)] if DEVICE_MASS in names else self.mass
         return np.asarray((mass + numbers[1 + names.index(MASS)]) * (numbers[0] / self.sample_time) ** 2)
 
 
 def resonance(design: Design, hands: Hands) -> Resonance | None:
-    """Return where hands resonate sharply with a design without K_p.
+    """Return the sharp resonance of hands with a design without K_p.
 
-    They do if the damping ratio of hand, device and K_v together is below `SHARP` for the greatest stiffness.
+    The resonance is sharp if the damping ratio of hand, device and K_v together is below `SHARP` for the greatest
+    stiffness.
 
     Parameters
     ----------
-    design : device and gains, plain floats
-    hands : the box
+    design : design with plain floats
+    hands : the box of hands
 
     Returns
     -------

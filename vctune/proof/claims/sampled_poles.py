@@ -1,4 +1,4 @@
-"""The exact sampled loop: its poles inside the unit circle, its |S| below a limit (model/README.md, section 7)."""
+"""Prove that the exact sampled loop has its poles inside the unit circle and |S| below a limit (model/README.md, 7)."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ from vctune.proof.engine.interval import Outcome, Verdict, prove_positive
 from vctune.proof.engine.winding import turned_angle
 
 ISOLATED_DEGREE = 40
-"""Degree up to which the spectral radius that is shown comes from isolated roots; above, from eigenvalues. The proof
-does not use it. Twice takes seconds for a long delay."""
+"""Greatest degree for which the displayed spectral radius comes from isolated roots; above it comes from eigenvalues.
+The proof does not use it. Twice this degree takes seconds for a long delay."""
 ROOT_TOLERANCE = 1e-16
-"""Radius of the enclosures of poles; without it they are only kept apart. Finer than a double; half and twice are the
-same double."""
+"""Radius of the enclosures of poles, finer than a double. Without it the enclosures are only disjoint. Half and twice
+this radius give the same double."""
 
 
 def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:
-    """Prove |S| < max_sensitivity of the sampled loop at every frequency; the witness is in rad/s.
+    """Prove |S| < max_sensitivity of the sampled loop at every frequency.
 
     Parameters
     ----------
-    design : its device and its gains are taken as the decimals that they are written as
-    max_sensitivity : greatest |S|, a decimal too
+    design : design; floats of its device and its gains stand for the decimals that they print as
+    max_sensitivity : greatest permitted |S|, also a decimal
 
     Returns
     -------
     Outcome
-        Refuted or undecided with a witness.
+        If it is refuted or undecided, it has a witness in rad/s.
     """
     plant, gains, limit = exact_plant(design.device), gains_ball(design.gains), ball(max_sensitivity)
     in_series = (
@@ -55,18 +55,18 @@ def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:
 
 
 def unmodelled_at(device: Device, gains: Gains, radii: tuple[tuple[float, float], ...], theta: float) -> Outcome:
-    """Return whether |1 - S| r > 1 certainly at one angle, r the radius of the disc there.
+    """Return whether |1 - S| r > 1 certainly at one angle, where r is the radius of the disc there.
 
     Parameters
     ----------
-    device, gains : taken as the decimals that they are written as
-    radii : (Hz, r) of the disc, as in `Unmodelled`
+    device, gains : device and gains; their floats stand for the decimals that they print as
+    radii : points (Hz, r) of the disc, as in `Unmodelled`
     theta : omega T, rad, in (0, pi]
 
     Returns
     -------
     Outcome
-        Refuted with a witness in rad/s, or undecided; never proved.
+        Either refuted with a witness in rad/s, or undecided; never proved.
     """
     radius = BALLS.interpolated(arb(theta / (2 * pi * device.sample_time)), radii)
     margin = unmodelled_margin(exact_plant(device), gains_ball(gains), arb(theta), radius, BALLS)
@@ -76,19 +76,19 @@ def unmodelled_at(device: Device, gains: Gains, radii: tuple[tuple[float, float]
 
 
 def prove_sampled_poles(device: Device, gains: Gains) -> Outcome:
-    """Prove that the exact sampled loop has its spectral radius below 1.
+    """Prove that the spectral radius of the exact sampled loop is below 1.
 
-    The proof follows z^-n times the characteristic polynomial of degree n along the upper half of the unit circle. The
-    curve is real at both ends and must come back without a turn.
+    The proof follows z^-n times the characteristic polynomial, of degree n, along the upper half of the unit circle.
+    The curve is real at both ends and must return without a turn.
 
     Parameters
     ----------
-    device, gains : taken as the decimals that they are written as
+    device, gains : device and gains; their floats stand for the decimals that they print as
 
     Returns
     -------
     Outcome
-        Undecided with a witness in rad/s where the curve comes too close to 0; refuted without one.
+        Undecided with a witness in rad/s where the curve comes too close to 0; refuted without a witness.
     """
     law, plant = gains_ball(gains), exact_plant(device)
 
@@ -105,46 +105,47 @@ def prove_sampled_poles(device: Device, gains: Gains) -> Outcome:
 
 
 def in_rad_per_s(outcome: Outcome, device: Device) -> Outcome:
-    """Return an outcome whose witness is omega in place of theta = omega T.
+    """Return an outcome with its witness theta = omega T converted to omega.
 
     Parameters
     ----------
-    outcome : its witness is theta, rad, or None
-    device : supplies the sample time T, s
+    outcome : outcome whose witness is theta, rad, or None
+    device : device with the sample time T, s
 
     Returns
     -------
     Outcome
-        The same, with a witness in rad/s.
+        The same outcome with its witness in rad/s.
     """
     witness = outcome.witness / device.sample_time if outcome.witness is not None else None
     return replace(outcome, witness=witness)
 
 
 def exact_plant(device: Device) -> SampledPlant:
-    """Return the sampled plant with the device's decimals enclosed."""
+    """Return the sampled plant of a device with its decimals enclosed."""
     exact = device_ball(device)
     whole, fraction = split_delay(device.delay, device.sample_time)
     return sampled_plant(exact, whole, BALLS, fractional=fraction > 0)
 
 
 def spectral_radius(device: Device, gains: Gains) -> float:
-    """Return the greatest modulus of the sampled loop's poles, from enclosures wherever they can be isolated.
+    """Return the greatest modulus of the sampled loop's poles, from enclosures where the poles can be isolated.
 
     Parameters
     ----------
-    device, gains : taken as the decimals that they are written as
+    device, gains : device and gains; their floats stand for the decimals that they print as
 
     Returns
     -------
     float
-        Rounded, and from eigenvalues in double precision where poles cannot be isolated: for display, no proof.
+        Rounded. If poles cannot be isolated, it comes from eigenvalues in double precision: for display, not for a
+        proof.
     """
     with ctx.workprec(PRECISION):
         coefficients = characteristic_polynomial(exact_plant(device), gains_ball(gains))
         if len(coefficients) <= ISOLATED_DEGREE:
             try:
                 return max(float(abs(root)) for root in acb_poly(coefficients[::-1]).roots(tol=ROOT_TOLERANCE))
-            except ValueError:  # a multiple pole cannot be isolated
+            except ValueError:  # multiple poles cannot be isolated
                 pass
         return float(np.abs(np.roots([float(c) for c in coefficients])).max())

@@ -1,9 +1,9 @@
-"""Delays at and near a whole number of samples, where the sensed force jumps with the delay.
+"""Delays near a whole number of samples, where the sensed force jumps with the delay.
 
-Force is sampled just before a new command acts. If the delay is shorter than a whole number of samples by next to
-nothing, that command acts before the sample, and the force of a hand's mass differs by a whole step (model/README.md,
-section 14). Neither side is the safe one. So a design of a device whose delay lies near a whole number of samples is
-proved on both sides of it, besides the stated delay.
+The firmware samples the force just before a new command acts. If the delay is slightly shorter than a whole number of
+samples, that command acts before the sample, and the force of a hand's mass differs by a whole step (model/README.md,
+section 14). Neither side is the safe one. If a device's delay lies near a whole number of samples, its design is
+therefore proved for the stated delay and on both sides of that number.
 """
 
 from __future__ import annotations
@@ -21,32 +21,32 @@ from vctune.model.servo import latency
 from vctune.proof.device_box import DeviceBox
 
 NEAR = 0.05
-"""Share of a sample within which a delay is near a whole number of samples: clocks, buses and amplifiers are not known
-better. Half and twice it make other promises, not other proofs."""
+"""Share of a sample within which a delay is near a whole number of samples. Clocks, buses and amplifiers are not known
+better. Half and twice this share would promise something else, but prove it in the same way."""
 NEXT_TO = 1e-7
-"""Distance from a whole sample, in samples, at which a delay is placed: decimals tell both sides apart. Half and twice
-it find the same designs."""
+"""Distance from a whole number of samples, in samples, at which the prover puts a delay. Decimals distinguish both
+sides. Half and twice this distance find the same designs."""
 PEAK = 0.75
-"""Time, as a share of the lag of a servo and its sensor, at which the sensed acceleration is greatest. Half and 4/3 of
-it see three quarters of the greatest."""
+"""Time of the greatest sensed acceleration, as a share of the lag of a servo and its sensor. At half and 4/3 of this
+time the acceleration is three quarters of the greatest."""
 
 
 def sensed_force_jumps(device: Device, hands: Hands) -> bool:
     """Return whether the sensed force jumps where the delay passes a whole number of samples.
 
-    It jumps if the sensor feels the acceleration of a hand's mass at once: the command moves the handle directly,
-    without an actuator's low-pass or a spring, and the sensor has no low-pass. A servo of order 1 turns a command into
-    an acceleration at once.
+    It jumps if the sensor feels the acceleration of a hand's mass immediately. Then the command moves the handle
+    directly, without an actuator's low-pass or a spring, and the sensor has no low-pass. A servo of order 1 turns a
+    command into an acceleration immediately.
 
     Parameters
     ----------
-    device : a device of any display; only an admittance display senses force
+    device : a device with any display; only an admittance display and a servo sense force
     hands : the box of hands; without mass the force does not jump
 
     Returns
     -------
     bool
-        Whether it jumps for some hand of the box.
+        Whether the force jumps in some hand of the box.
     """
     filtered = device.sensing.bandwidth_hz is not None
     followed = device.servo is None or device.servo.order == 1
@@ -55,18 +55,20 @@ def sensed_force_jumps(device: Device, hands: Hands) -> bool:
 
 
 def beside_whole_sample(device: Device, hands: Hands) -> tuple[Device, ...]:
-    """Return the devices whose delay is just below and at a whole number of samples, if the device's own is near one.
+    """Return the devices with their delay just below and at a whole number of samples, if the device's delay is near
+    one.
 
     Parameters
     ----------
-    device : plain floats; the sum of its delay and the force sensor's matters
+    device : device with plain floats; the sum of its delay and the force sensor's matters
     hands : the box of hands
 
     Returns
     -------
     tuple of Device
-        Without the device itself; empty if its delay is not near a whole number of samples or the force does not jump
-        there.
+        The device itself is not included. The tuple is empty if the delay is not near a whole number of samples or the
+        force
+            does not jump there.
     """
     samples = delay_in_samples(device)
     whole = round(samples)
@@ -76,11 +78,11 @@ def beside_whole_sample(device: Device, hands: Hands) -> tuple[Device, ...]:
 
 
 def reaching_whole_sample(box: DeviceBox, hands: Hands) -> DeviceBox:
-    """Return the box with its delay widened to each whole number of samples that is near one of its ends.
+    """Return a box with its delay extended to each whole number of samples that is near one of its ends.
 
     Parameters
     ----------
-    box : uncertain devices
+    box : box of uncertain devices
     hands : the box of hands
 
     Returns
@@ -102,10 +104,10 @@ def reaching_whole_sample(box: DeviceBox, hands: Hands) -> DeviceBox:
 
 
 def kept_at_whole_sample(device: Device, before: Device) -> Device:
-    """Return a device whose delay stays next to the same whole number of samples as another's.
+    """Return a device whose delay stays next to the same whole number of samples as another device's.
 
-    A price compares a device with one that is a little better. Near a whole number of samples the constraints hold on
-    both sides of it for either device.
+    A price compares a device with a slightly better one. If their delay is near a whole number of samples, the
+    constraints of both devices hold on both sides of it.
 
     Parameters
     ----------
@@ -115,7 +117,7 @@ def kept_at_whole_sample(device: Device, before: Device) -> Device:
     Returns
     -------
     Device
-        `device` itself if `before` is next to no whole number of samples.
+        `device` itself if the delay of `before` is not next to a whole number of samples.
     """
     samples = delay_in_samples(before)
     near = round(samples) >= 1 and abs(samples - round(samples)) <= 2 * NEXT_TO
@@ -123,10 +125,10 @@ def kept_at_whole_sample(device: Device, before: Device) -> Device:
 
 
 def next_to_whole_samples(box: DeviceBox) -> list[Device]:
-    """Return devices of a box whose delay, or its sum with the force sensor's, is next to whole samples, on both sides.
+    """Return the devices of a box on both sides of whole samples, for the delay and its sum with the force sensor's.
 
-    There the force that is sensed jumps, or may bend, with the delay. Before a quick low-pass the acceleration has its
-    peak a part of its lag below.
+    There the sensed force jumps, or its slope may jump, with the delay. With a fast low-pass, the acceleration has its
+    peak at a share of its lag below that delay.
 
     Parameters
     ----------
@@ -149,7 +151,7 @@ def next_to_whole_samples(box: DeviceBox) -> list[Device]:
 
 
 def _peaks(device: Device) -> tuple[float, ...]:
-    """Return where next to a whole sample the sensed acceleration of a quick servo has its peak, in samples."""
+    """Return the distances from a whole sample at which a fast servo's sensed acceleration has its peak, in samples."""
     if device.servo is None:
         return ()
     late = latency(device, FLOATS)
@@ -159,14 +161,14 @@ def _peaks(device: Device) -> tuple[float, ...]:
 
 
 def delay_in_samples(device: Device) -> float:
-    """Return delay and sensor's delay together, in samples."""
+    """Return the sum of the device's delay and its sensor's delay, in samples."""
     return sum(device.number(key) or 0.0 for key in DELAYS) / device.sample_time
 
 
 def _with(device: Device, samples: float, key: str | None = None) -> Device:
-    """Return a device whose delays add up to so many samples, in readable decimals.
+    """Return a device whose delays add up to so many samples, in short decimals.
 
-    The function changes the device's own delay, or that of its force sensor if it has no other.
+    The function changes the device's own delay, or the force sensor's delay if the device has no other.
     """
     key = key or next((key for key in DELAYS if device.number(key)), device.delay_key)
     other = sum(device.number(name) or 0.0 for name in DELAYS if name != key)

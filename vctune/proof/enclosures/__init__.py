@@ -1,1 +1,1 @@
-"""Arithmetic that encloses: balls, intervals, jets, polynomials over boxes."""
+"""Arithmetics that enclose: balls, intervals, jets, and polynomials over boxes."""

@@ -1,4 +1,4 @@
-"""Single numbers as Arb balls of 128 bits: every result encloses the true value, so a sign that shows is proved.
+"""Single numbers as Arb balls of 128 bits. Every ball contains the true value; if it excludes 0, the sign is proved.
 
 See proof/README.md, section 2.
 """
@@ -19,15 +19,16 @@ from vctune.proof.enclosures.array_intervals import SWELL, TINY, UNIT, Enclosure
 from vctune.proof.enclosures.jets import interpolated_over
 
 PRECISION = 128
-"""Working precision, bits. Half and twice it take as many boxes for the designs of problems/ and about as long: the
-reserve is for designs that are nearer to their constraints than an optimum in decimals is."""
+"""Working precision, bits. Half and twice as many bits need the same number of boxes and about as long for the designs
+of problems/. The reserve is for designs that are closer to their constraints than an optimum in decimals is."""
 SMALL = 0.1
-"""Below it (1 - sinc x)/x^2 is its series, whose rest is enclosed. With half, the subtractions lose a factor 4 more of
-the precision. With twice, the remainder is 2e-25 instead of 3e-29 there."""
+"""Argument below which (1 - sinc x)/x^2 is computed by its series with an enclosed remainder. At half this argument the
+subtractions would lose another factor 4 of the precision. At twice this argument the remainder would be 2e-25 instead
+of 3e-29."""
 
 
 class _BallArithmetic:
-    """Balls, and power series of balls for derivatives."""
+    """Arithmetic of balls, and of power series of balls for derivatives."""
 
     precision = 2.0**-PRECISION
     arrays = None
@@ -70,7 +71,7 @@ class _BallArithmetic:
         size = abs(constant(x)).upper() if not isinstance(x, acb) else x.abs_upper()
         if not size < SMALL:
             return (1 - x.sin() / x) / (x * x)
-        # what the series leaves out, its derivative and half its second derivative
+        # the remainder of the series, its derivative and half its second derivative
         rest = [arb(0, 2 * n * (size ** (14 - k)) / factorial(17)) for k, n in enumerate((1, 14, 91))]
         series = sinc_curvature_series(x * x)
         if not isinstance(x, arb_series):
@@ -121,22 +122,25 @@ def constant(x: Number) -> arb:
 
 
 def ball(decimal: float) -> arb:
-    """Return the decimal that a float is written as, enclosed: 0.4 means 2/5."""
+    """Return a ball around the decimal that a float prints as: 0.4 means 2/5."""
     return arb(repr(float(decimal)))
 
 
 def ball_or_inf(decimal: float) -> Number:
-    """Return a ball around the decimal that a float is written as; inf stays a float."""
+    """Return a ball around the decimal that a float prints as; inf stays a float."""
     return decimal if decimal == inf else ball(decimal)
 
 
 def as_series(constant: arb) -> arb_series:
-    """Return a ball as a power series with three terms: a product of two of them is cheaper than one with a ball."""
+    """Return a ball as a power series with three terms.
+
+    Multiplying two of these is faster than multiplying one by a ball.
+    """
     return arb_series([constant], 3)
 
 
 def enclosure_of(x: arb | int) -> Number:
-    """Return a ball as an enclosure in double precision; an integer stays.
+    """Return a ball as an enclosure in double precision. An integer stays an integer.
 
     Parameters
     ----------
@@ -153,12 +157,12 @@ def box(low: float, high: float) -> arb:
 
     Parameters
     ----------
-    low, high : taken as the doubles that they are, not as decimals
+    low, high : ends; the doubles themselves, not the decimals that they print as
 
     Returns
     -------
     arb
-        Rounded outwards.
+        A ball, rounded outwards.
     """
     return arb(low).union(arb(high))
 
@@ -184,7 +188,7 @@ def design_ball(design: Design) -> Design:
 
 
 def design_series(exact: Design) -> Design:
-    """Return a design in balls as one in power series that are constant."""
+    """Return a design in balls as a design in constant power series."""
     gains, coupling = exact.gains, exact.series
     return Design(
         exact.device.converted(as_series),

@@ -1,8 +1,9 @@
-"""Midpoint-radius intervals on NumPy arrays in double precision: many boxes at once, every rounding enclosed.
+"""Midpoint-radius intervals on NumPy arrays in double precision: many boxes at once, with all rounding errors enclosed.
 
 An `Enclosure` holds every number within `rad` of `mid`. IEEE addition, multiplication, division and square root are
-correct to half a unit in the last place; each result's radius grows by a whole one, and by the rounding of the radius
-itself. A result that overflows or divides by 0 gets a radius that is not finite, with which nothing can be proved.
+correct to half a unit in the last place. The radius of each result grows by a whole unit, and by the rounding error of
+the radius itself. A result that overflows or divides by 0 gets a radius that is not finite, with which nothing can be
+proved.
 """
 
 from __future__ import annotations
@@ -20,38 +21,39 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 UNIT = 2.0**-52
-"""Twice the rounding of an operation, relative (IEEE 754, to nearest)."""
+"""Twice the relative rounding error of an operation (IEEE 754, round to nearest)."""
 TINY = 1e-300
-"""More than underflow can take from a sum of products: the least normal number is 2e-308. No quantity of a haptic
-device comes near it, so that half and twice it make no difference."""
+"""Upper bound of the loss of a sum of products by underflow; the least normal number is 2e-308. No quantity of a haptic
+device comes near it, so half and twice this bound make no difference."""
 SWELL = 1 + 2.0**-49
-"""Covers 16 roundings of a radius, each u = 2^-53 of it. A reciprocal's takes most, 7: the difference and the sum of
-size and radius, two quotients, the sum with the value's own rounding, the product with this number, which itself is
-exact, and the sum with `TINY`. A product's takes 6. A sum over the rows of a box has no such count, and is `raised` by
-its number of terms. Half would cover 8, twice widens a radius by 2e-15 of itself."""
+"""Factor that covers 16 roundings of a radius; each rounding is at most u = 2^-53 of the radius. A reciprocal takes the
+most, 7 roundings: the difference and the sum of magnitude and radius, two quotients, the sum with the value's own
+rounding error, the product with this number, which itself is exact, and the sum with `TINY`. A product takes 6. A sum
+over the rows of a box has no fixed count; the function `raised` raises it by its number of terms. Half this factor's
+excess would cover 8 roundings; twice the excess would widen a radius by 2e-15 of itself."""
 
 
 def raised(total: Floats, terms: int) -> Floats:
-    """Return a rounded sum increased so that it is not below the exact sum.
+    """Return a rounded sum, increased so that it is not below the exact sum.
 
-    With u = 2^-53, n terms are summed by n - 1 roundings, and n + 5 more remain for the terms themselves and for this
-    product: (1 - u)^(2n + 4) (1 + 2 (n + 8) u) > 1.
+    With u = 2^-53, summing n terms takes n - 1 roundings. The terms themselves and this product take n + 5 more: (1 -
+    u)^(2n + 4) (1 + 2 (n + 8) u) > 1.
 
     Parameters
     ----------
-    total : the rounded sum of positive numbers, each the result of at most n + 4 operations on positive numbers
-    terms : n, at most a million
+    total : rounded sum of positive numbers, each the result of at most n + 4 operations on positive numbers
+    terms : number n of terms, at most a million
 
     Returns
     -------
     array of float
-        Of the shape of the sum.
+        The result has the shape of the sum.
     """
     return total * (1 + (terms + 8) * UNIT)
 
 
 def _enclosed(mid: Floats, rad: Floats) -> Enclosure:
-    """Return mid, itself rounded, with a radius that is not raised yet."""
+    """Return an enclosure with a rounded middle, and with the radius raised by the rounding errors."""
     return Enclosure(mid, (rad + UNIT * np.abs(mid)) * SWELL + TINY)
 
 
@@ -92,7 +94,7 @@ class Enclosure:
     __radd__, __rmul__ = __add__, __mul__
 
     def _square(self) -> Enclosure:
-        """Return the square, which is nowhere negative."""
+        """Return the square, which is negative nowhere."""
         size = np.abs(self.mid)
         low, high = np.maximum(size - self.rad, 0.0) ** 2, (size + self.rad) ** 2
         return Enclosure(0.5 * (high + low), (0.5 * (high - low) + 4 * UNIT * high) * SWELL + TINY)
@@ -106,7 +108,7 @@ class Enclosure:
         return self.reciprocal() * other if _exact(other) else NotImplemented
 
     def reciprocal(self) -> Enclosure:
-        """Return 1/x; nan if the enclosure contains 0."""
+        """Return 1/x, or nan if the enclosure contains 0."""
         size = np.abs(self.mid)
         gap = np.where(size > self.rad, size - self.rad, np.nan)
         mid = self.mid / gap / (size + self.rad)
@@ -114,17 +116,17 @@ class Enclosure:
         return Enclosure(mid, (rad + 8 * UNIT * np.abs(mid)) * SWELL + TINY)
 
     def sqrt(self) -> Enclosure:
-        """Return the square root of a number that cannot be negative, for any enclosure of it."""
+        """Return the square root of a number that cannot be negative, whatever its enclosure contains."""
         low = np.sqrt(np.maximum(self.mid - self.rad, 0.0))
         high = np.sqrt(self.mid + self.rad)
         return Enclosure(0.5 * (low + high), (0.5 * (high - low) + 4 * UNIT * high) * SWELL + TINY)
 
     def positive(self) -> Flags:
-        """Return where every number enclosed is > 0."""
+        """Return flags of the elements whose enclosed numbers are all > 0."""
         return np.asarray(self.mid > self.rad)
 
     def negative(self) -> Flags:
-        """Return where every number enclosed is < 0."""
+        """Return flags of the elements whose enclosed numbers are all < 0."""
         return np.asarray(self.mid < -np.asarray(self.rad))
 
     def __getitem__(self, at: Any) -> Enclosure:
@@ -144,29 +146,29 @@ def between(low: Any, high: Any) -> Enclosure:
 
     Parameters
     ----------
-    low, high : floats or arrays, low <= high, taken as the doubles that they are
+    low, high : floats or arrays, low <= high; the doubles themselves, not the decimals that they print as
 
     Returns
     -------
     Enclosure
-        Of their common shape.
+        It has their common shape.
     """
     mid = 0.5 * (low + high)
     return Enclosure(mid, np.maximum(high - mid, mid - low) * SWELL)
 
 
 def decimal(x: Any) -> Enclosure:
-    """Return an enclosure of the decimals that floats are written as: 0.4 means 2/5."""
+    """Return an enclosure of the decimals that floats print as: 0.4 means 2/5."""
     return Enclosure(x, UNIT * np.abs(x))
 
 
 def decimal_or_inf(x: float) -> Number:
-    """Return an enclosure of the decimal that a float is written as; inf stays a float."""
+    """Return an enclosure of the decimal that a float prints as; inf stays a float."""
     return x if x == inf else decimal(x)
 
 
 def stacked(numbers: Sequence[Any]) -> Enclosure:
-    """Return numbers as one with another axis in front.
+    """Return numbers as one enclosure with a new first axis.
 
     Parameters
     ----------
@@ -180,7 +182,7 @@ def stacked(numbers: Sequence[Any]) -> Enclosure:
 def matmul(a: Enclosure, b: Enclosure) -> Enclosure:
     """Return enclosures of the matrix products A B, one for each index of the further axes.
 
-    A rounded sum of m products is correct to m units of the sum of their sizes, in any order.
+    A rounded sum of m products is correct to m units of the sum of their magnitudes, in any order.
 
     Parameters
     ----------
@@ -190,11 +192,11 @@ def matmul(a: Enclosure, b: Enclosure) -> Enclosure:
     Returns
     -------
     Enclosure
-        Of shape (n, k, ...).
+        It has shape (n, k, ...).
     """
     size_a, size_b = np.abs(a.mid), np.abs(b.mid)
     rad = _products(size_a, b.rad + len(b.mid) * UNIT * size_b) + _products(a.rad, size_b + b.rad)
-    # a sum of at most 60 products takes some 65 roundings; SWELL covers 16 of them, its eighth power 128
+    # a sum of at most 60 products takes some 65 roundings; SWELL covers 16 roundings, its eighth power 128
     return Enclosure(_products(a.mid, b.mid), rad * SWELL**8 + TINY)
 
 
@@ -213,6 +215,6 @@ def selected(where: Flags, yes: Enclosure, no: Enclosure) -> Enclosure:
     Returns
     -------
     Enclosure
-        Of their common shape.
+        It has their common shape.
     """
     return Enclosure(np.where(where, yes.mid, no.mid), np.where(where, yes.rad, no.rad))

@@ -1,8 +1,8 @@
-"""The least value of polynomials of order two over their boxes, from below.
+"""Lower bounds of polynomials of order two over their boxes.
 
 For any y, with S positive semidefinite, e'S e >= 2 y'S e - y'S y: the tangent at y bounds a convex polynomial from
-below, and over a box a tangent is least at a corner. At the y of the least value the bound is exact (Boyd and
-Vandenberghe 2004, section 5). The part of e'H e that is not convex enters by its size.
+below. Over a box a tangent is least at a corner. With the y at the minimum the bound is exact (Boyd and Vandenberghe
+2004, section 5). The part of e'H e that is not convex enters with its magnitude.
 """
 
 from __future__ import annotations
@@ -15,25 +15,26 @@ from vctune.proof.enclosures.array_intervals import Floats
 from vctune.proof.enclosures.taylor import Taylor
 
 SWEEPS = 4
-"""Number of times that each row of y is moved to its best place. Half and twice take as many boxes within a
-hundredth."""
+"""Number of times that each row of y is moved to its best place. Half and twice as many need the same number of boxes
+to within a hundredth."""
 ROUNDING = 2.0**-43
-"""Rounding of a bound, relative to the sizes in its sum: 1024 u, u = 2^-53. For 14 rows a product of matrices, or of a
-matrix and a vector, takes 14 roundings, as does a sum over rows. There are two of the former and eight of the latter;
-with the sum of 120 coefficients and a dozen operations beside they are 272. A remainder is not among these sizes: where
-it is the greater, nothing is proved. Half would suffice; twice widens nothing that matters."""
+"""Rounding error of a bound, relative to the magnitudes in its sum: 1024 u with u = 2^-53. For 14 rows, a product of
+two matrices or of a matrix and a vector takes 14 roundings, and so does a sum over rows. There are two of the former
+and eight of the latter. With the sum of 120 coefficients and a dozen further operations, the count is 272. A remainder
+is not among these magnitudes: where it is the greater, nothing is proved. Half this number would suffice; twice it
+widens nothing that matters."""
 
 
 @dataclass(frozen=True, slots=True)
 class LowerBound:
-    """A bound for each of n boxes.
+    """A lower bound for each of n boxes.
 
     Attributes
     ----------
-    bound : no value in the box is below it; -inf if there is no bound
-    estimate : about the value at `at`
-    at : place of the approximate minimum, each row between -1 and 1, shape (k, n)
-    cost : loss of the bound by each row, shape (k, n)
+    bound : no value in the box is below it; -inf without a bound
+    estimate : approximate value at `at`
+    at : approximate position of the minimum, each row between -1 and 1, shape (k, n)
+    cost : loss of the bound due to each row, shape (k, n)
     """
 
     bound: Floats
@@ -47,7 +48,7 @@ def least_over_boxes(number: Taylor) -> LowerBound:
 
     Parameters
     ----------
-    number : of n boxes
+    number : number over n boxes
     """
     k, poly = number.rows, number.poly
     known = np.isfinite(poly).all(axis=0) & np.isfinite(number.rest).all(axis=0)
@@ -73,7 +74,7 @@ def least_over_boxes(number: Taylor) -> LowerBound:
 
 
 def _nearly_least(slopes: Floats, convex: Floats) -> Floats:
-    """Return about where g.e + e'S e is least, moving row by row."""
+    """Return the approximate position at which g.e + e'S e is least, found row by row."""
     at, moved = np.zeros_like(slopes), np.zeros_like(slopes)
     for _ in range(SWEEPS):
         for row, own in enumerate(np.einsum("iin->in", convex)):

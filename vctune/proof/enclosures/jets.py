@@ -1,4 +1,4 @@
-"""Enclosures with their derivatives, and the elementary functions of both: the arithmetic of proofs on arrays."""
+"""Enclosures with derivatives, and the elementary functions of both: the arithmetic of proofs on arrays."""
 
 from __future__ import annotations
 
@@ -15,43 +15,44 @@ from vctune.proof.enclosures.array_intervals import TINY, UNIT, Enclosure, betwe
 LIBRARY_ERROR = 8 * UNIT
 """Bound on the error of NumPy's sin, cos, exp and expm1 in double precision: 8 units in the last place.
 
-Errors of exp and expm1 are relative to the value, of sin and cos to 1, and of sin to the value too for |x| < 1, where
-sinc divides by x. Next to other zeros the reduction of the argument only has to be correct.
+Errors of exp and expm1 are relative to the value, errors of sin and cos to 1. For |x| < 1, where sinc divides by x, the
+error of sin is also relative to the value. Near other zeros only the reduction of the argument must be correct.
 
-NumPy evaluates them by the C library, or by Intel's SVML on processors with AVX-512. The GNU C library states 1 unit
-for each of them ("Known Maximum Errors in Math Functions" of its manual), 2 for its vector variants; NumPy states at
-most 4 for SVML (numpy/numpy, pull request 19478), below 1 for the high-accuracy variants that replaced them (24006),
-and its own tests require 1 (umath-validation-set-*.csv). Eight are twice the worst of these. These are measurements of
-others, not theorems: `tests/proof/test_enclosures.py` measures on the machine at hand, against 60 digits and more. Half
-would be the worst that is stated, without reserve; twice widens what has no width by 2e-15.
+NumPy evaluates these functions by the C library, or by Intel's SVML on processors with AVX-512. The GNU C library
+states 1 unit for each of them ("Known Maximum Errors in Math Functions" in its manual) and 2 units for its vector
+variants. NumPy states at most 4 for SVML (numpy/numpy, pull request 19478), less than 1 for the high-accuracy variants
+that replaced them (24006), and its own tests require 1 (umath-validation-set-*.csv). Eight units are twice the worst of
+these. These numbers are measurements by others, not theorems. Therefore `tests/proof/test_enclosures.py` measures the
+errors on the machine at hand against 60 digits and more. Half this bound would be the worst stated error, without
+reserve; twice it widens a point by 2e-15.
 """
 PHI_ERROR = 1e-13
-"""Bound on the relative error of `FLOATS.phi_1`, `phi_2` and `sinc_curvature` for 0 <= x <= 1e100; a problem file has
-b T/m <= 1e60.
+"""Bound on the relative error of `FLOATS.phi_1`, `phi_2` and `sinc_curvature` for 0 <= x <= 1e100. In a problem file, b
+T/m <= 1e60.
 
-With u = 2^-53 and expm1 right to 16 u (`LIBRARY_ERROR`): phi_1 = -expm1(-x)/x adds one division, 17 u = 2e-15. phi_2 =
-(x + expm1(-x))/x^2 for x >= c = `SERIES_BELOW`: an error of 16 u (1 - e^-x) in the numerator x^2 phi_2 is 16 u phi_1/(x
-phi_2) relative to it. The quotient falls with x and is 39.7 at c: 7.1e-14, and 3 u for the operations. Below c the
-series of eight terms leaves out less than x^8/10!, 1e-17, of at least 0.49, and Horner's rule adds 3 u. sinc_curvature
-for x >= c = `CURVATURE_BELOW`: the quotient sin(x)/x is right to 17 u, so that 1 - sinc x >= 0.041 is to 18 u/0.041,
-4.9e-14; below c its series is as that of phi_2. If an argument is itself rounded, by u, so are phi_1 and phi_2, for |x
-phi'| <= phi; and e^-x by x u, 8e-14 until it underflows. Half is not proved by this; twice widens an enclosure of width
-2e-13 by as much again.
+Let u = 2^-53, and let expm1 be correct to 16 u (`LIBRARY_ERROR`). phi_1 = -expm1(-x)/x adds one division: 17 u = 2e-15.
+For x >= c = `SERIES_BELOW`, phi_2 = (x + expm1(-x))/x^2. An error of 16 u (1 - e^-x) in the numerator x^2 phi_2 is 16 u
+phi_1/(x phi_2) relative to it. This quotient falls with x and is 39.7 at c: 7.1e-14, plus 3 u for the operations. Below
+c the series of eight terms omits less than x^8/10!, which is 1e-17, of at least 0.49, and Horner's rule adds 3 u. For x
+>= c = `CURVATURE_BELOW`, sin(x)/x is correct to 17 u, so that 1 - sinc x >= 0.041 is correct to 18 u/0.041, 4.9e-14.
+Below c the series of sinc_curvature behaves like that of phi_2. If an argument is itself rounded by u, phi_1 and phi_2
+change by at most u, since |x phi'| <= phi, and e^-x changes by x u, 8e-14 until it underflows. Half this bound is not
+proved by this argument; twice it widens an enclosure of width 2e-13 by as much again.
 """
 EXPONENT_ERROR = 1e-12
-"""Bound on the relative error of exp of a sum that is rounded, short of overflow: 710 u of the sum's rounding and 16 u
-of exp are 8e-14. Half would do, twice as well: it is for radii above 1."""
+"""Bound on the relative error of exp of a rounded sum, short of overflow. The sum's rounding contributes 710 u and exp
+16 u, together 8e-14. Half the bound would suffice, and twice it works as well, because it applies to radii above 1."""
 SMALL = 0.5
-"""Below it the derivative of sinc is enclosed by its series. With half, the quotient (cos x - sinc x)/x, whose rounding
-is divided by x, is used down to there. With twice, the series' second term, enclosed from 0 to x^2/10, loses 10 % of
-the first."""
+"""Argument below which the derivative of sinc is enclosed by its series. At half this argument, the quotient (cos x -
+sinc x)/x, whose rounding error is divided by x, would be used down to there. At twice this argument, the series' second
+term, enclosed from 0 to x^2/10, would lose 10 % of the first."""
 
 Slopes = tuple[Enclosure | None, ...]
 Table = tuple[tuple[float, float], ...]
 
 
 class Jet:
-    """A number that depends on several variables: an enclosure of its values and of each derivative.
+    """A number that depends on several variables: an enclosure of its values and of each of its derivatives.
 
     Attributes
     ----------
@@ -110,24 +111,25 @@ class Jet:
         Returns
         -------
         Jet
-            With the value and the slopes f' times those of x.
+            Its value, and the slopes of x times f'.
         """
         return Jet(value, _scaled(self.slopes, derivative))
 
 
 def variables(values: Sequence[Enclosure], varied: Sequence[bool]) -> list[Enclosure | Jet]:
-    """Return the variables of a box as jets, each with slope 1 in itself and 0 in the others.
+    """Return the variables of a box as jets. Each has slope 1 in itself and 0 in the others.
 
     Parameters
     ----------
     values : enclosures of n variables
-    varied : for each, whether it varies over some box
+    varied : for each variable, whether it varies over some box
 
     Returns
     -------
     list of Enclosure or Jet
-        n numbers. A jet has one slope for each variable that varies, in order. A variable that does not vary stays
-        plain.
+        n numbers. A jet has one slope for each variable that varies, in their order. A variable that does not vary
+        stays an
+            enclosure.
     """
     order = {index: place for place, index in enumerate(i for i, varies in enumerate(varied) if varies)}
     one = Enclosure(1.0)
@@ -162,8 +164,8 @@ def _cos(x: Enclosure) -> Enclosure:
 def _sinc(x: Enclosure) -> Enclosure:
     """Return sin(x)/x.
 
-    Its derivative is at most |x|/3 and at most 1/2, its second derivative at most 1/3 and at most
-    1/|x| + 2/x^2 + 2/|x|^3.
+    Its derivative is at most |x|/3 and at most 1/2, its second derivative at most 1/3 and at most 1/|x| + 2/x^2 +
+    2/|x|^3.
     """
     size, least = np.abs(x.mid), np.maximum(np.abs(x.mid) - x.rad, 1.0)
     value = FLOATS.sinc(x.mid)
@@ -182,7 +184,7 @@ def _sinc_slope(x: Enclosure) -> Enclosure:
 
 
 def _curvature(x: Enclosure) -> Enclosure:
-    """Return (1 - sinc x)/x^2, which falls for x >= 0: x sinc' + 2 (1 - sinc x) > 0."""
+    """Return (1 - sinc x)/x^2. It falls for x >= 0, because x sinc' + 2 (1 - sinc x) > 0."""
     return _falling(FLOATS.sinc_curvature, x)
 
 
@@ -195,7 +197,7 @@ def _curvature_slope(x: Enclosure) -> Enclosure:
 
 
 class _EnclosureArithmetic:
-    """Enclosures, and jets of enclosures for derivatives."""
+    """Arithmetic of enclosures, and of jets for derivatives."""
 
     pi = Enclosure(np.pi, UNIT * np.pi)
     precision = UNIT
@@ -274,7 +276,7 @@ class _EnclosureArithmetic:
             return x.mapped(value, value)
         mid = np.exp(x.mid)
         rad = (mid + TINY) * (np.expm1(x.rad) + LIBRARY_ERROR) * (1 + LIBRARY_ERROR) + TINY
-        greatest = np.exp(x.mid + x.rad) * (1 + EXPONENT_ERROR) + TINY  # expm1 of a great radius overflows
+        greatest = np.exp(x.mid + x.rad) * (1 + EXPONENT_ERROR) + TINY  # expm1 of a large radius overflows
         return Enclosure(mid, np.where(np.asarray(x.rad) < 1, rad, greatest))
 
     @staticmethod
@@ -295,7 +297,7 @@ class _EnclosureArithmetic:
 
     @staticmethod
     def phi_1(x: Number) -> Number:
-        """Its derivative is minus the mean of t e^-xt over 0 <= t <= 1: its distance above `phi_2`."""
+        """Return phi_1. Its derivative is minus the mean of t e^-xt over 0 <= t <= 1, which is `phi_2` minus phi_1."""
         if not isinstance(x, Jet):
             return _falling(FLOATS.phi_1, x)
         mean = _falling(FLOATS.phi_1, x.value)
@@ -303,7 +305,10 @@ class _EnclosureArithmetic:
 
     @staticmethod
     def phi_2(x: Number) -> Number:
-        """Its derivative is minus the mean of t (1 - t) e^-xt over 0 <= t <= 1: between -1/6 and -e^-x/6."""
+        """Return phi_2.
+
+        Its derivative is minus the mean of t (1 - t) e^-xt over 0 <= t <= 1, between -1/6 and -e^-x/6.
+        """
         if not isinstance(x, Jet):
             return _falling(FLOATS.phi_2, x)
         least = np.exp(-(x.value.mid + x.value.rad)) * (1 - PHI_ERROR)
@@ -342,10 +347,10 @@ ENCLOSURES: ArrayArithmetic = _EnclosureArithmetic()
 
 
 def reciprocal_over(re: Enclosure, im: Enclosure) -> tuple[Enclosure, Enclosure]:
-    """Return 1/x of complex numbers x, as tight as x is relative to its size.
+    """Return 1/x of complex numbers x. The result is as tight as x is relative to its magnitude.
 
-    With x = (1 + e)/c and any number c, |1/x - c| is |c e/(1 + e)|. By the conjugate over the square 1/x would be as
-    wide as three numbers that have nothing to do with each other.
+    With x = (1 + e)/c and any number c, |1/x - c| is |c e/(1 + e)|. The conjugate divided by the squared modulus would
+    be as wide as three independent numbers.
 
     Parameters
     ----------
@@ -354,7 +359,7 @@ def reciprocal_over(re: Enclosure, im: Enclosure) -> tuple[Enclosure, Enclosure]
     Returns
     -------
     tuple of two Enclosures
-        Of both parts; nan where x may be 0.
+        Enclosures of both parts; nan where x may be 0.
     """
     a, b = by_conjugate(*(np.asarray(part.mid, float) for part in (re, im)))
     one, other = Enclosure(a), Enclosure(b)
@@ -365,19 +370,19 @@ def reciprocal_over(re: Enclosure, im: Enclosure) -> tuple[Enclosure, Enclosure]
 
 
 def interpolated_over(x: Enclosure, table: Table) -> Enclosure:
-    """Return an enclosure of a table's values over x, linear in log value over log x.
+    """Return an enclosure of a table's values over x, interpolated linearly in the logarithms of both.
 
     The least and the greatest value lie at an end of x or at a point of the table.
 
     Parameters
     ----------
     x : enclosure of positive numbers
-    table : points (x, value), both > 0, increasing in x; the value is constant beyond the first and the last point
+    table : points (x, value), both > 0, increasing in x; the value is constant outside the first and the last point
 
     Returns
     -------
     Enclosure
-        In the unit of the table's values.
+        It has the unit of the table's values.
     """
     low, high = np.maximum(x.mid - x.rad, TINY), x.mid + x.rad
     ends = [FLOATS.interpolated(edge, table) for edge in (low, high)]
@@ -390,7 +395,7 @@ def interpolated_over(x: Enclosure, table: Table) -> Enclosure:
 
 
 def _exponents(x: Enclosure, table: Table) -> Enclosure:
-    """Return the slopes of a table on logarithmic axes for any x: they bound its rise, for it has no jumps."""
+    """Return the slopes of a table on logarithmic axes over x. They bound its rise, because the table is continuous."""
     low, high = x.mid - x.rad, x.mid + x.rad
     edges = [0.0, *(at for at, _ in table), np.inf]
     slopes = [0.0, *(np.log(d / b) / np.log(c / a) for (a, b), (c, d) in pairwise(table)), 0.0]
@@ -405,18 +410,18 @@ def _exponents(x: Enclosure, table: Table) -> Enclosure:
 
 
 def _beyond(x: Enclosure, table: Table) -> NDArray[np.bool_]:
-    """Return where x is certainly outside a table, including 0."""
+    """Return where x certainly lies outside a table; this includes x = 0."""
     first, last = table[0][0] * (1 - PHI_ERROR), table[-1][0] * (1 + PHI_ERROR)
     return np.asarray((x.mid + x.rad < first) | (x.mid - x.rad > last))
 
 
 def _cosine(x: Enclosure) -> Enclosure:
-    """Return numbers known to lie in [-1, 1] clipped to it; all of [-1, 1] if nothing else is known."""
+    """Return numbers in [-1, 1] clipped to that range; all of [-1, 1] where nothing else is known."""
     return between(np.fmax(x.mid - x.rad, -1.0), np.fmin(x.mid + x.rad, 1.0))
 
 
 def _falling(f: Callable[[Any], Any], x: Enclosure) -> Enclosure:
-    """Return a positive function that falls for x >= 0 from its values at the ends."""
+    """Return an enclosure of a positive function that falls for x >= 0, from its values at the ends."""
     low, high = np.maximum(x.mid - x.rad, 0.0), x.mid + x.rad
     return between(f(np.asarray(high)) * (1 - PHI_ERROR), f(np.asarray(low)) * (1 + PHI_ERROR))
 

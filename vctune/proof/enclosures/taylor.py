@@ -1,8 +1,9 @@
-"""Polynomials of order two in a box's rows with enclosed remainders: many boxes at once.
+"""Polynomials of order two in the rows of a box, with enclosed remainders, for many boxes at once.
 
-A `Taylor` is a number as a polynomial in e_1 ... e_k, each between -1 and 1: the rows of a box from one end to the
-other. A radius holds all that is of higher order and every rounding (Taylor models: Makino and Berz 2003). Unlike the
-slopes of a jet it shows how rows act together: at a resonance mass and stiffness may change much, if only both do.
+A `Taylor` is a number as a polynomial in e_1 ... e_k, each between -1 and 1. Each e_i runs from one end of a row of the
+box to the other. A radius holds all terms of higher order and every rounding error (Taylor models: Makino and Berz
+2003). Unlike the slopes of a jet, the polynomial shows how rows act together: at a resonance, mass and stiffness may
+vary much as long as they vary together.
 """
 
 from __future__ import annotations
@@ -16,26 +17,28 @@ import numpy as np
 from vctune.proof.enclosures.array_intervals import TINY, UNIT, Enclosure, Floats
 
 SWOLLEN = 1 + 2.0**-44
-"""Covers 512 roundings of a radius, each u = 2^-53 of it. For 14 rows and matrices of 8 the rest of a product takes
-most: 105 coefficients of order two by rows, 14 rows, 2 for the constant, 15 rests, 8 products added up, and 8 more:
-152. Half would cover 256; twice widens a radius by 1e-13 of itself."""
+"""Factor that covers 512 roundings of a radius; each rounding is at most u = 2^-53 of the radius. The remainder of a
+product needs the most roundings. For 14 rows and 8-by-8 matrices there are 152: 105 for the coefficients of order two,
+14 for the rows, 2 for the constant, 15 for the remainders, 8 for the sum of the products, and 8 more. Half this
+factor's excess would cover 256; twice the excess would widen a radius by 1e-13 of itself."""
 HIGHER_ERROR = 1e-13
-"""Bound on the relative rounding of f' and f''/2: 900 units of u = 2^-53. For a reciprocal 1/m, rounded once, f''/2
-takes most: three times that, and 2 for a library's cube make 5; f' takes 3, two of them from 1/m. For a root f''/2
-takes 3: the root, its product with m, and the quotient. The errors of a library's exp, sin and cos are in `error`, and
-so are all of sinc, whose slopes cancel. Half would do; twice is as well."""
+"""Bound on the relative rounding error of f' and f''/2: 900 u with u = 2^-53. For a reciprocal 1/m, which is rounded
+once, f''/2 needs the most roundings: three for the cube of 1/m, and 2 for the library's cube. f' needs 3, two of them
+from 1/m. For a square root, f''/2 takes 3: the root, its product with m, and the quotient. The parameter `error` holds
+the errors of a library's exp, sin and cos, and all errors of sinc, whose slopes cancel. Half this bound would suffice;
+twice it works as well."""
 
 Times = Callable[[Floats, Floats], Floats]
 
 
 class Taylor:
-    """A number over boxes of k rows, or a matrix of them.
+    """A number, or a matrix of numbers, over boxes of k rows.
 
     Attributes
     ----------
-    rows : k
+    rows : number k of rows
     poly : coefficients of 1, of each e_i and of each e_i e_j, i <= j; shape (1 + k + k (k + 1)/2, ..., n)
-    rest : radius of the remainder, by the row that causes it, and last that of rounding; shape (k + 1, ..., n)
+    rest : radius of the remainder by the row that causes it, and last the radius of rounding; shape (k + 1, ..., n)
     """
 
     __slots__ = ("_sizes", "poly", "rest", "rows")
@@ -49,7 +52,7 @@ class Taylor:
 
     @property
     def sizes(self) -> _Sizes:
-        """How large its parts are."""
+        """The magnitudes of the number's parts."""
         if self._sizes is None:
             self._sizes = _Sizes(self)
         return self._sizes
@@ -101,16 +104,16 @@ class Taylor:
         return Taylor(self.rows, self.poly[..., at], self.rest[..., at])
 
     def matmul(self, other: Taylor) -> Taylor:
-        """Return the products of matrices whose rows and columns are the first two axes."""
+        """Return the matrix products over the first two axes, which are rows and columns."""
         return _product(self, other, _matrices, self.poly.shape[2])
 
     def enclosed(self) -> Enclosure:
-        """Return all its values."""
+        """Return an enclosure of all its values."""
         rad = self.sizes.slope + self.sizes.curve + self.rest.sum(axis=0)
         return Enclosure(self.poly[0], rad * SWOLLEN)
 
     def reciprocal(self) -> Taylor:
-        """Return 1/x; unbounded where x may be 0."""
+        """Return 1/x; it is unbounded where x may be 0."""
         gap = np.abs(self.poly[0]) - self.enclosed().rad
         one, least = 1 / self.poly[0], np.where(gap > 0, gap, np.nan)
         # 1/(m + e) = 1/m - e/m^2 + e^2/m^3 - e^3/(m^3 (m + e))
@@ -122,14 +125,14 @@ class Taylor:
         Parameters
         ----------
         series : f, f' and f''/2 at the middle of x
-        third : bound of |f'''| over all values of x, or of six times what is left out over the cube of e
-        error : absolute rounding error of the three numbers of `series`; the latter two may be off by `HIGHER_ERROR`
-            relatively, too
+        third : bound of |f'''| over all values of x, or of six times the omitted terms divided by the cube of e
+        error : absolute rounding error of the three numbers of `series`; f' and f''/2 may also have the relative error
+            `HIGHER_ERROR`
 
         Returns
         -------
         Taylor
-            Of the same boxes.
+            A number over the same boxes.
         """
         value, first, second = series
         poly = self.poly.copy()
@@ -147,12 +150,12 @@ class Taylor:
 
 
 class _Sizes:
-    """How large the parts of a number are.
+    """The magnitudes of a number's parts.
 
     Attributes
     ----------
-    linear, quad : of e_i, and of e_i e_j by halves, for each row
-    slope, curve, known : of all e_i, all e_i e_j, and these with the constant
+    linear, quad : magnitude of the e_i terms, and half the magnitude of the e_i e_j terms, for each row
+    slope, curve, known : magnitude of all e_i terms, of all e_i e_j terms, and of both with the constant
     """
 
     __slots__ = ("curve", "known", "linear", "quad", "slope")
@@ -167,7 +170,8 @@ class _Sizes:
 
 @cache
 def _halves(rows: int) -> Floats:
-    """Return of each e_i e_j, i <= j, half for row i and half for row j, shape (rows, number of these)."""
+    """Return weights that give half of each e_i e_j, i <= j, to row i and half to row j, shape (rows, number of
+    pairs)."""
     halves, pairs = np.zeros((rows, rows * (rows + 1) // 2)), np.triu_indices(rows)
     for row in pairs:
         np.add.at(halves, (row, np.arange(halves.shape[1])), 0.5)
@@ -180,7 +184,7 @@ def variables(rows: Sequence[Enclosure], varied: Sequence[bool]) -> list[Taylor 
     Parameters
     ----------
     rows : enclosures of each row's interval, for n boxes
-    varied : for each row, whether it varies over some box; k rows do
+    varied : for each row, whether it varies over some box; k rows vary
 
     Returns
     -------
@@ -200,11 +204,11 @@ def variables(rows: Sequence[Enclosure], varied: Sequence[bool]) -> list[Taylor 
 
 
 def stacked(numbers: Sequence[Any]) -> Taylor:
-    """Return numbers as one with another axis in front.
+    """Return numbers as one with a new first axis.
 
     Parameters
     ----------
-    numbers : at least one `Taylor`; enclosures and plain numbers
+    numbers : at least one `Taylor`; the others may be enclosures or plain numbers
     """
     one = next(x for x in numbers if isinstance(x, Taylor))
     poly, rest = (np.zeros((len(part), len(numbers), *part.shape[1:])) for part in (one.poly, one.rest))
@@ -225,7 +229,7 @@ def _product(a: Taylor, b: Taylor, times: Times, terms: int) -> Taylor:
 
     Parameters
     ----------
-    times : product of arrays of numbers or matrices; one, or both, may have another axis in front
+    times : function that multiplies arrays of numbers or matrices; one array, or both, may have a further first axis
     terms : number of products in the sum
     """
     k, A, B = a.rows, a.sizes, b.sizes

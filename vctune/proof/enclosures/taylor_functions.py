@@ -1,4 +1,4 @@
-"""The elementary functions of `Taylor`s over many boxes, and of enclosures that do not depend on a row."""
+"""The elementary functions of `Taylor` numbers over many boxes, and of enclosures that depend on no row."""
 
 from __future__ import annotations
 
@@ -14,18 +14,19 @@ from vctune.proof.enclosures.jets import ENCLOSURES, LIBRARY_ERROR, Table
 from vctune.proof.enclosures.taylor import SWOLLEN, Taylor, stacked
 
 SINC_TERMS = 12
-"""Terms of the series of sinc' and sinc'' below 1; their remainder is below 1e-20. Half leave 1e-9; twice are no
-better."""
+"""Number of terms in the series of sinc' and sinc'' below 1, with a remainder below 1e-20. Half as many terms leave
+1e-9; twice as many are no better."""
 ASTRIDE = 1e-12
-"""By how much, relative, an interval may reach over a point of a table and still count as on one side of it: next to
-that point both powers are the same up to `POWER_ERROR`. Half and twice it: no box is cut nearer than a rounding."""
+"""Relative amount by which an interval may extend past a point of a table and still count as on one side of it. Next to
+that point both powers agree up to `POWER_ERROR`. Half and twice this amount change nothing, since no box is cut closer
+than a rounding error."""
 POWER_ERROR = 8e-12
 """Bound on the relative error of a table's power and of its value, for each unit of the power and of the logarithm
-between two points: roundings and `ASTRIDE`. Half would do, twice as well."""
+between two points. It covers roundings and `ASTRIDE`. Half the bound would suffice, and twice it works as well."""
 
 
 def _sinc(x: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return sin(x)/x, its derivative and half of the second one."""
+    """Return sin(x)/x, its derivative, and half of its second derivative."""
     small = np.abs(x) < 1
     far, near = np.where(small, 1.0, x), np.where(small, x, 0.0)
     first = (np.cos(far) - np.sin(far) / far) / far
@@ -41,9 +42,10 @@ def _ranged(x: Number) -> Number:
 
 
 def _narrower(x: Taylor, over: Enclosure, of: Taylor) -> Taylor:
-    """Return a number where something is known of it and less is left out than its range is wide, else that range.
+    """Return a number where its remainder is less than the width of its range; elsewhere return an enclosure of that
+    range.
 
-    The range is due to the rows that what it is a function of varies with.
+    The enclosure attributes its width to the rows with which the argument of the number varies.
     """
     known = x.rest.sum(axis=0) <= over.rad
     shares = of.sizes.linear + of.sizes.quad + of.rest[:-1]
@@ -72,7 +74,7 @@ def _reciprocal(re: Number, im: Number) -> tuple[Taylor, Taylor]:
 
 
 def _power(x: Taylor, table: Table) -> Taylor:
-    """Return a table's values over x by the power of x that it is there; nothing is known at more than one power."""
+    """Return a table's values over x by the power of x between two points; unbounded where x spans several powers."""
     mid, over = x.poly[0], x.enclosed()
     edges = np.array([at for at, _ in table])
     powers = np.array([0.0, *(log(d / b) / log(c / a) for (a, b), (c, d) in pairwise(table)), 0.0])
@@ -89,7 +91,7 @@ def _power(x: Taylor, table: Table) -> Taylor:
 
 
 class _TaylorArithmetic:
-    """Rare operations of a loop, evaluated on all values of a number without its dependence on others."""
+    """Operations that a loop rarely needs, evaluated on all values of a number without its dependence on the rows."""
 
     pi = ENCLOSURES.pi
     precision = UNIT
@@ -143,7 +145,7 @@ class _TaylorArithmetic:
 
     @staticmethod
     def sinc(x: Number) -> Number:
-        """sinc is the mean of cos(t x) over 0 <= t <= 1, so that |sinc'''| is at most 1/4."""
+        """Return sinc x. It is the mean of cos(t x) over 0 <= t <= 1, so that |sinc'''| is at most 1/4."""
         return x.mapped(_sinc(x.poly[0]), 0.25, 8 * LIBRARY_ERROR) if isinstance(x, Taylor) else ENCLOSURES.sinc(x)
 
     @staticmethod

@@ -1,1 +1,1 @@
-"""Intervals and boxes, halved until each is decided."""
+"""The prover: it halves intervals and boxes until each is decided."""

@@ -9,33 +9,33 @@ from math import pi, sqrt
 from vctune.running import OutOfTimeError
 
 FINEST_STEP = 1e-6
-"""Relative distance at which the extension of a proved band ends, before it is moved to an edge of few digits. Half and
-twice it are a step, and end at the same edge."""
+"""Relative step at which the extension of a proved band ends, before the edge is rounded to few digits. Half and twice
+this step end at the same edge."""
 EDGE_DIGITS = 5
-"""Digits of an edge, Hz, beyond the requested band: all that are shown, ten times as coarse as the steps at least."""
+"""Digits of an edge in Hz outside the required band. All of them are displayed, and they are at least ten times as
+coarse as the steps."""
 BEYOND = 1e-12
-"""Relative amount by which an edge in rad/s is beyond its decimals in hertz: more than the rounding of 2 pi f."""
+"""Relative amount by which an edge in rad/s exceeds its decimals in hertz: more than the rounding error of 2 pi f."""
 
 
 def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float) -> float:
     """Return the farthest point from an edge towards a goal up to which a proof holds.
 
-    The result has `EDGE_DIGITS` digits in hertz. Searches that reach the same edge by different steps therefore return
-    the same number.
+    The result has `EDGE_DIGITS` digits in hertz, so that searches with different steps return the same number.
 
     Parameters
     ----------
-    holds : whether the proof holds between two frequencies in rad/s, the lower one first
+    holds : function that returns whether the proof holds between two frequencies in rad/s, the lower one first
     edge : current end of the proved band, rad/s, > 0
     goal : end of the search, rad/s, > 0; above or below the edge
 
     Returns
     -------
     float
-        rad/s, from edge to goal; everything between it and the edge is proved. The time limit leaves the edge nearer.
+        rad/s, between edge and goal; everything between it and the edge is proved. A time limit gives a nearer point.
     """
     down, start = goal < edge, edge
-    step, held = 4.0, True  # a ratio; squared after a second success, its root taken after a failure
+    step, held = 4.0, True  # a ratio: squared after a second success, replaced by its root after a failure
     try:
         while step - 1 > FINEST_STEP and edge != goal:
             ahead = max(goal, edge / step) if down else min(goal, edge * step)
@@ -49,7 +49,7 @@ def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float)
 
 
 def _decimal_edge(holds: Callable[[float, float], bool], edge: float, start: float, goal: float) -> float:
-    """Return the farthest edge of `EDGE_DIGITS` in hertz that is proved, next to one that is, rad/s."""
+    """Return the farthest proved edge with `EDGE_DIGITS` digits in hertz, near a proved edge, rad/s."""
     away = -1 if goal < start else 1
     inner, place = _rounded(Decimal(edge / (2 * pi)), away)
     for decimals in (inner + away * place, inner, inner - away * place):

@@ -1,4 +1,4 @@
-"""Tests of many cells over a band of frequency; a test that fails halves the band."""
+"""Tests of many cells over a band of frequencies. A test that fails halves the interval."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from vctune.proof.engine.boxes import Boxes, Cells, band_of, over_cells
 from vctune.proof.engine.branching import Proofs, Test, prove
 
 STEP = 1.4
-"""Ratio of the edges of the first intervals. Its square root takes 60 % more boxes, its square 16 % fewer; a cell that
-is nearly blurred is proved by the one and not the other."""
+"""Ratio of the edges of the first intervals. Its square root takes 60 % more boxes, its square 16 % fewer. Of the cells
+whose margin is nearly blurred, one ratio proves some and the other does not."""
 HALVINGS = 24
-"""Greatest number of halvings of an interval of frequency for a single design: to 2e-8 of it, where an optimal design
-touches its constraint. Half and twice as often prove the same designs around those of problems/."""
+"""Greatest number of halvings of an interval of frequency for a single design. They reach 2e-8 of the interval, where
+an optimal design touches its constraint. Half and twice as many prove the same designs around those of problems/."""
 CELL_HALVINGS = 10
-"""The same for a cell, whose own size soon blurs a curve more than the interval does. Half as often leaves cells open,
-up to half of those near the edge of the feasible ones; twice as often proves no more."""
+"""Greatest number of halvings for a cell, whose own size soon blurs a curve more than the interval does. Half as many
+leave cells open, up to half of those near the edge of the feasible ones; twice as many prove no more."""
 MAX_BOXES = 4_000
-"""Boxes of a cell that are evaluated for one claim before it is left open; most take some hundred. Half and twice as
-many prove the same cells."""
+"""Number of boxes for one claim after which a cell stays open; most cells take some hundred. Half and twice as many
+prove the same cells."""
 
 
 def cells_over_band(
@@ -31,20 +31,21 @@ def cells_over_band(
     *,
     in_parts: bool = False,
 ) -> Proofs:
-    """Prove a test for cells over a band, from intervals of the ratio `STEP` on.
+    """Prove a test for cells over a band, beginning with intervals of the ratio `STEP`.
 
     Parameters
     ----------
-    test : test of boxes of frequency and cell
+    test : test of boxes with rows for frequency and cell
     cells : n cells of designs
     low, high : edges of the band, in the test's unit of frequency
-    measure : number that is summed over the proved boxes of a cell, such as the angle of a turn; None for none
-    in_parts : whether to halve the cells too, beside the frequency, each interval's in its own way
+    measure : function of boxes that is summed over the proved boxes of a cell, such as the angle of a turn; None for no
+        sum
+    in_parts : whether to halve the cells as well as the frequency, in each interval separately
 
     Returns
     -------
     Proofs
-        For each of the n cells.
+        The result for each of the n cells.
     """
     return prove(
         test,
@@ -58,16 +59,16 @@ def cells_over_band(
 
 
 def halved_rows(cells: Cells, rows: int) -> tuple[bool, ...]:
-    """Return which rows of boxes may be halved: all but those of the cell.
+    """Return which rows of boxes may be halved: all except those of the cell.
 
     Parameters
     ----------
     cells : cells, whose keys are the last rows
-    rows : number of rows before them, those of frequency and hand
+    rows : number of rows before them, for frequency and hand
 
     Returns
     -------
     tuple of bool
-        One for each row.
+        One bool for each row.
     """
     return (*[True] * rows, *[False] * len(cells.keys))

@@ -1,8 +1,8 @@
-"""Tests of boxes: that a margin is positive throughout, that a curve misses 0.
+"""Tests of boxes: that a margin is positive throughout, or that a curve misses 0.
 
-The test bounds a margin from below by its value at one point of the box: the middle in those rows in which the margin
-may both rise and fall, which costs their slope times their half-width, and the worse end in those in which its slope
-keeps its sign, which costs nothing. So a worst device, or a worst design, at a vertex of its box is evaluated exactly.
+The test bounds a margin from below by its value at one point of the box. In a row where the slope keeps its sign, the
+point lies at the worse end, which costs nothing. In any other row it lies in the middle, which costs the slope times
+half the width. So a worst device or a worst design at a vertex of its box is evaluated exactly.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from vctune.proof.engine.interval import WIDE
 from vctune.running import check_time
 
 NARROW = 1.02
-"""Ratio of a box's frequencies below which it is worth another margin that needs it narrower. Half and twice its excess
-over 1 take as many boxes."""
+"""Ratio of a box's frequencies below which the test tries a second margin that needs narrow boxes. Half and twice its
+excess over 1 need the same number of boxes."""
 FROM_ZERO = 0.1
-"""Relative width that an interval from frequency 0 is taken to have: halving makes it no narrower. Half and twice it
-take as many boxes."""
+"""Relative width that the test assumes for an interval from frequency 0, since halving does not make it narrower. Half
+and twice this width need the same number of boxes."""
 
 
 LOST = -1.0
-"""Room of a margin whose whole variation would not make it positive."""
+"""Value of `room` for a margin that would not be positive even with its whole variation."""
 
 Margin = Callable[[Number, Values], Number]
-"""A function that must be positive, of a frequency and of numbers by name, over enclosures and jets."""
+"""A function on enclosures and jets that must be positive; its arguments are a frequency and numbers by name."""
 Margins = Callable[[Number, Values], tuple[Number, ...]]
-"""Margins, of which one must be positive."""
+"""A function that returns margins of which one must be positive."""
 Curve = Callable[[Number, Values], Pair]
 """A function that must not be 0."""
 Rows = Sequence[Number]
@@ -50,15 +50,16 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, be
     Parameters
     ----------
     margin : function of a frequency and of values by name
-    fixed : values that are no rows of the boxes
-    sufficient : another margin that proves as much and is regular at frequency 0; tried there and on wide intervals
-    below : frequency below which `sufficient` is tried on narrow intervals too, because a margin that vanishes at 0 may
-        vary little relative to itself
+    fixed : values by name that are not rows of the boxes
+    sufficient : a second margin that proves as much and is regular at frequency 0; the test tries it there and on wide
+        intervals
+    below : frequency below which the test tries `sufficient` on narrow intervals as well, because a margin that
+        vanishes at 0 may vary little relative to itself
 
     Returns
     -------
     Test
-        Of boxes of frequency and values.
+        The test of boxes with rows for frequency and values.
     """
 
     def test(boxes: Boxes) -> Decided:
@@ -88,19 +89,19 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, be
 def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -> Test:
     """Return the test that a curve misses 0.
 
-    It misses 0 where the rectangle around its image does not contain 0, where `sufficient` is positive, or where its
-    component along its own value at the middle of the box is positive.
+    The curve misses 0 in a box if the rectangle around its image does not contain 0, if `sufficient` is positive, or if
+    its component along its own value at the middle of the box is positive.
 
     Parameters
     ----------
     curve : function of a frequency and of values by name
-    fixed : values that are no rows of the boxes
-    sufficient : a margin that is positive only where the curve is not 0; None if there is none
+    fixed : values by name that are not rows of the boxes
+    sufficient : a margin that is positive only where the curve is not 0; None without one
 
     Returns
     -------
     Test
-        It never fails a box: a curve that comes near 0 stays open.
+        The test never refutes a box; a curve that comes near 0 stays open.
     """
 
     def test(boxes: Boxes) -> Decided:
@@ -129,19 +130,20 @@ def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -
 
 
 def turned_angles(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
-    """Return the function that measures the turn of a curve around 0 over a box's frequencies.
+    """Return the function that measures how far a curve turns around 0 over a box's frequencies.
 
     The curve must miss 0 on the box, and the box must be a single point in every row but the frequency.
 
     Parameters
     ----------
     curve : function of a frequency and of values by name
-    fixed : values that are no rows of the boxes
+    fixed : values by name that are not rows of the boxes
 
     Returns
     -------
     function
-        Maps n boxes to angles, rad, shape (n,); nan if rounding leaves open on which side of half a turn a box lies.
+        Maps n boxes to angles, rad, shape (n,). An angle is nan if rounding errors hide on which side of half a turn it
+        is.
     """
 
     def turn(boxes: Boxes) -> Floats:
@@ -162,7 +164,7 @@ def lower_bound_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
     ----------
     margin : function of a frequency and of values by name
     boxes : n boxes
-    fixed : values that are no rows of the boxes
+    fixed : values by name that are not rows of the boxes
 
     Returns
     -------
@@ -178,14 +180,14 @@ def lower_bound_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
 
 
 def next_to_zero(rows: Sequence[str], sufficient: Sequence[Margin], fixed: Values, test: Test) -> Test:
-    """Return a test that has other margins where some rows begin at 0 together.
+    """Return a test that uses other margins where given rows begin at 0 together.
 
     Parameters
     ----------
-    rows : names of those
-    sufficient : margins any of which proves as much there, the more so the narrower these rows are; where they are
-        negative, or least, says nothing of the claim's
-    fixed : the values that are not among a box's rows
+    rows : names of these rows
+    sufficient : margins, any of which proves as much there, the more so the narrower these rows are; where one is
+        negative, or least, need not be where the claim's margin is
+    fixed : values by name that are not rows of the boxes
     test : test of the other boxes
     """
 
@@ -223,7 +225,7 @@ def from_frequency(start: float, there: Test, test: Test) -> Test:
 
 
 def alone(margins: Margins) -> Margin:
-    """Return the margin that is the only one."""
+    """Return the only margin of a function that returns margins."""
     return lambda frequency, values: margins(frequency, values)[0]
 
 
@@ -232,13 +234,13 @@ def any_of(tests: Sequence[Test]) -> Test:
 
     Parameters
     ----------
-    tests : tests of one margin each
+    tests : one test for each margin
     """
     return lambda boxes: nearest([test(boxes) for test in tests])
 
 
 def nearest(found: Sequence[Decided]) -> Decided:
-    """Return the result of the test nearest to a proof, and the boxes that any test proves."""
+    """Return the result of the test that is nearest to a proof, with all boxes proved that any test proves."""
     room = np.array([each.room for each in found])
     which, at = np.argmax(room, axis=0), np.arange(room.shape[1])
 
@@ -257,14 +259,14 @@ def nearest(found: Sequence[Decided]) -> Decided:
 
 
 def _kind_by_kind(test: Test, boxes: Boxes) -> Decided:
-    """Test boxes from frequency 0, those that are wide in frequency, and the others."""
+    """Test separately the boxes from frequency 0, those wide in frequency, and the others."""
     zero = boxes.low[0] == 0
     wide = (boxes.high[0] > WIDE * boxes.low[0]) & ~zero
     return _by_kind([(kind, test) for kind in (zero, wide, ~(zero | wide))], boxes)
 
 
 def _by_kind(tests: Sequence[tuple[Flags, Test]], boxes: Boxes) -> Decided:
-    """Test each box by the one test that is for its kind."""
+    """Test each box by the test for its kind."""
     present = [(kind, test) for kind, test in tests if kind.any()]
     if len(present) == 1:
         return present[0][1](boxes)
@@ -303,13 +305,14 @@ def _to_halve_in_frequency(boxes: Boxes, proved: Flags) -> Decided:
 
 
 def _by_sufficient(decided: Decided) -> Decided:
-    """Return the result of a sufficient margin: the claim's own margin need not fail, or be least, where it does."""
+    """Return the result of a sufficient margin without failing points and sides, which are not those of the claim's
+    margin."""
     return replace(decided, fails=np.zeros_like(decided.fails), side=np.zeros_like(decided.side))
 
 
 @dataclass(frozen=True, slots=True)
 class _Bounded:
-    """A lower bound of a margin over each box, its verdict, and its variation with each row."""
+    """A lower bound of a margin over each box, its verdict, and the margin's variation with each row."""
 
     least: Floats
     decided: Decided
@@ -319,8 +322,8 @@ class _Bounded:
 def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Bounded:
     """Bound a margin from below by its value at one point of each box and by its slopes.
 
-    Halving a row saves the cost of its slope; where the margin is negative at that point, its variation; where no
-    slopes are known, the widest row is as good as any.
+    Halving a row saves the cost of its slope. Where the margin is negative at that point, halving saves the row's
+    variation. Where no slopes are known, the widest row is the choice.
     """
     check_time()
     varied = boxes.varied()
@@ -355,11 +358,11 @@ def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Boun
 
 
 def halves_and_middles(rows: Rows, n: int) -> tuple[Floats, Floats]:
-    """Return half the widths and the middles of n boxes; a row that is infinite throughout has no width.
+    """Return the half-widths and the middles of n boxes. A row that is infinite throughout has width 0.
 
     Parameters
     ----------
-    rows : enclosures, or an infinite float
+    rows : enclosures, or infinite floats
     n : number of boxes
     """
     known = [row if isinstance(row, Enclosure) else Enclosure(row) for row in rows]
@@ -371,24 +374,24 @@ def halves_and_middles(rows: Rows, n: int) -> tuple[Floats, Floats]:
 
 
 def room_left(value: Floats, uncertain: Floats, reach: Floats) -> Floats:
-    """Return how near a margin is to a proof, from its least value, the error of that value, and the margin's reach.
+    """Return how near a margin is to a proof, from its least value, the error of that value, and its possible fall.
 
-    Where it is negative it is what share of the reach is missing; nan, where nothing is known, counts as that it is 0.
+    A negative result is the missing share of the fall. nan, where nothing is known, counts as 0.
 
     Parameters
     ----------
     value : least values of a margin
-    uncertain : their errors
-    reach : how far the margin may fall within each box
+    uncertain : errors of these values
+    reach : greatest fall of the margin within each box
     """
     return np.nan_to_num(np.where(value > 0, value / uncertain, np.maximum(value / reach, LOST)), nan=0.0)
 
 
 def lowest(mid: Floats, rad: Floats) -> Floats:
-    """Return mid - rad rounded downwards: two differences and a sum, each by a quarter of the total rounding.
+    """Return mid - rad rounded downwards. Two differences and a sum each take a quarter of the allowed rounding.
 
     Parameters
     ----------
-    mid, rad : of enclosures
+    mid, rad : midpoints and radii of enclosures
     """
     return np.asarray(mid - rad - 2 * UNIT * (np.abs(mid) + rad))

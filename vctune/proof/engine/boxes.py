@@ -1,4 +1,4 @@
-"""Boxes of a frequency and of other numbers of a claim: designs, uncertain devices.
+"""Boxes of a frequency and of other numbers of a claim, such as designs or uncertain devices.
 
 A box is an interval for each of several named numbers. The names are the keys of the problem file.
 """
@@ -24,13 +24,14 @@ from vctune.proof.engine.interval import WIDE
 Integers = NDArray[np.intp]
 
 FREQUENCY = "frequency"
-"""omega in rad/s, theta = omega T in rad, or 1/omega in s, as the claim has it."""
+"""Name of the frequency's row: omega in rad/s, theta = omega T in rad, or 1/omega in s, depending on the claim."""
 WHOLE_SAMPLES = "whole samples of device.delay"
 CHUNK = 4096
-"""Boxes evaluated together: their arrays stay in the processor's cache. Half and twice it take as long."""
+"""Number of boxes evaluated together, whose arrays fit into the processor's cache. Half and twice as many take the same
+time."""
 
 Values = Mapping[str, Number]
-"""Numbers by name; all other numbers are a claim's own."""
+"""Numbers by name. A claim supplies all other numbers itself."""
 
 
 def gains_of(values: Values) -> Gains:
@@ -47,9 +48,9 @@ def coupling_of(values: Values) -> AnyCoupling:
 
 @dataclass(frozen=True, slots=True)
 class Cells:
-    """Boxes of designs, [low, high] in each number of a design; arrays of shape (numbers, cells).
+    """Boxes of designs, [low, high] in each number of a design, as arrays of shape (numbers, cells).
 
-    A cell whose edges coincide is a single design.
+    If the edges of a cell coincide, it is a single design.
     """
 
     low: Floats
@@ -57,7 +58,7 @@ class Cells:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The keys of the numbers, `KEYS` or `SPRING_KEYS`."""
+        """The keys of the design's numbers, `KEYS` or `SPRING_KEYS`."""
         return keys_of(len(self.low))
 
     def __len__(self) -> int:
@@ -68,7 +69,7 @@ class Cells:
         return Cells(self.low[:, at], self.high[:, at])
 
     def centres(self) -> Cells:
-        """Return the middle of each cell."""
+        """Return the design at the centre of each cell."""
         middle = 0.5 * (self.low + self.high)
         return Cells(middle, middle)
 
@@ -87,7 +88,7 @@ class Boxes:
     names : names of the rows, `FREQUENCY` first
     low, high : edges, shape (rows, n)
     owner : number of the proof to which each box belongs, shape (n,)
-    whole_samples : N, of the delay, where that is uncertain, shape (n,)
+    whole_samples : N, the number of whole samples in the delay, shape (n,), if the delay is uncertain
     """
 
     names: tuple[str, ...]
@@ -114,9 +115,9 @@ class Boxes:
         return np.bincount(self.owner, minlength=owners)
 
     def rows(self) -> list[Number]:
-        """Return the rows enclosed, the edges of all but the frequency as decimals.
+        """Return the rows as enclosures. The edges of all rows except the frequency are decimals.
 
-        A row that is infinite throughout, b_c of a rigid coupling, is that float.
+        A row that is infinite throughout, such as b_c of a rigid coupling, is an infinite float.
         """
         endless: Flags = np.asarray(np.isinf(self.low).all(axis=1))
         low, high = (np.where(endless[:, None], 0.0, edge) for edge in (self.low, self.high))
@@ -126,37 +127,37 @@ class Boxes:
         return [inf if infinite else row for row, infinite in zip(found, endless.tolist(), strict=True)]
 
     def named(self, rows: Sequence[Number], fixed: Values) -> Values:
-        """Return the values of a claim by name: these rows' and the fixed ones.
+        """Return the values of a claim by name: those of the rows, and the fixed ones.
 
         Parameters
         ----------
-        rows : one number for each of `names`, without the frequency, which is first
+        rows : one number for each of `names` except the frequency, which is first
         fixed : the other numbers by name; a row replaces the number of its name
 
         Returns
         -------
         Values
-            With the boxes' whole samples of delay.
+            They include the boxes' whole samples of delay.
         """
         return {**fixed, **dict(zip(self.names[1:], rows[1:], strict=True)), WHOLE_SAMPLES: self.whole_samples}
 
     def varied(self) -> list[bool]:
-        """Return for each row whether some box has a width there; a frequency always has."""
+        """Return for each row whether some box has a width in it. The frequency always counts as varied."""
         return [True, *np.any(self.low[1:] < self.high[1:], axis=1).tolist()]
 
     def ends(self, side: Floats) -> Boxes:
-        """Return the face of each box at the ends of some of its rows: -1 the lower one, 1 the upper, 0 for neither."""
+        """Return a face of each box: the lower end of a row for -1, the upper end for 1, the whole row for 0."""
         low, high = np.where(side > 0, self.high, self.low), np.where(side < 0, self.low, self.high)
         return replace(self, low=low, high=high)
 
     def halved(self, axis: Integers) -> Boxes:
-        """Return both halves of each box along an axis of its own.
+        """Return both halves of each box along its own axis.
 
-        A wide interval is halved in the logarithm, one that starts at 0 near 0.
+        A wide interval is halved in the logarithm. An interval that starts at 0 is cut near 0.
         """
         at = np.arange(len(self))
         low, high = self.low[axis, at], self.high[axis, at]
-        # a product of roots, since low times high may overflow; 0 has no logarithm, and is left by a factor 16
+        # a product of roots, since low times high may overflow; 0 has no logarithm, so the cut is at a sixteenth
         wide = np.where(low > 0, np.sqrt(low) * np.sqrt(high), high / 16)
         middle = np.where(high > WIDE * low, wide, (low + high) / 2)
         left, right = self.high.copy(), self.low.copy()
@@ -165,7 +166,7 @@ class Boxes:
 
 
 def joined(*parts: Boxes) -> Boxes:
-    """Return several sets of boxes of the same numbers as one."""
+    """Return several sets of boxes with the same rows as one set."""
     low, high, owner, whole_samples = (
         np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in Boxes.__slots__[1:]
     )
@@ -173,7 +174,7 @@ def joined(*parts: Boxes) -> Boxes:
 
 
 def band_of(low: float, high: float, ratio: float) -> tuple[Floats, Floats]:
-    """Divide a band into intervals that are equal on a log scale.
+    """Divide a band into intervals of equal ratio.
 
     Parameters
     ----------
@@ -195,19 +196,19 @@ def band_of(low: float, high: float, ratio: float) -> tuple[Floats, Floats]:
 def over_band(
     names: Sequence[str], low: Floats, high: Floats, band: tuple[Floats, Floats], whole_samples: int = 0
 ) -> Boxes:
-    """Return the boxes of every interval of a band with every one of several owners.
+    """Return the boxes of every interval of a band with every owner.
 
     Parameters
     ----------
-    names : names of the rows beside the frequency
+    names : names of the rows except the frequency
     low, high : edges of each owner in these rows, shape (names, owners)
     band : lower and upper edges of m intervals, from `band_of`
-    whole_samples : N of the delay, the same for all boxes
+    whole_samples : N, the number of whole samples in the delay, the same for all boxes
 
     Returns
     -------
     Boxes
-        m boxes for each owner, those of one owner next to each other.
+        m boxes for each owner; the boxes of one owner are adjacent.
     """
     owners, intervals = low.shape[1], len(band[0])
     left, right = (
@@ -263,7 +264,7 @@ def over_each(cells: Cells, at: Floats | PlacesInHands) -> Boxes:
     Parameters
     ----------
     cells : n cells of designs
-    at : frequency of each cell in the claim's unit, shape (n,), or the place of each in a hand
+    at : frequency of each cell in the claim's unit, shape (n,), or the cell's place in a hand
 
     Returns
     -------
@@ -277,17 +278,17 @@ def over_each(cells: Cells, at: Floats | PlacesInHands) -> Boxes:
 
 
 def in_chunks(f: Callable[[Boxes], Any], boxes: Boxes) -> Any:
-    """Evaluate a function on all boxes, `CHUNK` at a time so that its arrays stay in the processor's cache.
+    """Evaluate a function on all boxes, `CHUNK` at a time, so that the arrays fit into the processor's cache.
 
     Parameters
     ----------
-    f : takes boxes and returns an array whose last axis is theirs
+    f : function that takes boxes and returns an array whose last axis is theirs
     boxes : n boxes
 
     Returns
     -------
     array
-        Of shape (..., n).
+        The result has shape (..., n).
     """
     starts = range(0, max(len(boxes), 1), CHUNK)
     return np.concatenate([f(boxes.subset(slice(i, i + CHUNK))) for i in starts], axis=-1)

@@ -1,7 +1,7 @@
-"""One prover for claims over boxes: it halves undecided boxes where that promises most.
+"""One prover for all claims over boxes. It halves undecided boxes along the most promising axis.
 
 Each box belongs to an owner: a cell of designs, or the one design that is proved for a box of devices. A claim is
-proved of an owner when it is proved on all of its boxes.
+proved for an owner when it is proved on all of the owner's boxes.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from vctune.proof.engine.boxes import CHUNK, Boxes, Integers, joined
 from vctune.running import check_time, tell
 
 BLUR = 2.0
-"""A box is left open when the rows that may not be halved contribute this much more to its uncertainty than the others:
-halving those would not decide it. Half and twice it prove the same cells."""
+"""Ratio above which a box is left open: that of the uncertainty due to rows that may not be halved to that due to the
+other rows, whose halving would then decide nothing. Half and twice this ratio prove the same cells."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,14 +27,14 @@ class Decided:
 
     Attributes
     ----------
-    proved : whether the claim holds throughout
-    fails : whether it fails at `point`
+    proved : whether the claim holds throughout the box
+    fails : whether the claim fails at `point`
     point : a point of each box, shape (rows, n)
-    cost : contribution of each row to the uncertainty of each box, of the same shape
-    known : where that is more than the row's width; elsewhere the slopes are not known
-    side : end of each row at which the margin is least, -1 and 1, for all values of the others; 0 if that is not known
-    room : how near the test is to proving the claim, greater than 1 if it does; for several tests of one kind. -inf
-        where the claim is known to fail throughout
+    cost : contribution of each row to the uncertainty of each box, shape (rows, n)
+    known : where the cost is based on slopes; elsewhere slopes are not known and the cost is the row's width
+    side : end of each row at which the margin is least for all values of the others, -1 or 1; 0 if that is not known
+    room : nearness of the test to a proof, greater than 1 if it proves the claim; only comparable for tests of one
+        kind. -inf where the claim certainly fails throughout
     """
 
     proved: Flags
@@ -51,14 +51,14 @@ Test = Callable[[Boxes], Decided]
 
 @dataclass(frozen=True, slots=True)
 class Proofs:
-    """The result of a claim, for each owner.
+    """The result of a claim for each owner.
 
     Attributes
     ----------
-    names : of the rows of the points
-    proved : whether it holds throughout, shape (owners,)
-    failing : a point at which it does not hold, nan if none was found, shape (rows, owners)
-    open : a point of a box that stays open, nan if there is none, of the same shape
+    names : names of the rows of the points
+    proved : whether the claim holds throughout, shape (owners,)
+    failing : a point at which the claim fails, nan if none was found, shape (rows, owners)
+    open : a point of a box that stays open, nan if there is none, shape (rows, owners)
     boxes : number of evaluated boxes
     total : sum of the measure over the proved boxes
     """
@@ -89,28 +89,28 @@ def prove(
 
     Parameters
     ----------
-    test : decides boxes
-    boxes : to begin with
+    test : test that decides boxes
+    boxes : the first boxes
     owners : number of owners
     halved : for each row, whether it may be halved
     max_halvings : greatest number of halvings of a box
-    max_boxes : boxes of one owner after which it is left open
-    measure : number that `Proofs.total` sums over the proved boxes of an owner; None for none
+    max_boxes : number of an owner's boxes after which the owner stays open
+    measure : function that `Proofs.total` sums over the proved boxes of an owner; None for no sum
     at_ends : whether to replace a box by the face at which its margin is least; only for a test of one margin, and
         without `measure`
     few : number of boxes up to which halves are halved again before the next test, since so few take as long as one
     only_whole : whether to give an owner up as soon as one of its boxes stays open, without a search for a failing
-        point
+        point point
 
     Returns
     -------
     Proofs
-        For each owner; proved only if all of its boxes are.
+        The result for each owner. An owner is proved only if all of its boxes are.
 
     Raises
     ------
     OutOfTimeError
-        If the time limit ends it.
+        If the time limit ends the proof.
     """
     names, shape = boxes.names, (len(boxes.names), owners)
     failing, open_ = np.full(shape, np.nan), np.full(shape, np.nan)
@@ -145,24 +145,24 @@ def prove(
 
 @np.errstate(all="ignore")
 def left_open(test: Test, boxes: Boxes, *, max_boxes: int, share: float) -> Boxes:
-    """Halve boxes that a test does not prove, until the claim fails somewhere in most that are left.
+    """Halve boxes that a test does not prove, until the claim fails somewhere in most of the remaining boxes.
 
     Parameters
     ----------
-    test : of one margin; a box is proved by the face at which that is least
-    boxes : of one owner, to begin with
-    max_boxes : after which no more are halved
-    share : of those that are left, in which it fails
+    test : test of one margin; a box is proved by the face at which the margin is least
+    boxes : the first boxes, with one owner
+    max_boxes : number of boxes after which no more are halved
+    share : share of the remaining boxes in which the claim fails at the end
 
     Returns
     -------
     Boxes
-        All that is not proved: the claim holds where these are not.
+        The boxes that are not proved. Outside them the claim holds.
 
     Raises
     ------
     OutOfTimeError
-        If the time limit ends it.
+        If the time limit ends the proof.
     """
     halved, faces, count, settled = np.ones(len(boxes.low), bool), boxes, 0, list[Boxes]()
     while len(boxes):
@@ -186,7 +186,7 @@ def _share(some: Flags, among: Flags) -> float:
 
 
 def _axis(decided: Decided, halved: Flags) -> tuple[Integers, Flags]:
-    """Return the row along which each box is halved, and whether that would not help."""
+    """Return the row along which each box is halved, and whether halving would not help."""
     cost = _known(decided.cost)
     axis = _costliest(cost, halved)
     blurred = decided.known & (cost[~halved].sum(axis=0) > BLUR * cost[halved].max(axis=0))
@@ -198,12 +198,12 @@ def _known(cost: Floats) -> Floats:
 
 
 def _costliest(cost: Floats, halved: Flags) -> Integers:
-    """Return the row that contributes most to each box's uncertainty, of those that may be halved."""
+    """Return the row that contributes most to each box's uncertainty, among those that may be halved."""
     return np.asarray(np.flatnonzero(halved)[np.argmax(cost[halved], axis=0)])
 
 
 def _halved(boxes: Boxes, axis: Integers, cost: Floats, halved: Flags, few: int) -> Boxes:
-    """Return the halves of boxes along an axis of each, and as long as they are few, of these the halves."""
+    """Return the halves of boxes, each along its own axis. As long as they are few, halve them again."""
     cost = _known(cost)
     while True:
         at, boxes = np.arange(len(boxes)), boxes.halved(axis)
@@ -215,8 +215,10 @@ def _halved(boxes: Boxes, axis: Integers, cost: Floats, halved: Flags, few: int)
 
 
 def _stage(boxes: int, open_: float) -> str:
-    """Return the progress of a proof: all boxes of a round have been halved equally often, and their number is a
-    share."""
+    """Return the progress of a proof.
+
+    All boxes of a round have been halved equally often, so their number gives a share.
+    """
     return f"{boxes} boxes, {1 - open_:.1%} proved"
 
 

@@ -1,4 +1,4 @@
-"""Proof over an interval: halve until each box is decided (proof/README.md, section 3)."""
+"""Prove a margin over an interval by halving it until each box is decided (proof/README.md, section 3)."""
 
 from __future__ import annotations
 
@@ -18,23 +18,24 @@ from vctune.proof.enclosures.arb_balls import box
 from vctune.running import check_time, tell
 
 MAX_BOXES = 200_000
-"""Boxes before a claim is left undecided; an optimal design takes some hundred. Half and twice take half and twice as
-long to give up."""
+"""Number of boxes after which a claim stays undecided; an optimal design takes some hundred. Half and twice as many
+take half and twice as long to give up."""
 RESOLUTION = 1e-13
-"""Least width of a box relative to its place; a box that is still open there stays undecided.
-Doubles are 1e-16 apart. Half and twice it are a halving more and less."""
+"""Least width of a box relative to its place. A box that is still open at this width stays undecided. Doubles are 1e-16
+apart. Half and twice this width are one halving more and less."""
 LOWEST = 1e-40
-"""Least upper edge of a box that starts at 0, relative to the interval's: far below any
-frequency at which a margin changes, far above underflow. Half and twice it are a quarter of a step."""
+"""Least upper edge of a box that starts at 0, relative to the interval's upper edge. It is far below any frequency at
+which a margin changes, and far above underflow. Half and twice this edge are a quarter of a step."""
 WIDE = 2.0
-"""Boxes wider than this ratio are halved without the derivative, whose enclosure is too wide there. Its square root and
-its square take as many boxes within 5 % for the designs of problems/."""
+"""Ratio above which a box is halved without the derivative, whose enclosure is too wide there. Its square root and its
+square need the same number of boxes within 5 % for the designs of problems/."""
 CURVED = 1.1
-"""Boxes wider than this ratio are halved without looking at the second derivative: it is only worth its price next to a
-minimum that nearly touches 0. Between 1.03 and 1.2 the time of a proof hardly changes."""
+"""Ratio above which a box is halved without the second derivative, which pays off only near a minimum that nearly
+touches 0. Between 1.03 and 1.2 the time of a proof hardly changes."""
 GROWTH = 1.5
-"""Factor by which the next box is wider than a proved one, in the logarithm. Less than 1 gets stuck; 1 takes twenty
-times as many boxes for the designs of problems/; twice takes half as many more."""
+"""Factor by which the next box is wider than a proved box, in the logarithm. With a factor below 1 the proof gets
+stuck. A factor of 1 needs twenty times as many boxes for the designs of problems/; twice this factor needs half as many
+boxes again."""
 
 
 class Verdict(StrEnum):
@@ -46,11 +47,11 @@ class Verdict(StrEnum):
 
 
 def worst_verdict(verdicts: Iterable[Verdict]) -> Verdict:
-    """Return refuted where one is, else undecided where one is, else proved.
+    """Return refuted if any verdict is refuted, else undecided if any is undecided, else proved.
 
     Parameters
     ----------
-    verdicts : at least one
+    verdicts : at least one verdict
     """
     found = set(verdicts)
     return next(verdict for verdict in (Verdict.REFUTED, Verdict.UNDECIDED, Verdict.PROVED) if verdict in found)
@@ -58,16 +59,16 @@ def worst_verdict(verdicts: Iterable[Verdict]) -> Verdict:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Result of a proof.
+    """The result of a proof.
 
     Attributes
     ----------
     verdict : proved, refuted, or undecided at the resolution limit
     boxes : number of evaluated boxes
-    witness : frequency where it is refuted or undecided, if there is one, rad/s
-    device : device of the box that is refuted or undecided
-    hand : hand of the box in which it is
-    cut : whether it is undecided because the time limit ended the proof
+    witness : frequency where the claim is refuted or undecided, rad/s; None without one
+    device : device of the box for which the claim is refuted or undecided
+    hand : hand of the box in which the claim is refuted or undecided
+    cut : whether the claim is undecided because the time limit ended the proof
     """
 
     verdict: Verdict
@@ -79,22 +80,22 @@ class Outcome:
 
     @property
     def witness_hz(self) -> float | None:
-        """The witness, Hz; None without one."""
+        """The witness in Hz; None without a witness."""
         return None if self.witness is None else hertz(self.witness)
 
 
 def prove_boxes(
     decide: Callable[[float, float], Verdict], low: float, high: float, max_boxes: int = MAX_BOXES
 ) -> Outcome:
-    """Go from low to high in boxes until `decide` has proved them all, or refuted one.
+    """Go from low to high in boxes until `decide` has proved all of them or refuted one.
 
-    A box that is not proved is halved; after one that is the next is wider.
+    A box that is not proved is halved. After a proved box the next box is wider.
 
     Parameters
     ----------
-    decide : verdict on the box between two numbers
+    decide : function that returns the verdict on the box between two numbers
     low, high : 0 <= low <= high
-    max_boxes : effort before giving up
+    max_boxes : number of boxes after which the proof gives up
 
     Returns
     -------
@@ -104,7 +105,7 @@ def prove_boxes(
     Raises
     ------
     OutOfTimeError
-        If the time limit ends it.
+        If the time limit ends the proof.
     """
     left, right = low, high
     for boxes in range(1, max_boxes + 1):
@@ -129,7 +130,7 @@ def _stage(boxes: int, proved: float) -> str:
 
 
 def _middle(low: float, high: float) -> float:
-    """Return where to halve: in the logarithm for wide boxes, near 0 for boxes that start there."""
+    """Return where to halve a box: in the logarithm for a wide box, near 0 for a box that starts there."""
     if low == 0:
         return high / 16
     return sqrt(low) * sqrt(high) if high > WIDE * low else (low + high) / 2
@@ -140,21 +141,21 @@ def prove_positive(
 ) -> Outcome:
     """Prove margin > 0 on [low, high], or find a point where it is negative.
 
-    Wide boxes are evaluated directly; narrow ones by the mean value form f(mid) + f'(box)(box - mid), whose excess
+    Wide boxes are evaluated directly. Narrow boxes use the mean value form f(mid) + f'(box)(box - mid), whose excess
     shrinks with the square of the width.
 
     Parameters
     ----------
-    margin : evaluated on `flint.arb` and on `flint.arb_series`
+    margin : function that runs on `flint.arb` and on `flint.arb_series`
     low, high : 0 <= low <= high
-    max_boxes : effort before giving up
-    curved : whether the second derivative is used where the first does not decide: for a margin that nearly touches 0
-        inside it takes a third of the boxes, for one that does so at an end it is wasted
+    max_boxes : number of boxes after which the proof gives up
+    curved : whether to use the second derivative where the first does not decide. For a margin that nearly touches 0
+        inside the interval it takes a third of the boxes; for one that does so at an end it is wasted
 
     Returns
     -------
     Outcome
-        Refuted at the middle of a box, where the margin is certainly negative.
+        If it is refuted, the witness is the middle of a box, where the margin is certainly negative.
     """
 
     def decide(left: float, right: float) -> Verdict:
@@ -181,8 +182,8 @@ def prove_positive(
 def _by_curvature(margin: Callable[[Number], Number], omega: arb, centre: arb) -> Verdict:
     """Prove a margin positive on a box by Taylor's formula of second order.
 
-    With h = omega - centre it is f + f' h + c h^2, f and f' at the centre and c = f''/2 somewhere in the box: where
-    c > 0 it is nowhere less than f - f'^2/(4 c).
+    With h = omega - centre the margin is f + f' h + c h^2, where f and f' belong to the centre and c = f''/2 to some
+    point of the box. Where c > 0, the margin is nowhere less than f - f'^2/(4 c).
     """
     over_box, at_centre = _series(margin, omega, 3), _series(margin, centre, 2)
     if over_box is None or at_centre is None:
@@ -194,7 +195,7 @@ def _by_curvature(margin: Callable[[Number], Number], omega: arb, centre: arb) -
 
 
 def _series(margin: Callable[[Number], Number], omega: arb, terms: int) -> arb_series | None:
-    """Return Taylor's coefficients of a margin over a ball; None if a denominator's ball contains 0."""
+    """Return the Taylor coefficients of a margin over a ball; None if the ball of a denominator contains 0."""
     try:
         return margin(arb_series([omega, 1], terms))
     except ValueError:

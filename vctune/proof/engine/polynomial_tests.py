@@ -1,4 +1,4 @@
-"""Tests of boxes by Taylor polynomials, of one margin or of several (README.md, section 4)."""
+"""Tests of boxes by Taylor polynomials, for one margin or for several (README.md, section 4)."""
 
 from __future__ import annotations
 
@@ -27,39 +27,40 @@ from vctune.proof.engine.branching import Decided, Test
 from vctune.running import check_time
 
 FEW = 128
-"""Boxes that take about as long as one. Half and twice it: as long for random devices in hands; four times: a third
-more."""
+"""Number of boxes that take about as long as one. Half and twice as many take the same time for random devices in
+hands; four times as many take a third longer."""
 NEAR_ZERO = 1e-3
-"""Share of its range below which a number that may be 0 counts as that, where nothing else is known of a box. A tenth
-takes a fifth more boxes, ten times as much as many; 0 would halve such a row again and again."""
+"""Share of its range below which a number that may be 0 counts as that share, if nothing else is known about a box. A
+tenth of this share takes a fifth more boxes, ten times the share takes as many. With 0, such a row would be halved
+forever."""
 FREQUENCY_FIRST = 64.0
-"""How many times its width the frequency counts where nothing is known of a box and one of several margins is to be
-positive: what vanishes in a denominator does so at single frequencies. An eighth leaves servos with a stiff coupling
-open, eight times takes as many boxes."""
+"""Weight of the frequency's width if nothing is known about a box and one of several margins must be positive:
+denominators vanish at single frequencies. An eighth of this weight leaves servos with a stiff coupling open; eight
+times the weight needs the same number of boxes."""
 WIDER = 0.1
-"""Power of its relative width by which what a row loses counts: of two that lose it together the wider is halved. Half
-takes as many boxes, without an integrator up to five times as many; two and a half times a fifth more; 0 leaves some of
-the latter open."""
+"""Power of a row's relative width by which its loss is weighted: of two rows that lose together, the wider is halved.
+Half this power needs the same number of boxes, or up to five times as many without an integrator. Two and a half times
+the power takes a fifth more. With 0 some of the proofs without an integrator stay open."""
 
 
 def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slopes: Test) -> Test:
     """Return the test that a margin is positive, by polynomials that know how the rows of a box act together.
 
-    If more than `FEW` boxes stay open, the test evaluates the slopes of these too. Slopes tell at which end of a row
-    the margin is least, so that the prover can reduce a box to that face. Polynomials cannot tell, since their
-    remainder has no slope.
+    If more than `FEW` boxes stay open, the test evaluates their slopes as well. Slopes tell at which end of a row the
+    margin is least, so that the prover can reduce a box to that face. Polynomials cannot tell, because their remainder
+    has no slope.
 
     Parameters
     ----------
     margin : function of a frequency and of values by name, over `vctune.proof.enclosures.taylor`
-    fixed : values that are no rows of the boxes
-    spans : whole range of each row but the frequency, shape (rows - 1, 1)
+    fixed : values by name that are not rows of the boxes
+    spans : full range of each row except the frequency, shape (rows - 1, 1)
     by_slopes : the test of the same margin by slopes
 
     Returns
     -------
     Test
-        Of boxes of frequency and values.
+        The test of boxes with rows for frequency and values.
     """
 
     def of(boxes: Boxes, varied: Sequence[bool]) -> Number:
@@ -94,16 +95,16 @@ def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slo
 def any_positive(margins: Margins, slopes: Margins | None, fixed: Values, spans: Floats) -> Test:
     """Return the test that at each point one of several margins is positive.
 
-    A box is proved if one of them is throughout, and fails where all of them are negative at one point. Any other is
-    halved as the margin asks that is nearest to being proved. The margins are least at the same end of a row only if
-    all are that may be positive at all.
+    A box is proved if one of the margins is positive throughout. It fails if all of them are negative at one point. Any
+    other box is halved along the row that costs the most in the margin nearest to a proof. A row has a common worst end
+    only if all margins that may be positive are least at that end.
 
     Parameters
     ----------
-    margins : of a frequency and of values, over `vctune.proof.enclosures.taylor`
-    slopes : the same over jets; None for margins that differ from box to box
-    fixed : the values that are not among a box's rows
-    spans : of the whole range of each row but the frequency, shape (rows - 1, 1)
+    margins : function of a frequency and of values by name, over `vctune.proof.enclosures.taylor`
+    slopes : the same function over jets; None for margins that differ from box to box
+    fixed : values by name that are not rows of the boxes
+    spans : full range of each row except the frequency, shape (rows - 1, 1)
     """
 
     def of(boxes: Boxes) -> tuple[Number, ...]:
@@ -129,7 +130,7 @@ def any_positive(margins: Margins, slopes: Margins | None, fixed: Values, spans:
 
 
 def _by_polynomials(number: Number, boxes: Boxes, spans: Floats) -> Decided:
-    """Decide by one of several margins; where it is negative somewhere, its cost is its variation."""
+    """Decide boxes by one of several margins. Where it is negative somewhere, the cost is its variation."""
     least, varied, n = least_over_boxes(number), boxes.varied(), len(boxes)
     width = boxes.high - boxes.low
     at, lost, varies = np.zeros_like(width), np.zeros_like(width), np.zeros_like(width)
@@ -138,7 +139,7 @@ def _by_polynomials(number: Number, boxes: Boxes, spans: Floats) -> Decided:
     known, positive = np.isfinite(least.bound), least.estimate > 0
     relative = _relative(boxes, spans)
     cost = np.where(positive, lost, varies) * relative**WIDER
-    relative[0] *= np.where(boxes.low[0] > 0, FREQUENCY_FIRST, 1.0)  # halved from 0 it is no narrower
+    relative[0] *= np.where(boxes.low[0] > 0, FREQUENCY_FIRST, 1.0)  # halving from 0 does not make it narrower
     cost = np.where(known, cost, relative)
     room = room_left(least.estimate, least.estimate - least.bound, varies.sum(axis=0))
     room[number.enclosed().negative()] = -np.inf
@@ -154,7 +155,7 @@ def _by_polynomials(number: Number, boxes: Boxes, spans: Floats) -> Decided:
 
 
 def _relative(boxes: Boxes, spans: Floats) -> Floats:
-    """Return the width of each row relative to its numbers, which count as `NEAR_ZERO` of their range at least."""
+    """Return the width of each row relative to its numbers. Small numbers count as `NEAR_ZERO` of their range."""
     sizes = np.abs(boxes.low) + np.abs(boxes.high)
     sizes[1:] += NEAR_ZERO * spans
     relative = (boxes.high - boxes.low) / sizes
@@ -163,9 +164,10 @@ def _relative(boxes: Boxes, spans: Floats) -> Floats:
 
 
 def _any_by_slopes(margins: Callable[[Rows], tuple[Number, ...]], boxes: Boxes) -> tuple[Flags, Floats]:
-    """Return which boxes one of several margins is positive throughout, and the end of each row where all are least.
+    """Return the boxes throughout which one of several margins is positive, and the row ends where all are least.
 
-    Each is bounded from its value at the point at these ends, in the middle of the other rows, as by `_by_slopes`.
+    Each margin is bounded, as by `_by_slopes`, from its value at a point: at these ends, and in the middle of the other
+    rows.
     """
     rows, varied, n = boxes.rows(), boxes.varied(), len(boxes)
     numbers = margins(variables(rows, varied))
@@ -189,9 +191,9 @@ def _any_by_slopes(margins: Callable[[Rows], tuple[Number, ...]], boxes: Boxes) 
 
 
 def _common_sides(numbers: Sequence[Number], boxes: Boxes) -> Floats:
-    """Return the end of each row at which all margins are least that are not negative throughout, 0 where they differ.
+    """Return the row ends where all margins that may be positive are least; 0 where the margins differ.
 
-    Where all of them are negative throughout any end will do.
+    If all margins are negative throughout a box, any end will do.
     """
     least, most = np.ones_like(boxes.low), -np.ones_like(boxes.low)
     for number in numbers:

@@ -1,4 +1,4 @@
-"""Shared parts of many boxes, computed once: the plants of the same hand and device at other frequencies."""
+"""Compute shared parts of many boxes once, such as plants with the same hand and device at different frequencies."""
 
 from __future__ import annotations
 
@@ -15,20 +15,21 @@ from vctune.proof.enclosures.taylor import Taylor
 
 
 def shared(f: Callable[..., Any], rows: Sequence[Number]) -> Any:
-    """Evaluate f on rows of boxes, once for each set of boxes with equal rows.
+    """Evaluate f on the rows of boxes, once for each set of boxes with equal rows.
 
-    For jets the result's values are tightened by the mean-value form.
+    For jets the function tightens the result's values by the mean-value form.
 
     Parameters
     ----------
-    f : takes as many numbers as there are rows; returns a dataclass of numbers and tuples of numbers
-    rows : enclosures of n boxes, or jets or Taylor polynomials of them, each in its own variable alone
+    f : function of as many numbers as there are rows; returns a dataclass of numbers and tuples of numbers
+    rows : enclosures of n boxes, or jets or Taylor polynomials of n boxes, each in its own variable alone
 
     Returns
     -------
     Any
-        f for each of the n boxes. Each number is the narrower of two enclosures: its direct one, and the value at the
-        middle plus the effect of the slopes over the box.
+        f for each of the n boxes. Each number is the narrower of two enclosures: the direct one, and the value at the
+        middle
+            plus the effect of the slopes over the box.
     """
     plain = [_values(row) for row in rows]
     n = max(np.size(row.mid) for row in plain)
@@ -47,14 +48,14 @@ def shared(f: Callable[..., Any], rows: Sequence[Number]) -> Any:
 
 
 def _values(row: Number) -> Enclosure:
-    """Return all values of a row."""
+    """Return an enclosure of all values of a row."""
     if isinstance(row, Taylor):
         return row.enclosed()
     return row.value if isinstance(row, Jet) else row
 
 
 def _narrowed(over: Number, at: Number, radii: dict[int, Any]) -> Number:
-    """Return a number over a box, its values narrowed by the one at the middle and the slopes, by their places."""
+    """Return a number over a box, with its values narrowed by its value at the middle and its slopes."""
     if not isinstance(over, Jet):
         return over
     slopes = [(over.slopes[place], rad) for place, rad in radii.items() if place < len(over.slopes)]
@@ -64,7 +65,7 @@ def _narrowed(over: Number, at: Number, radii: dict[int, Any]) -> Number:
 
 
 def _selected(number: Number, at: Any) -> Number:
-    """Return some of a number's elements; one that has no more than one stays."""
+    """Return some of a number's elements. A number with a single element stays as it is."""
     if isinstance(number, Jet):
         slopes = tuple(None if slope is None else _selected(slope, at) for slope in number.slopes)
         return Jet(_selected(number.value, at), slopes)
@@ -80,7 +81,7 @@ def _selected(number: Number, at: Any) -> Number:
 
 
 def _map_trees(f: Callable[..., Number], *trees: Any) -> Any:
-    """Return f of the numbers of trees of one shape; all other content is the first one's."""
+    """Apply f to the numbers of trees of the same shape. All other content comes from the first tree."""
     first = trees[0]
     if isinstance(first, Enclosure | Jet | Taylor):
         return f(*trees)

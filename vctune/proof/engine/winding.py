@@ -1,4 +1,4 @@
-"""Turns of a curve around 0, by boxes whose images cannot contain 0: the argument principle made rigorous."""
+"""Count the turns of a curve around 0 by boxes whose images exclude 0: a rigorous argument principle."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ Curve = Callable[[arb], Pair]
 def turned_angle(curve: Curve, low: float, high: float) -> tuple[Outcome, float]:
     """Return the turn of arg(curve) from low to high, rad.
 
-    Where the image of a box excludes 0 it lies in a rectangle without 0, seen from 0 under less than pi: the turn
-    across it is then the principal argument of the quotient of its ends. The sum is rounded by about 1e-12 rad,
-    which cannot hide a whole turn.
+    If the image of a box excludes 0, it lies in a rectangle that spans less than pi as seen from 0. The turn across the
+    box is then the principal argument of the quotient of the curve's ends. The rounding error of the sum is about 1e-12
+    rad, which cannot hide a full turn.
 
     Parameters
     ----------
     curve : function of a ball
-    low, high : ends of its parameter, 0 <= low <= high
+    low, high : ends of the curve's parameter, 0 <= low <= high
 
     Returns
     -------
-    outcome : proved when no box's image contains 0; undecided with a witness otherwise
-    angle : the turn, meaningful when proved
+    outcome : proved if no box's image contains 0; otherwise undecided with a witness
+    angle : the turn, rad; it has a meaning only if the outcome is proved
     """
     angle, edge = 0.0, curve(arb(low))
 

@@ -1,4 +1,4 @@
-"""The coefficients of a firmware, computed in exact fractions of its decimals and rounded once."""
+"""The coefficients of a firmware, computed in exact fractions of the design's decimals and rounded once."""
 
 from __future__ import annotations
 
@@ -11,21 +11,24 @@ from vctune.model.gains import AnyCoupling, Coupling, SpringDamper
 
 
 def exact(decimal: float) -> Fraction:
-    """Return the number that a float prints as."""
+    """Return the decimal that a float prints as, as a fraction."""
     return Fraction(repr(float(decimal)))
 
 
 def coupling_coefficients(
     coupling: AnyCoupling | None, sample_time: float, smoothing: float | None = None, low_passes: int = 0
 ) -> dict[str, float]:
-    """Return the coefficients of a coupling, for an admittance display by the trapezoidal rule; `coupling_of` goes
-    back.
+    """Return the coefficients of a coupling; an admittance display's follow the trapezoidal rule.
+
+    `coupling_of` inverts this.
 
     Parameters
     ----------
-    coupling : damping b_c and mass m_c in series, drag b_0 beside them; or stiffness and damping; None without one
+    coupling : damping b_c and mass m_c in series with drag b_0 in parallel; or stiffness and damping; None without a
+        coupling
     sample_time : T, s
-    smoothing, low_passes : of the velocity on which the damping of an impedance display acts
+    smoothing, low_passes : coefficient and number of the low-passes of the velocity on which an impedance display's
+        damping acts
 
     Returns
     -------
@@ -52,11 +55,11 @@ def coupling_coefficients(
 
 
 def coupling_of(coefficients: dict[str, float], sample_time: float) -> AnyCoupling:
-    """Return the coupling whose coefficients are the given ones, to the rounding of its three numbers.
+    """Return the coupling that has given coefficients, up to the rounding of its numbers.
 
     Parameters
     ----------
-    coefficients : see `coupling_coefficients`, perhaps rounded
+    coefficients : see `coupling_coefficients`; they may be rounded
     sample_time : T, s
     """
     if "coupling_stiffness" in coefficients:

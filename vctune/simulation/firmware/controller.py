@@ -1,6 +1,6 @@
-"""The firmware: one pure function from (state, measurement) to (state, command), as `equations` describes it.
+"""The firmware as one pure function from (state, measurement) to (state, command), which `equations` describes.
 
-`vctune export` makes C of the same equations.
+`vctune export` makes C from the same equations.
 """
 
 from __future__ import annotations
@@ -32,16 +32,17 @@ class Law:
     ----------
     sample_time : s
     velocity, position, integral : K_v, K_p and K_i of the law K_v + K_p/s + K_i/s^2, N s/m, N/m, N/(m s)
-    coupling : damping b_c and mass m_c in series and the drag b_0 beside them, or for an impedance display a stiffness
-        beside a damping; None without one
-    virtual_mass, virtual_damping : beside the environment, kg, N s/m
+    coupling : damping b_c and mass m_c in series with the drag b_0 in parallel; for an impedance display a stiffness in
+        parallel with a damping; None without a coupling
+    virtual_mass, virtual_damping : mass and damping in parallel with the environment, kg, N s/m
     environment : the rendered environment
-    position_resolution : resolution of the encoder, m; 0 for none
-    difference : whether the velocity is the backward difference of the measured position; measured itself if not
-    smoothing : a of the low-passes y += a (x - y) of the velocity; None without one
-    low_passes : number of them, up to 2
-    limit : greatest force, N; None without a limit. Behind it the integral parts of the law do not wind up
-    command : kind of command; without a force there is no law and no limit
+    position_resolution : resolution of the encoder, m; 0 for an ideal encoder
+    difference : True if the velocity is the backward difference of the measured position, False if it is measured
+        itself
+    smoothing : a of the low-passes y += a (x - y) of the velocity; None without low-passes
+    low_passes : number of these low-passes, up to 2
+    limit : greatest force, N; None without a limit. At the limit the integral parts of the law do not wind up
+    command : kind of command; a firmware that does not command a force has neither a law nor a limit
     """
 
     sample_time: float
@@ -62,7 +63,7 @@ class Law:
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """The measurement at a sample: position [m] and velocity [m/s] of the motor, force of the hand [N]."""
+    """The measurement at a sample: position [m] and velocity [m/s] of the motor, and force of the hand [N]."""
 
     position: Number
     velocity: Number
@@ -78,10 +79,10 @@ class State:
     reference, desired : x_e and v_e, position and velocity of the rendered environment, m, m/s
     coupling : force of the coupling's damper and mass, N
     integral : integral of the position error, m s
-    measured : position at the sample before, m
-    filtered, twice_filtered : velocity behind the first low-pass and behind the second, m/s
-    inertia : force of the environment's mass, N; of the trapezoidal rule alone
-    smoothed, twice_smoothed : v_e behind the first low-pass and behind the second, m/s; for an impedance display
+    measured : position at the previous sample, m
+    filtered, twice_filtered : velocity behind the first and behind the second low-pass, m/s
+    inertia : force of the environment's mass, N; needed by the trapezoidal rule only
+    smoothed, twice_smoothed : v_e behind the first and behind the second low-pass, m/s; for an impedance display
     ahead : v_e of the next sample, m/s; of a mass by explicit Euler
     late_1 to late_10 : forces of the environment that act so many samples later, N; of one that is late
     """
@@ -111,7 +112,7 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """The command: the motor's force, N, or a servo's velocity or position, m/s, m; and f_e, N."""
+    """The command, which is the motor's force, N, or a servo's velocity, m/s, or position, m; and f_e, N."""
 
     given: Number
     environment: Number
@@ -126,13 +127,13 @@ def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -
     Parameters
     ----------
     law : the numbers of the firmware
-    state : its state after the previous sample
-    measurement : its measurement
+    state : state of the firmware after the previous sample
+    measurement : measurement at this sample
     ops : arithmetic of state and measurement
 
     Returns
     -------
-    state : to remember
+    state : state after this sample
     command : command for the motor
     """
     written, given = _written(law)
@@ -152,7 +153,7 @@ _REMEMBERED = tuple(field.name for field in fields(State))
 
 
 def parts_of(law: Law) -> Parts:
-    """Return the parts of a firmware."""
+    """Return the parts of a firmware that has this law."""
     rendered = law.environment
     return Parts(
         quantised=law.position_resolution > 0,
@@ -174,7 +175,7 @@ def parts_of(law: Law) -> Parts:
 
 
 def coefficients_of(law: Law) -> dict[str, float]:
-    """Return the coefficients of a firmware by their names in `equations.COEFFICIENTS`."""
+    """Return the coefficients of a firmware, by their names in `equations.COEFFICIENTS`."""
     T, given = law.sample_time, coupling_coefficients(law.coupling, law.sample_time, law.smoothing, law.low_passes)
     given["resistance"] += law.virtual_mass / T + law.virtual_damping
     return {
@@ -212,12 +213,12 @@ def _blocks(parts: Parts) -> Iterator[Equation]:
 
 
 def encoded(law: Law, position: Number, ops: Arithmetic) -> Number:
-    """Return a position as the encoder has it, m.
+    """Return a position as the encoder reads it, m.
 
     Parameters
     ----------
     law : law with the encoder's resolution, m
-    position : m
+    position : position, m
     ops : arithmetic of the position
     """
     return value(

@@ -1,7 +1,7 @@
 """The firmware as difference equations with named coefficients, in the order of execution.
 
-This one description is the source of the simulated controller (`controller.py`), the exported C and its coefficients
-(`vctune/firmware/`).
+This one description is the source of the simulated controller (`controller.py`), and of the exported C and its
+coefficients (`vctune/firmware/`).
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ class Quantity:
 
     Attributes
     ----------
-    name, symbol : in code and in formulas
-    of : which quantity it is (`vctune.model.numbers.units`); "" for a mere number
-    meaning : meaning on a linear device
+    name, symbol : name in code, and symbol in formulas
+    of : quantity that determines the unit (`vctune.model.numbers.units`); "" for a dimensionless number
+    meaning : meaning, in the words of a linear device
     """
 
     name: str
@@ -33,13 +33,13 @@ class Quantity:
     meaning: str
 
     def unit(self, units: Units) -> str:
-        """Return its unit, "1" for none."""
+        """Return the unit of the quantity; "1" if it is dimensionless."""
         return units.of(self.of) or "1"
 
 
 @dataclass(frozen=True, slots=True)
 class Equation:
-    """A quantity and its formula in earlier quantities, coefficients and inputs."""
+    """A quantity, and its formula in earlier quantities, coefficients and inputs."""
 
     quantity: Quantity
     right: Term
@@ -51,21 +51,21 @@ class Parts:
 
     Attributes
     ----------
-    quantised : whether the encoder's position is rounded here; it comes rounded from a real one
-    difference : whether the velocity is the backward difference of the position; measured itself if not
+    quantised : whether the firmware rounds the encoder's position; a real encoder rounds it itself
+    difference : True if the velocity is the backward difference of the position, False if it is measured itself
     low_passes : number of low-passes of the velocity, 0 to 2
     coupling : whether there is a virtual coupling
-    virtual : whether there is a virtual mass and damping beside the environment
-    mass, trapezoid : whether the environment has a mass, and whether it may be one of the trapezoidal rule
+    virtual : whether there is a virtual mass and damping in parallel with the environment
+    mass, trapezoid : whether the environment has a mass, and whether that may follow the trapezoidal rule
     contact : whether the environment has stiffness or damping
     explicit : whether the environment is stepped by explicit Euler
     late : samples by which its force is late
-    wall : whether these may be one-sided
+    wall : whether stiffness and damping may be one-sided
     integral : whether the position error is integrated once more
-    limit : whether the force is limited, and with it the integral parts of the law
-    spring : whether its coupling is a spring and a damper, as an impedance display's, and it has no law
-    command : a force, or the velocity or the position that a servo follows; a servo's firmware reads the force alone,
-        and has neither a law nor a limit
+    limit : whether the force, and with it the integral parts of the law, are limited
+    spring : whether the coupling is a spring and a damper, as for an impedance display; the firmware then has no law
+    command : kind of command: a force, or the velocity or the position that a servo follows. A servo's firmware reads
+        the force only, and has neither a law nor a limit
     """
 
     quantised: bool = False
@@ -149,7 +149,7 @@ STATE = {
         },
     }.items()
 }
-"""The state that a firmware can have."""
+"""All quantities that may belong to the state of a firmware."""
 
 
 def remembered(parts: Parts) -> tuple[str, ...]:
@@ -186,7 +186,7 @@ def _was(name: str) -> Symbol:
 
 
 def encoded_position(parts: Parts) -> Term:
-    """Return the measured position as the encoder has it."""
+    """Return the measured position as the encoder reads it."""
     position = _now("measured_position")
     if parts.quantised:
         return _now("resolution") * floor(position / _now("resolution") + 0.5)
@@ -194,9 +194,9 @@ def encoded_position(parts: Parts) -> Term:
 
 
 def estimate(parts: Parts) -> Iterator[Equation]:
-    """Yield the estimates of the motion: position, and the velocity of the law.
+    """Yield the estimates of the motion: position, and the velocity for the law.
 
-    Nothing with a servo, whose motion is the vendor's.
+    A servo has no such equations, because the vendor's loop handles its motion.
     """
     if parts.command != "force":
         return
@@ -215,7 +215,7 @@ def estimate(parts: Parts) -> Iterator[Equation]:
 def drive(parts: Parts) -> Iterator[Equation]:
     """Yield the drive of the environment: f_h = (Z_c + Z_e) v_e, solved for v_e at the end of the sample.
 
-    For an impedance display it is the coupling's force if the tool stood still: f_c = Z_c (y - v_e) = Z_e v_e.
+    For an impedance display the drive is the coupling's force with the tool held still: f_c = Z_c (y - v_e) = Z_e v_e.
     """
     if parts.spring:
         yield from _pulled(parts)
@@ -237,8 +237,8 @@ def _middle() -> Equation:
 def _pulled(parts: Parts) -> Iterator[Equation]:
     """Yield the force of spring and damper between handle and tool, without the share of the new v_e.
 
-    The spring is between positions, so that no sum of velocities drifts: x_e is T/2 v_e behind the position that
-    determines its force.
+    The spring acts between positions, so that no sum of velocities drifts. x_e lags the position that determines its
+    force by T/2 v_e.
     """
     yield _middle()
     apart: Expression = _now("velocity")
@@ -257,8 +257,8 @@ def _pulled(parts: Parts) -> Iterator[Equation]:
 def environment(parts: Parts) -> Iterator[Equation]:
     """Yield the built-in environment: v_e with resistance v_e + f_e = drive, and f_e.
 
-    Mass and spring by backward Euler, which stays passive and damps what it cannot resolve, so that a wall may be
-    arbitrarily stiff; or by the lossless trapezoidal rule.
+    Mass and spring follow backward Euler, or the lossless trapezoidal rule. Backward Euler stays passive and damps what
+    it cannot resolve, so that a wall may be arbitrarily stiff.
     """
     if parts.late or parts.ahead:
         yield from _late_environment(parts) if parts.late else _explicit_environment()
@@ -344,14 +344,14 @@ def _force(right: Term) -> Equation:
 
 
 def law(parts: Parts) -> Iterator[Equation]:
-    """Yield coupling, reference and the law K_v + K_p/s on the velocity error, limited.
+    """Yield the coupling, the reference, and the law K_v + K_p/s on the velocity error, with its limit.
 
-    x_e and the coupling follow the trapezoidal rule, whose impedances at omega are the continuous ones at (2/T)
-    tan(omega T/2): it takes nothing from Re Z_c, on which the certificate rests. Where the limit acts, x_e stays as
-    near to the handle as the limit can hold it, and the integral within its range: nothing winds up.
+    x_e and the coupling follow the trapezoidal rule. Its impedances at omega are the continuous ones at (2/T) tan(omega
+    T/2), so it does not reduce Re Z_c, on which the certificate rests. Where the limit acts, x_e stays as near to the
+    handle as the limit permits, and the integral stays within its range: nothing winds up.
 
-    An impedance display has no law: its command is the coupling's force and the damping of K_v. The command of a servo
-    is v_e, or x_e.
+    An impedance display has no law. Its command is the coupling's force plus the damping of K_v. The command of a servo
+    is v_e or x_e.
     """
     if parts.spring:
         yield from _rendered(parts)
@@ -389,7 +389,7 @@ def law(parts: Parts) -> Iterator[Equation]:
 
 
 def _rendered(parts: Parts) -> Iterator[Equation]:
-    """Yield the remembered state of the tool, and the command against coupling and damping."""
+    """Yield the state of the tool, and the command against coupling and damping."""
     source = "desired"
     for name in ("smoothed", "twice_smoothed")[: parts.low_passes]:
         yield _kept(name, _was(name) + _now("smoothing") * (_now(source) - _was(name)))
@@ -403,5 +403,5 @@ def _rendered(parts: Parts) -> Iterator[Equation]:
 
 
 def _within(bound: str, term: Symbol) -> Expression:
-    """Return a term that is kept from minus a bound to the bound."""
+    """Return a term limited to the range from minus a bound to the bound."""
     return maximum(-_now(bound), minimum(_now(bound), term))

@@ -1,7 +1,7 @@
 """Arithmetic as data: the right-hand sides of the firmware's equations.
 
-Evaluated in the order in which they are written, on plain floats, on CasADi's symbols, in C: the same operations, so
-that doubles come out the same to the last bit.
+Expressions run on plain floats, on CasADi's symbols, and in C, always in the order in which they are written. The
+operations are the same, so that doubles agree to the last bit.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.simulation.firmware.operations import Arithmetic
 
 Operator = Literal["+", "-", "*", "/", "negative", "minimum", "maximum", "floor", "choice"]
-"""`choice` of (a, b, c, d) is c if a > b, else d."""
+"""Operators. `choice` of (a, b, c, d) is c if a > b, else d."""
 
 
 class Expression:
-    """An operand of arithmetic."""
+    """An operand."""
 
     __slots__ = ()
 
@@ -51,12 +51,12 @@ class Expression:
 
 
 Term = Expression | float
-"""An operand."""
+"""An operand: an expression or a number."""
 
 
 @dataclass(frozen=True, slots=True)
 class Symbol(Expression):
-    """The value of a quantity: at this sample, or after the previous sample."""
+    """The value of a quantity at this sample, or after the previous sample."""
 
     name: str
     before: bool = False
@@ -75,7 +75,7 @@ def minimum(a: Term, b: Term) -> Operation:
 
     Parameters
     ----------
-    a, b : names, numbers or operations
+    a, b : terms
     """
     return Operation("minimum", (a, b))
 
@@ -85,24 +85,24 @@ def maximum(a: Term, b: Term) -> Operation:
 
     Parameters
     ----------
-    a, b : names, numbers or operations
+    a, b : terms
     """
     return Operation("maximum", (a, b))
 
 
 def floor(a: Term) -> Operation:
-    """Return the greatest integer that is not above a term."""
+    """Return the greatest integer that does not exceed a term."""
     return Operation("floor", (a,))
 
 
 def choice(above: Term, limit: Term, yes: Term, no: Term) -> Operation:
-    """Return one term if another is above a limit, and a third if it is not.
+    """Return the term `yes` if `above` exceeds `limit`, else the term `no`.
 
     Parameters
     ----------
-    above, limit : the compared values
-    yes : where `above` is the greater
-    no : where it is not
+    above, limit : the compared terms
+    yes : result if `above` exceeds `limit`
+    no : result otherwise
     """
     return Operation("choice", (above, limit, yes, no))
 
@@ -113,7 +113,7 @@ def value(term: Term, known: Mapping[Symbol, Number], ops: Arithmetic) -> Number
     Parameters
     ----------
     term : a number, a symbol or an operation on terms
-    known : value of every symbol in it
+    known : value of every symbol in the term
     ops : arithmetic of these values
     """
     if isinstance(term, Symbol):

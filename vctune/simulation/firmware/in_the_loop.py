@@ -1,4 +1,4 @@
-"""A scene with an external firmware: sample by sample, beside the design's own on the same measurements."""
+"""Run a scene with an external firmware, and the design's own firmware on the same measurements for comparison."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from vctune.simulation.run import DIVERGENCE, Traces, motion_inputs, traces_of
 from vctune.simulation.scene import Scene, equilibrium
 
 REWRITTEN = 1e-9
-"""Share of the greatest command by which firmware in double precision may differ. Another order of the operations makes
-some 1e-12, a constant in seven correct digits 1e-7."""
+"""Share of the greatest command by which a firmware in double precision may differ. Another order of the operations
+changes the command by about 1e-12. A constant with only seven correct digits changes it by about 1e-7."""
 ROUNDED = 2.0
-"""Factor on the effect of single precision in the design's own commands by which firmware in it may differ, as in
-replay.c."""
+"""Factor by which the difference of a firmware in single precision may exceed the effect of single precision on the
+design's own commands, as in replay.c."""
 
 
 class Controller(Protocol):
-    """A firmware that is called sample by sample; `precision` is that of its numbers."""
+    """A firmware that the simulation calls for each sample. `precision` is the precision of its numbers."""
 
     @property
     def precision(self) -> Precision: ...
@@ -36,18 +36,19 @@ class Controller(Protocol):
         """Begin a run of a scene."""
 
     def step(self, measured: Floats) -> Floats:
-        """Return x_e [m], v_e [m/s], f_e and u [N] for position [m], velocity [m/s] and force [N]."""
+        """Return x_e [m], v_e [m/s], f_e and u [N], given position [m], velocity [m/s] and force [N]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The difference of a firmware's commands from the design's, both in its precision, on the same measurements.
+    """The difference of a firmware's commands from the design's on the same measurements, both in the firmware's
+    precision.
 
     Attributes
     ----------
-    force : the greatest difference, N
-    time : time of that sample, s
-    tolerance : the greatest difference that passes, N
+    force : greatest difference, N
+    time : time of the sample with the greatest difference, s
+    tolerance : greatest permitted difference, N
     precision : precision of the firmware
     """
 
@@ -58,7 +59,7 @@ class Difference:
 
     @property
     def passes(self) -> bool:
-        """Whether the commands are those of the design, except for rounding."""
+        """Whether the commands equal the design's, except for rounding."""
         return isfinite(self.force) and self.force <= self.tolerance
 
 
@@ -69,18 +70,18 @@ def run_in_the_loop(
     progress: Callable[[float], None] = lambda share: None,
     tolerance: float | None = None,
 ) -> tuple[Traces, Difference]:
-    """Simulate a scene with a firmware instead of its law.
+    """Simulate a scene with a firmware instead of the scene's law.
 
     Parameters
     ----------
     scene : device, operator, friction and the design's own firmware
     controller : the firmware
     progress : function that receives the share of the finished samples
-    tolerance : greatest difference of a command that passes, in its unit; None for the effect of rounding
+    tolerance : greatest permitted difference of a command, in its unit; None for the effect of rounding
 
     Returns
     -------
-    traces : finite; a run that diverges ends where the divergence began
+    traces : finite numbers; the traces of a run that diverges end where the divergence begins
     difference : difference from the design's own commands
     """
     samples, T = sample_count(scene.operator, scene.device.sample_time), scene.device.sample_time
@@ -126,7 +127,7 @@ def _sample(
 
 
 class _Beside:
-    """The design's own firmware on the other one's measurements, in its precision and in double."""
+    """The design's own firmware on the measurements of another, in the other's precision and in double precision."""
 
     def __init__(self, scene: Scene, precision: Precision) -> None:
         begin, law = equilibrium(scene), scene.law
@@ -136,7 +137,7 @@ class _Beside:
         self._exact = SteppedFirmware(parts, coefficients, start, "double") if precision != "double" else None
 
     def commands(self, measured: Floats) -> tuple[float, float]:
-        """Return the force that the design commands, in either precision, after position, velocity and force."""
+        """Return the design's command in both precisions, given position, velocity and force."""
         read = measured.tolist()
         own = self._own.command(read)
         return own, own if self._exact is None else self._exact.command(read)

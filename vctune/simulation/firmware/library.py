@@ -1,4 +1,4 @@
-"""A compiled controller, called through ctypes: the library that `make shared` builds from an export."""
+"""A compiled controller, called through ctypes: the shared library that `make shared` builds from an export."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from vctune.simulation.scene import Scene, equilibrium
 
 LIBRARY = "vctune_controller.so"
 MOST_BYTES = 1_000_000
-"""Greatest memory of a controller; a library that claims more is none."""
+"""Greatest memory of a controller in bytes. A library that claims more is not a controller."""
 
 PRECISIONS: dict[int, Precision] = {4: "single", 8: "double"}
-"""The type by the bytes of a number."""
+"""Precision by the number of bytes of a number."""
 
 
 class CompiledController:
@@ -29,7 +29,7 @@ class CompiledController:
     Attributes
     ----------
     path : path of the library
-    problem_sha256 : digest of the problem that it was made for
+    problem_sha256 : digest of the problem for which it was made
     precision : precision of its numbers
     """
 
@@ -38,12 +38,12 @@ class CompiledController:
 
         Parameters
         ----------
-        path : path of the library, or of the folder in which `make shared` made it
+        path : path of the library, or of the folder in which `make shared` built it
 
         Raises
         ------
         InputError
-            If there is no library, it cannot be loaded, or it lacks functions of vctune_bridge.c.
+            If there is no library, if it cannot be loaded, or if it lacks functions of vctune_bridge.c.
         """
         place = path / LIBRARY if path.is_dir() else path
         if not place.is_file():
@@ -85,6 +85,6 @@ class CompiledController:
         self._start(self._memory, (c_double * len(setting))(*setting))
 
     def step(self, measured: Floats) -> Floats:
-        """Return x_e [m], v_e [m/s], f_e and u [N] for position [m], velocity [m/s] and force [N]."""
+        """Return x_e [m], v_e [m/s], f_e and u [N], given position [m], velocity [m/s] and force [N]."""
         self._step(self._memory, (c_double * 3)(*measured), self._answer)
         return np.array(self._answer)

@@ -1,4 +1,4 @@
-"""Operations of controller and friction on plain floats; `vctune.simulation.mechanics.step` has them on symbols."""
+"""Operations of controller and friction on plain floats. `vctune.simulation.mechanics.step` has those on symbols."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Arithmetic(Protocol):
 
         Parameters
         ----------
-        a, b : in the same unit
+        a, b : numbers in the same unit
         """
 
     def maximum(self, a: Number, b: Number) -> Number:
@@ -28,16 +28,16 @@ class Arithmetic(Protocol):
 
         Parameters
         ----------
-        a, b : in the same unit
+        a, b : numbers in the same unit
         """
 
     def where(self, condition: Number, yes: Number, no: Number) -> Number:
-        """Return one number if a condition holds and another if not; both are evaluated.
+        """Return one number where a condition holds and another elsewhere. Both are evaluated.
 
         Parameters
         ----------
         condition : a comparison of numbers
-        yes, no : in the same unit
+        yes, no : numbers in the same unit
         """
 
 

@@ -1,4 +1,4 @@
-"""A design's own firmware, sample by sample, in one precision: equal to its C to the last bit."""
+"""A design's own firmware, stepped sample by sample in one precision; it equals the exported C to the last bit."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from vctune.simulation.firmware.operations import FLOATS
 
 Precision = Literal["double", "single"]
 NUMBERS: dict[Precision, Callable[[Any], Any]] = {"double": float, "single": np.float32}
-"""The functions that round a float to a precision."""
+"""Functions that round a float to a precision."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class Start:
     ----------
     environment : its environment
     limit : greatest force, N; None without a limit
-    position, reference : position of the motor from the encoder, and x_e, m
+    position, reference : position of the motor from the encoder, and x_e, both m
     """
 
     environment: Environment
@@ -40,7 +40,7 @@ class Start:
 
 
 def exported_parts(law: Law) -> Parts:
-    """Return the parts of the exported firmware of a law: any built-in environment, no encoder, a limited force."""
+    """Return the parts of a law's exported firmware: any built-in environment, no encoder, a limited force."""
     of = parts_of(law)
     return Parts(
         difference=of.difference,
@@ -52,17 +52,17 @@ def exported_parts(law: Law) -> Parts:
 
 
 class SteppedFirmware:
-    """A firmware with its state; every operation is rounded to one precision."""
+    """A firmware with its state. It rounds every operation to one precision."""
 
     def __init__(self, parts: Parts, coefficients: Mapping[str, float], start: Start, precision: Precision) -> None:
-        """Begin before the first sample.
+        """Set the firmware up before the first sample.
 
         Parameters
         ----------
-        parts : parts of the firmware; positions come from the encoder
+        parts : parts of the firmware; its positions come from the encoder
         coefficients : coefficients of the controller, by their names in `equations.COEFFICIENTS`
-        start : its environment and start
-        precision : precision of every number; coefficients are rounded to it first
+        start : environment and start values
+        precision : precision of every number; the function first rounds the coefficients to it
         """
         self._number = number = NUMBERS[precision]
         blocks = (equations.estimate, equations.drive, equations.environment, equations.law)
@@ -79,7 +79,7 @@ class SteppedFirmware:
         self._known[Symbol("measured", before=True)] = number(start.position)
 
     def command(self, measured: Sequence[float]) -> float:
-        """Return the command after position [m], velocity [m/s] and force [N] of the next sample."""
+        """Return the command, given position [m], velocity [m/s] and force [N] of the next sample."""
         known = self._known
         for name, read in zip(("position", "velocity", "force"), measured, strict=True):
             known[Symbol(f"measured_{name}")] = self._number(read)

@@ -1,1 +1,1 @@
-"""Device, hand and friction over a sample."""
+"""The motion of device, hand and friction over one sample."""

@@ -1,10 +1,10 @@
 """A device with its parts, and the hand on it, as linear rates.
 
-The parts are an actuator, a handle on a spring, a servo, and a filter of the force sensor or a delay of it that is not
-a whole number of samples. All of it is linear except for friction: it moves on by matrix exponentials, exactly
-(`transition`), and with friction exactly except for a force that is held over a step (`assembly_friction`). A device
-that moves as one mass and whose force is sensed at a sample is not of this kind (`plant`). A servo follows its command:
-the hand does not affect its rates, and the force of the hand follows from the motion.
+The parts are an actuator, a handle on a spring, a servo, and a force sensor with a low-pass or with a delay that is not
+a whole number of samples. Everything is linear except for friction. Without friction the device moves by matrix
+exponentials, which are exact (`transition`). With friction the motion is exact except that the friction's force is held
+over a step (`assembly_friction`). A device that moves as one mass and whose force is sensed at a sample belongs to
+`plant`. A servo follows its command: the hand does not affect its rates, and the hand's force follows from the motion.
 """
 
 from __future__ import annotations
@@ -27,8 +27,9 @@ from vctune.simulation.mechanics.plant import Transition, exponential_less_one, 
 from vctune.simulation.scene import Scene
 
 GIVEN = ("command", "friction", "push", "push_1", "push_2", "push_3")
-"""Inputs of the states: the held command that has arrived, a force or the velocity of a servo, the friction's force,
-the force of the hand's spring and damper if the handle stood still at 0, N, and its three derivatives."""
+"""Inputs of the states: the held command that has arrived (a force, or a servo's velocity), the friction's force, the
+force that the hand's spring and damper would have with the handle at rest at 0, N, and the latter's three
+derivatives."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,13 +38,13 @@ class Assembly:
 
     Attributes
     ----------
-    states : position and velocity of the motor first; bend and handle_velocity, those of the drive, the rate of a
-        servo's velocity, sensed and its rate where the device has the part
-    rates : over states and given
+    states : names of the states: position and velocity of the motor first; then, if the device has the part, bend and
+        handle_velocity, the states of the drive, the rate of a servo's velocity, and sensed with its rate
+    rates : matrix of the rates over states and given
     units : units of states and given, in which all rates are about as large as their effect on a sample
-    position, velocity : rows of the handle's, m, m/s
-    force : row of f_h, N, the force of the hand on the handle
-    sensed : row of the sensor's force, without its delay, N
+    position, velocity : rows of the handle's position and velocity, m, m/s
+    force : row of f_h, the force of the hand on the handle, N
+    sensed : row of the sensor's force without its delay, N
     """
 
     states: tuple[str, ...]
@@ -60,19 +61,19 @@ class Assembly:
         return len(self.states)
 
     def changed(self, time: float) -> Floats:
-        """Return e^(rates t) - 1 after a time, s: how states and given change while command and friction are held."""
+        """Return e^(rates t) - 1: the change of states and given over a time, s, with command and friction held."""
         scaled = self.rates * self.units / self.units[:, None]
         return exponential_less_one(scaled * time) / self.units * self.units[:, None]
 
 
 @dataclass(frozen=True, slots=True)
 class Sensing:
-    """When the force is sensed that the firmware reads.
+    """The time at which the sensor takes the force that the firmware reads.
 
     Attributes
     ----------
-    whole_samples : number of samples ago
-    instant : time since the previous sample, s; None for at the sample itself
+    whole_samples : number of whole samples before the reading
+    instant : time since the previous sample, s; None if the force is taken at the sample itself
     """
 
     whole_samples: int
@@ -80,7 +81,7 @@ class Sensing:
 
 
 def sensing(scene: Scene) -> Sensing:
-    """Return when a scene's force is sensed; a sample at an arriving command is taken just before it."""
+    """Return when a scene's force is sensed. A force that is sensed when a command arrives is taken just before it."""
     T, early = scene.device.sample_time, timing(scene).early
     whole, fraction = split_delay(scene.device.sensing.delay, T)
     if fraction == 0:
@@ -90,7 +91,8 @@ def sensing(scene: Scene) -> Sensing:
 
 
 def assembly(scene: Scene) -> Assembly | None:
-    """Return the moving parts of a scene; None for one mass, whose force is sensed at a sample and not filtered."""
+    """Return the moving parts of a scene; None for a single mass whose force is sensed at a sample without a
+    low-pass."""
     device, hand = scene.device, scene.operator
     if device.servo is not None:
         return _servo(device, device.servo, hand)
@@ -131,7 +133,7 @@ def assembly(scene: Scene) -> Assembly | None:
 
 
 def _servo(device: Device, servo: Servo, hand: Operator) -> Assembly:
-    """Return a servo and the force of the hand on it: -(M a + B v + K x) and the push of its spring and damper."""
+    """Return a servo with the force of the hand on it: -(M a + B v + K x) plus the push of its spring and damper."""
     velocity = ("velocity", "velocity_rate")[: servo.order]
     states, T = ("position", *velocity, *_sensed_states(device.sensing)), device.sample_time
     names = (*states, *GIVEN)
@@ -166,12 +168,12 @@ def _assembled(
 
     Parameters
     ----------
-    states : names, those of the sensor too
-    of : unit row of each of states and given
-    rates : rows of those that change
+    states : names of the states, including those of the sensor
+    of : unit row of each state and each given input
+    rates : rows of the states that change
     units : units of states and given
-    seen : rows of the handle's position and velocity and of f_h
-    sensor : what senses f_h
+    seen : rows of the handle's position, its velocity, and f_h
+    sensor : sensor of f_h
     """
     position, velocity, force = seen
     if sensor.bandwidth_hz is not None:
@@ -189,7 +191,8 @@ def _assembled(
 
 
 def _low_pass(name: str, bandwidth_hz: float, order: int, source: Floats, of: dict[str, Floats]) -> dict[str, Floats]:
-    """Return the rates of a low-pass's states: itself and, of order 2, its rate in units of the corner."""
+    """Return the rates of a low-pass's states: its output and, for order 2, the output's rate in units of the
+    corner."""
     corner = float(2 * FLOATS.pi * bandwidth_hz)
     if order == 1:
         return {name: corner * (source - of[name])}
@@ -198,7 +201,7 @@ def _low_pass(name: str, bandwidth_hz: float, order: int, source: Floats, of: di
 
 
 def _units(names: tuple[str, ...], force: float, command: float, sample_time: float, swing: float) -> Floats:
-    """Return units in which time is counted in T, forces and commands in given ones, a bend by how fast it swings."""
+    """Return units with time in T, forces and commands in given units, and a bend in units of its oscillation."""
     units = {"position": 1.0, "command": command, "bend": 1 / (1 + swing * sample_time)}
     units |= dict.fromkeys(("velocity", "handle_velocity", "velocity_rate"), 1 / sample_time)
     units |= {f"push_{k}": force / sample_time**k for k in (1, 2, 3)}
@@ -208,8 +211,8 @@ def _units(names: tuple[str, ...], force: float, command: float, sample_time: fl
 def transition(scene: Scene, moving: Assembly) -> Transition:
     """Return the exact transition of an assembly without friction over one sample.
 
-    If the force is sensed between samples, the sensed value is one more number after the states; it does not affect the
-    rest.
+    If the force is sensed between samples, the sensed value is an additional number after the states. It does not
+    affect them.
 
     Parameters
     ----------
@@ -219,7 +222,7 @@ def transition(scene: Scene, moving: Assembly) -> Transition:
     Returns
     -------
     Transition
-        Over the states, and the force sensed between samples where there is one.
+        Over the states and, if there is one, the force that is sensed between samples.
     """
     when, at, n = timing(scene), sensing(scene), moving.size
     command, push = n + GIVEN.index("command"), slice(n + GIVEN.index("push"), None)
@@ -227,13 +230,14 @@ def transition(scene: Scene, moving: Assembly) -> Transition:
     derivatives = hand_force_derivatives(scene.operator, T)
 
     def after(time: float) -> tuple[Floats, Floats]:
-        """Return states and given after a time from (states, given) before; and from the late command alone."""
+        """Return states and given after a time, as a function of (states, given) before and of the late command
+        alone."""
         early = one + moving.changed(min(time, when.early))
         if time <= when.early:
             return early, np.zeros(len(one))
         late = one + moving.changed(time - when.early)
         arriving = late[:, command].copy()
-        late[:, command] = 0.0  # the early command has gone
+        late[:, command] = 0.0  # the early command has ended
         return late @ early, arriving
 
     moved, late = (part[:n] for part in after(T))
@@ -246,7 +250,7 @@ def transition(scene: Scene, moving: Assembly) -> Transition:
 
 
 def applied(row: Floats, values: list[Number]) -> Number:
-    """Return the product of a row and values; factors of 0 are skipped.
+    """Return the product of a row and values. Factors of 0 are skipped.
 
     Parameters
     ----------

@@ -1,11 +1,11 @@
 """Friction on the motor of a device with parts: a fixed step of the bristles and of the linear rest, each exact.
 
 The friction's force is held over a step, at its mean over bristles that follow the motor's mean velocity w. Everything
-else is linear and moves on exactly (`assembly`); w is its velocity for the held force. The force does the work F h w on
+else is linear and moves exactly (`assembly`); w is its velocity under the held force. The force does the work F h w on
 the motor and on the bristles alike, so that no step creates energy, for any h, stiffness of the parts and prediction.
-Neither a fast actuator nor a stiff handle is stiff in this step: all that is approximated is how the friction varies
-within it, to second order. Any motion that is faster than a step and driven by the friction, such as a hand's mass on a
-nearly rigid handle, has the last step's mean at a sample: to first order.
+Neither a fast actuator nor a stiff handle makes this step stiff. It approximates only the variation of the friction
+within a step, to second order. A motion that is faster than a step and driven by the friction, such as a hand's mass on
+a nearly rigid handle, has the mean of the last step at a sample, to first order.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from vctune.simulation.mechanics.intended_motion import Floats
 
 @dataclass(frozen=True, slots=True)
 class AssemblyState:
-    """States of an assembly and its inputs, 0 for the friction's force; and the bristles' deflection z [m]."""
+    """States and inputs of an assembly, with 0 for the friction's force, and the bristles' deflection z [m]."""
 
     values: list[Number]
     z: Number
@@ -42,7 +42,7 @@ class FrictionStep:
     ----------
     length : h, s
     change : e^(rates h) - 1
-    friction : which column is the friction's force
+    friction : column of the friction's force
     """
 
     length: float
@@ -51,7 +51,7 @@ class FrictionStep:
 
 
 def friction_step(moving: Assembly, length: float) -> FrictionStep:
-    """Return an assembly's step of a length, s.
+    """Return the step of an assembly with a given length, s.
 
     Parameters
     ----------
@@ -64,14 +64,14 @@ def friction_step(moving: Assembly, length: float) -> FrictionStep:
 def assembly_step(
     step: FrictionStep, friction: Friction, at: AssemblyState, foreseen: Number, ops: Arithmetic
 ) -> tuple[AssemblyState, Number]:
-    """Advance by one step; return also the motor's mean velocity w, m/s.
+    """Advance by one step, and return also the motor's mean velocity w, m/s.
 
     Parameters
     ----------
     step : step of the assembly
     friction : friction that acts on the motor
     at : states and bristles at the beginning
-    foreseen : velocity at which the friction's rate is taken, m/s
+    foreseen : predicted velocity at which the friction's rate is evaluated, m/s
     ops : arithmetic of states and velocity
 
     Returns
@@ -80,8 +80,8 @@ def assembly_step(
         States and bristles at the end, and w.
     """
     h, bristles = step.length, bristle_step(friction, foreseen, step.length, ops)
-    compliance = -float(step.change[0, step.friction])  # by how much less far the motor comes for a newton, m/N
-    way = applied(step.change[0], at.values)  # without friction
+    compliance = -float(step.change[0, step.friction])  # reduction of the motor's travel per newton, m/N
+    way = applied(step.change[0], at.values)  # the travel without friction
     w = (way - compliance * (bristles.stiffness * at.z)) / (h + compliance * bristles.slope)
     given = [*at.values]
     given[step.friction] = bristles.stiffness * at.z + bristles.slope * w
@@ -90,11 +90,13 @@ def assembly_step(
 
 
 AdvanceStep = Callable[[AssemblyState, Number], tuple[AssemblyState, Number]]
-"""`assembly_step` of a certain step: from a state and a foreseen velocity."""
+"""`assembly_step` with a given step: a function of a state and a predicted velocity."""
 
 
 def assembly_steps(step: AdvanceStep, at: AssemblyState, count: int) -> AssemblyState:
-    """Advance by some steps; each foresees its velocity from the step before, the first from a trial, as `slide`.
+    """Advance by several steps.
+
+    Each predicts its velocity from the previous step, the first from a trial, as in `slide`.
 
     Parameters
     ----------
@@ -105,7 +107,7 @@ def assembly_steps(step: AdvanceStep, at: AssemblyState, count: int) -> Assembly
     Returns
     -------
     AssemblyState
-        At the end of the last.
+        The state at the end of the last step.
     """
     _, foreseen = step(at, at.v)
     for _ in range(count):

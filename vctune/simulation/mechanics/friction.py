@@ -4,7 +4,7 @@ With the bristles' deflection z, the rate a(v) = stiffness |v|/g(v) and Stribeck
 
     dz/dt = v - a(v) z,   F = stiffness z + damping(v) dz/dt,   g = coulomb + (stiction - coulomb) e^{-(v/v_s)^2}.
 
-A constant damping can make LuGre friction give energy back at speed. It never does where damping <= 4 g/|v|, hence
+With a constant damping, LuGre friction may return energy at speed. It never does if damping <= 4 g/|v|; therefore
 damping(v) = damping/(1 + damping |v|/(4 coulomb)).
 """
 
@@ -19,8 +19,8 @@ from vctune.simulation.firmware.operations import Arithmetic
 
 SERIES_BELOW = 0.01
 """Argument at which phi_2 changes from its series to its formula, whose subtraction loses a factor 2/y. Here both are
-correct to 2e-14. With half, the formula's rounding doubles; with twice, the remainder of the series' five terms is
-6e-13."""
+correct to 2e-14. At half this argument the formula's rounding error doubles; at twice this argument the remainder of
+the series of five terms is 6e-13."""
 
 
 def relaxation(friction: Friction, velocity: Number, ops: Arithmetic) -> tuple[Number, Number]:
@@ -28,8 +28,8 @@ def relaxation(friction: Friction, velocity: Number, ops: Arithmetic) -> tuple[N
 
     Parameters
     ----------
-    friction : its parameters
-    velocity : m/s
+    friction : parameters of the friction
+    velocity : velocity, m/s
     ops : arithmetic of the velocity
     """
     speed = ops.absolute(velocity)
@@ -45,8 +45,8 @@ def friction_force(friction: Friction, velocity: Number, deflection: Number, ops
 
     Parameters
     ----------
-    friction : its parameters
-    velocity : m/s
+    friction : parameters of the friction
+    velocity : velocity, m/s
     deflection : deflection of the bristles, m
     ops : arithmetic of velocity and deflection
     """
@@ -57,7 +57,7 @@ def friction_force(friction: Friction, velocity: Number, deflection: Number, ops
 
 @dataclass(frozen=True, slots=True)
 class Slide:
-    """Handle and bristles: position x [m], velocity v [m/s], deflection z [m]."""
+    """State of handle and bristles: position x [m], velocity v [m/s], deflection z [m]."""
 
     x: Number
     v: Number
@@ -66,7 +66,7 @@ class Slide:
 
 @dataclass(frozen=True, slots=True)
 class Carriage:
-    """The sliding mass, mass dv/dt = push - damping v - stiffness x - F: the device and the hand on it, SI units."""
+    """The sliding mass of device and hand, mass dv/dt = push - damping v - stiffness x - F, in SI units."""
 
     mass: float
     damping: float
@@ -74,23 +74,23 @@ class Carriage:
 
 
 SlideStep = Callable[[Slide, Number, Number], tuple[Slide, Number]]
-"""A step of a certain length, as `slide_step`: from a state, a foreseen velocity and a force."""
+"""`slide_step` with a given length: a function of a state, a predicted velocity and a force."""
 
 
 def slide(step: SlideStep, at: Slide, push: Callable[[float], Number], h: float, steps: int, theta: float) -> Slide:
-    """Advance by some steps of length h [s] under the force push(t) [N], t [s] counted from the beginning.
+    """Advance by several steps of length h [s] under the force push(t) [N], where t [s] counts from the beginning.
 
-    Midpoint (theta = 1/2) is of second order, Euler (theta = 1) of first. A step's bristle rate is taken at a velocity
-    that is foreseen from the step before, in the first step from a trial.
+    The midpoint rule (theta = 1/2) is of second order, Euler's rule (theta = 1) of first order. The bristles' rate is
+    evaluated at a velocity that the previous step predicts, or a trial in the first step.
 
     Parameters
     ----------
     step : step of length h
     at : state at the beginning
-    push : force of motor and hand, N, of the time since the beginning, s
+    push : function that returns the force of motor and hand, N, at a time since the beginning, s
     h : length of a step, s
-    steps : their number
-    theta : point of a step at which its forces are taken, 1/2 to 1
+    steps : number of steps
+    theta : point of a step at which its forces are evaluated, 1/2 to 1
 
     Returns
     -------
@@ -118,26 +118,26 @@ def slide_step(
 ) -> tuple[Slide, Number]:
     """Advance by one step h under the force `push`; return also the step's velocity w = v + theta (v_new - v).
 
-    With the rate and the damping at the foreseen velocity, and w the same over the step, the bristles are followed
-    exactly: with y = a h their mean is phi_1 z + phi_2 h w, phi_1 = (1 - e^-y)/y, phi_2 = (1 - phi_1)/y. The friction
-    is then linear in w, and the momentum balance is solved for w. Since the bristles take exactly the work that
-    friction does at the velocity w, no step creates energy, for any h, stiffness and prediction.
+    With rate and damping at the predicted velocity, and w constant over the step, the bristles are integrated exactly:
+    with y = a h their mean is phi_1 z + phi_2 h w, phi_1 = (1 - e^-y)/y, phi_2 = (1 - phi_1)/y. The friction is then
+    linear in w, and the momentum balance is solved for w. The bristles take exactly the work that friction does at the
+    velocity w, so no step creates energy, for any h, stiffness and prediction.
 
     Parameters
     ----------
     carriage : the sliding mass
-    friction : friction that acts on it
+    friction : friction on the mass
     at : state at the beginning
-    foreseen : velocity at which the friction's rate is taken, m/s
+    foreseen : predicted velocity at which the friction's rate is evaluated, m/s
     push : force of motor and hand, N
     h : length of the step, s
-    theta : point of the step at which its forces are taken, 1/2 to 1
+    theta : point of the step at which its forces are evaluated, 1/2 to 1
     ops : arithmetic of state, velocity and force
 
     Returns
     -------
     tuple of Slide and Number
-        The state at the end and w, m/s.
+        The state at the end, and w, m/s.
     """
     bristles = bristle_step(friction, foreseen, h, ops)
     inertia = carriage.mass / (theta * h)
@@ -154,7 +154,7 @@ class BristleStep:
     ----------
     rate : a(v), 1/s
     time : h phi_1, the time for which z continues at its initial rate, s
-    stiffness, slope : N/m, N s/m
+    stiffness, slope : coefficients of the mean force, N/m and N s/m
     """
 
     rate: Number
@@ -174,12 +174,12 @@ class BristleStep:
 
 
 def bristle_step(friction: Friction, foreseen: Number, h: Number, ops: Arithmetic) -> BristleStep:
-    """Return the bristles over a step with rate and damping at the foreseen velocity.
+    """Return the bristles over a step, with rate and damping at the predicted velocity.
 
     Parameters
     ----------
-    friction : its parameters
-    foreseen : m/s
+    friction : parameters of the friction
+    foreseen : predicted velocity, m/s
     h : length of the step, s
     ops : arithmetic of the velocity
     """
@@ -191,7 +191,7 @@ def bristle_step(friction: Friction, foreseen: Number, h: Number, ops: Arithmeti
 
 
 def _phi_1_and_2(y: Number, ops: Arithmetic) -> tuple[Number, Number]:
-    """Return phi_1 = (1 - e^-y)/y and phi_2 = (y - 1 + e^-y)/y^2 for y >= 0, of exponential integrators at -y."""
+    """Return phi_1 = (1 - e^-y)/y and phi_2 = (y - 1 + e^-y)/y^2 for y >= 0."""
     safe = ops.maximum(y, SERIES_BELOW)
     phi_1 = -ops.expm1(-safe) / safe
     small = y < SERIES_BELOW

@@ -1,4 +1,4 @@
-"""The intended motion: the target of the hand at each sample, and on a cubic between samples."""
+"""The intended motion: the target of the hand at each sample, and a cubic between samples."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from vctune.model.experiment import Operator
 
 Floats = NDArray[np.float64]
 RAMP = 0.1
-"""Share of a stroke's time that each of its two ends takes to gain or lose speed. Half doubles the acceleration, which
-the hand's mass makes felt. Twice leaves less of the stroke at constant speed."""
+"""Share of a stroke's time that the hand takes at each end to gain or lose speed. Half this share doubles the
+acceleration, which the hand's mass then makes noticeable. Twice this share leaves less of the stroke at constant
+speed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +26,7 @@ class Intended:
 
 
 def stroke_time(operator: Operator) -> float:
-    """Return how long a stroke takes from one end to the other, s."""
+    """Return the time of a stroke from one end to the other, s."""
     travel = abs(operator.end - operator.start)
     mean = 1 - RAMP if operator.motion == "reciprocate" else 2 / pi
     return travel / (mean * operator.speed)
@@ -37,24 +38,24 @@ def sample_count(operator: Operator, sample_time: float) -> int:
     Parameters
     ----------
     operator : the hand, whose cycles make up the experiment
-    sample_time : s
+    sample_time : T, s
     """
     return max(1, ceil(2 * operator.cycles * stroke_time(operator) / sample_time * (1 - 1e-12)))
 
 
 def intended_motion(operator: Operator, sample_time: float, first: int, last: int) -> Intended:
-    """Return the intended motion at samples `first` to `last`, both included.
+    """Return the intended motion at the samples `first` to `last`, both included.
 
     Parameters
     ----------
     operator : the hand
-    sample_time : s
-    first, last : numbers of samples, from 0
+    sample_time : T, s
+    first, last : indices of samples, from 0
 
     Returns
     -------
     Intended
-        last - first + 1 positions and velocities.
+        Positions and velocities, last - first + 1 of each.
     """
     stroke = stroke_time(operator)
     strokes = np.arange(first, last + 1) * (sample_time / stroke)
@@ -69,7 +70,7 @@ def intended_motion(operator: Operator, sample_time: float, first: int, last: in
 
 
 def _ramped(u: Floats) -> tuple[Floats, Floats]:
-    """Return place and rate, from 0 to 1 for u from 0 to 1, at constant rate except for the ends."""
+    """Return position and rate, from 0 to 1 for u from 0 to 1, at constant rate except near the ends."""
     top = 1 / (1 - RAMP)
     end = np.minimum(u, 1 - u)
     rate = top * np.minimum(end / RAMP, 1.0)
@@ -80,12 +81,12 @@ def _ramped(u: Floats) -> tuple[Floats, Floats]:
 def hand_force_derivatives(operator: Operator, sample_time: float) -> Floats:
     """Return the matrix from (x, v, x', v') of two samples to the hand's push and its three derivatives at the first.
 
-    The push is stiffness x_i + damping v_i with x_i the cubic that has these positions and velocities.
+    The push is stiffness x_i + damping v_i, where x_i is the cubic with these positions and velocities.
 
     Parameters
     ----------
     operator : the hand
-    sample_time : s
+    sample_time : T, s
 
     Returns
     -------

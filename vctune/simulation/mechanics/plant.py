@@ -1,7 +1,7 @@
 """A rigid device and the hand between two samples, without friction (model/README.md, section 7).
 
-Exact, by matrix exponentials. Devices with an actuator, a handle on a spring or a filter of the force sensor: see
-`assembly`.
+The motion follows exactly from matrix exponentials. Devices with an actuator, a handle on a spring or a low-pass of the
+force sensor belong to `assembly`.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from vctune.simulation.scene import Scene
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """When the held commands act within a sample interval: u[k-N-1] for `early` seconds, then u[k-N].
+    """The commands that act within a sample interval: u[k-N-1] for `early` seconds, then u[k-N].
 
     Attributes
     ----------
-    whole_samples : N, of the delay
-    early, late : s; early is 0 without a fraction of a sample of delay
+    whole_samples : N, the number of whole samples in the delay
+    early, late : durations, s; early is 0 if the delay has no fraction of a sample
     """
 
     whole_samples: int
@@ -32,7 +32,7 @@ class Timing:
 
 
 def timing(scene: Scene) -> Timing:
-    """Return the timing of a scene's commands; the real zero-order hold, for any `hold` of the frequency model."""
+    """Return the timing of a scene's commands, with the real zero-order hold for any `hold` of the frequency model."""
     T = scene.device.sample_time
     whole, fraction = split_delay(scene.device.latency, T)
     return Timing(whole, fraction * T, T - fraction * T)
@@ -40,9 +40,9 @@ def timing(scene: Scene) -> Timing:
 
 @dataclass(frozen=True, slots=True)
 class Transition:
-    """After a sample: state @ before + early u_early + late u_late + motion @ (x_i, v_i, x_i', v_i').
+    """The state after a sample: state @ before + early u_early + late u_late + motion @ (x_i, v_i, x_i', v_i').
 
-    States are position and velocity first.
+    Position and velocity are the first states.
     """
 
     state: Floats
@@ -54,7 +54,7 @@ class Transition:
 def transition(scene: Scene) -> Transition:
     """Return the exact transition of a scene without friction over one sample."""
     when, carriage = timing(scene), scene.carriage
-    # x, v, force of the motor, push of the hand and its three derivatives
+    # x, v, motor's force, the hand's push and its three derivatives
     rates = np.zeros((7, 7))
     rates[0, 1] = 1.0
     rates[1, :4] = np.array([-carriage.stiffness, -carriage.damping, 1.0, 1.0]) / carriage.mass

@@ -1,4 +1,5 @@
-"""Whether a scene's sampled loop, with hand and environment, is stable: eigenvalues of its exact linear step."""
+"""Decide whether a scene's sampled loop, with hand and environment, is stable, from the eigenvalues of its linear
+step."""
 
 from __future__ import annotations
 
@@ -15,26 +16,28 @@ from vctune.simulation.mechanics.step import INPUTS, build
 from vctune.simulation.scene import Scene, baseline_scene
 
 STANDING = 1e-6
-"""Eigenvalues this near to 1 are positions without a restoring force, not oscillations. A double one is computed to the
-square root of rounding, 1e-8; half and twice this differ only for a mode of a million samples."""
+"""Distance from 1 within which an eigenvalue is a position without a restoring force, not an oscillation. A double
+eigenvalue is computed to the square root of rounding, 1e-8. Half and twice this distance only matter for a mode of a
+million samples."""
 DECADES = 4
-"""Distance from the file's virtual mass and damping up to which a stable one is sought, each way; half and twice it
-change no answer within."""
+"""Number of decades, up and down from the file's virtual mass and damping, in which a stable share is sought. Half and
+twice as many change no result within them."""
 BISECTIONS = 30
-"""Bisections of half a decade, down to 1e-9. Half as many leave 4e-5, which shows in the fourth digit at times; twice
-only reach rounding."""
+"""Number of bisections of half a decade, down to 1e-9. Half as many leave 4e-5, which sometimes shows in the fourth
+digit; twice as many reach rounding errors."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """The mode of a sampled loop that grows the fastest: factor per sample, frequency in Hz."""
+    """The mode of a sampled loop that grows the fastest: factor per sample, and frequency in Hz."""
 
     radius: float
     hz: float
 
 
 def linear_scenes(scene: Scene) -> list[Scene]:
-    """Return a scene without friction, quantisation, limit and noise; at a wall, pressed to it and away from it."""
+    """Return a scene without friction, quantisation, limit and noise; with a wall, one scene in contact and one
+    away."""
     law = replace(scene.law, position_resolution=0.0, limit=None)
     rendered = law.environment
     environments = [replace(rendered, wall=False)]
@@ -47,7 +50,7 @@ def linear_scenes(scene: Scene) -> list[Scene]:
 
 
 def loop_matrix(scene: Scene) -> Floats:
-    """Return the matrix of a linear scene's step, from state to state, by the step's answers to unit states."""
+    """Return the matrix of a linear scene's step, from state to state, by the step's results for unit states."""
     with interrupt_deferred():
         step = build(scene)
         size, no_input = len(step.start), np.zeros(INPUTS)
@@ -69,20 +72,20 @@ def _fastest(matrix: Floats, sample_time: float) -> Mode:
 
 
 def least_virtual(device: Device, experiment: Experiment, pid: Baseline) -> float | None:
-    """Return the least share of a regular PID's virtual mass and damping from which on its loop is stable.
+    """Return the smallest factor on the virtual mass and damping of a regular PID above which its loop is stable.
 
     The search covers 10^-`DECADES` to 10^`DECADES` times the values of the file.
 
     Parameters
     ----------
-    device : plain numbers, SI units
+    device : device with plain numbers, SI units
     experiment : the experiment of the run
-    pid : the regular controller, with the mass and the damping that are varied
+    pid : the regular PID, with the mass and the damping that the search varies
 
     Returns
     -------
     float or None
-        The share; 0 if it is stable with next to nothing, None if no tried share is stable.
+        The factor; 0 if the loop is stable with almost nothing, None if no tried factor is stable.
     """
 
     def stable(share: float) -> bool:

@@ -1,7 +1,7 @@
 """One sample of a scene as a compiled function, assembled from the parts of the scene. Imports casadi.
 
-A sample goes: sensors read, the firmware runs, the device moves on for a sample time under the forces that have
-arrived. Friction, quantisation, saturation, filters, the coupling and a device's parts are operations of the function
+In a sample the sensors are read, the firmware runs, and the device moves for a sample time under the forces that have
+arrived. Friction, quantisation, saturation, filters, the coupling and a device's parts add operations to the function
 only if the scene has them.
 """
 
@@ -28,31 +28,33 @@ from vctune.simulation.mechanics.stretches import SYMBOLS, Stretch, fixed_steps,
 from vctune.simulation.scene import Equilibrium, Scene, equilibrium
 
 CHUNK = 1024
-"""Samples per call of the compiled function: progress and Ctrl-C wait for one. Half and twice it take the same time."""
+"""Samples per call of the compiled function, for which progress and Ctrl-C wait. Half and twice as many take the same
+time."""
 COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor", "sensed")
-"""Recorded columns of each sample: x, v, f_h, x_e, v_e, f_e, u, f_s; x and v are the handle's, f_s is the sensed f_h.
-"""
+"""Recorded columns of each sample: x, v, f_h, x_e, v_e, f_e, u, f_s. x and v belong to the handle; f_s is the sensed
+f_h."""
 MOTOR_COLUMNS = ("motor_position", "motor_velocity")
-"""Further columns if the motor does not move as the handle."""
+"""Further recorded columns if motor and handle move differently."""
 ANSWER = ("reference", "desired", "environment_force", "motor")
-"""Outputs of a firmware among these; the inputs of an open step beyond `INPUTS`."""
+"""Outputs of a firmware among these columns; they follow `INPUTS` as inputs of an open step."""
 INPUTS = 5
-"""x_i, v_i at this sample and at the next, and the noise of the force sensor."""
+"""Number of inputs of a step: x_i and v_i at this sample and at the next, and the noise of the force sensor."""
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
     """A compiled step, one(state, inputs) -> (state, record), and its state at rest at the start of the motion.
 
-    The state contains x, v and the other moving parts, with friction z, and the force that was sensed within the last
-    sample if it is sensed there; the firmware's state; commands and sensed forces on their way.
+    The state contains x, v and the other moving parts, z if there is friction, and the force sensed within the last
+    sample if there is one. It also contains the firmware's state, and the commands and sensed forces on their way.
     """
 
     one: Any
     start: Floats
 
     def chunk(self) -> Any:
-        """Return the function for `CHUNK` samples: samples(state, inputs) -> (states, records), a column a sample."""
+        """Return the function for `CHUNK` samples, samples(state, inputs) -> (states, records), with a column for each
+        sample."""
         return self.one.mapaccum(CHUNK)
 
 
@@ -60,8 +62,8 @@ class Step:
 class OpenStep:
     """A compiled step without its firmware.
 
-    sense(state, inputs) -> (position, velocity, force) is the firmware's input; one(state, inputs) -> (state, record)
-    has the firmware's output, `ANSWER`, behind its other inputs.
+    The function sense(state, inputs) -> (position, velocity, force) returns the firmware's input. The function
+    one(state, inputs) -> (state, record) takes the firmware's output, `ANSWER`, after its other inputs.
     """
 
     sense: Any
@@ -75,12 +77,12 @@ def build(scene: Scene, stretch: Stretch = fixed_steps) -> Step:
     Parameters
     ----------
     scene : the scene of the run
-    stretch : of no meaning without friction
+    stretch : function that integrates the friction; not used without friction
 
     Returns
     -------
     Step
-        In SI units; its inputs are `INPUTS`, its record is of `columns`.
+        In SI units. Its inputs are `INPUTS`, its record has the columns of `columns`.
     """
     wired = _wire(scene, INPUTS)
     memory = {field.name: ca.SX.sym(field.name) for field in fields(State)}
@@ -97,17 +99,17 @@ def build(scene: Scene, stretch: Stretch = fixed_steps) -> Step:
 
 
 def build_open(scene: Scene, stretch: Stretch = fixed_steps) -> OpenStep:
-    """Assemble and compile the step of a scene whose firmware is not in it.
+    """Assemble and compile the step of a scene without its firmware.
 
     Parameters
     ----------
-    scene : the scene of the run; of its law only the encoder
-    stretch : of no meaning without friction
+    scene : the scene of the run; the function uses only the encoder of its law
+    stretch : function that integrates the friction; not used without friction
 
     Returns
     -------
     OpenStep
-        Compiled functions: the firmware's measurement, and a sample with its answer.
+        Two compiled functions: the firmware's measurement, and a sample with the firmware's output.
     """
     wired = _wire(scene, INPUTS + len(ANSWER))
     given = [wired.inputs[INPUTS + k] for k in range(len(ANSWER))]
@@ -121,7 +123,7 @@ def build_open(scene: Scene, stretch: Stretch = fixed_steps) -> OpenStep:
 
 @dataclass(frozen=True, slots=True)
 class _Wired:
-    """The symbols of a scene around its firmware: body, commands and forces on their way, and its inputs."""
+    """The symbols of a scene around its firmware: body, commands and forces on their way, and inputs."""
 
     begin: Equilibrium
     mechanism: Assembly | None
@@ -135,7 +137,7 @@ class _Wired:
 
 @dataclass(frozen=True, slots=True)
 class _Firmware:
-    """The state of a firmware, before and after a sample and at the start, and its outputs, as in `ANSWER`."""
+    """The state of a firmware before and after a sample and at the start, and its outputs, as in `ANSWER`."""
 
     memory: list[Any]
     kept: list[Any]
@@ -146,9 +148,9 @@ class _Firmware:
 def _wire(scene: Scene, inputs: int) -> _Wired:
     when, sensed, moving, begin = timing(scene), sensing(scene), assembly(scene), equilibrium(scene)
     body, given = ca.SX.sym("body", len(_at_rest(scene, moving, begin))), ca.SX.sym("inputs", inputs)
-    # commands not yet spent, the newest first; between two positions a servo moves on
+    # commands that have not acted completely, the newest first; a servo moves from one position to the next
     queue = [ca.SX.sym(f"u{age}") for age in range(when.whole_samples + (2 if _interpolates(scene) else 1))]
-    late = [ca.SX.sym(f"f{age}") for age in range(sensed.whole_samples)]  # forces sensed and not yet read
+    late = [ca.SX.sym(f"f{age}") for age in range(sensed.whole_samples)]  # forces that are sensed but not yet read
     seen = _seen(scene, moving, body, given, _acting(scene, queue)[-1])
     oldest = [seen.sensed, *late][-1]
     felt = oldest + given[4] if scene.force_noise > 0 else oldest
@@ -179,12 +181,15 @@ def _compiled(scene: Scene, stretch: Stretch, wired: _Wired, firmware: _Firmware
 
 
 def _interpolates(scene: Scene) -> bool:
-    """Whether the device moves linearly from one command to the next."""
+    """Return whether the device moves linearly from one command to the next."""
     return scene.law.command == "position"
 
 
 def _acting(scene: Scene, commanded: list[Any]) -> list[Any]:
-    """Return the held values of commands, each over a sample: a position as the velocity from the previous one."""
+    """Return the held values of commands, one for each sample.
+
+    A position becomes the velocity from the previous one.
+    """
     if not _interpolates(scene):
         return commanded
     return [(newer - older) / scene.device.sample_time for newer, older in pairwise(commanded)]
@@ -196,7 +201,7 @@ def columns(scene: Scene) -> tuple[str, ...]:
 
 
 def _at_rest(scene: Scene, moving: Assembly | None, begin: Equilibrium) -> list[float]:
-    """Return the body's part of the state where the motion starts."""
+    """Return the body's part of the state at the start of the motion."""
     known = {"position": begin.position, "bend": begin.bend, "sensed": begin.hand}
     known |= {name: share * begin.motor for name, share in drive_at_rest(scene.device).items()}
     body = [known.get(name, 0.0) for name in (moving.states if moving is not None else ("position", "velocity"))]
@@ -229,20 +234,20 @@ def _seen(scene: Scene, moving: Assembly | None, body: Any, inputs: Any, motor: 
 
 
 def _values(scene: Scene, body: list[Any], size: int, motor: Any, push: Any) -> list[Any]:
-    """Return states and inputs at a moment, as in `assembly.GIVEN`; no force has the push's derivatives."""
+    """Return states and inputs at a moment, as in `assembly.GIVEN`; the derivatives of the push are not used."""
     rubbed = 0.0 if scene.friction is None else friction_force(scene.friction, body[1], body[size], SYMBOLS)[0]
     return [*body[:size], motor, rubbed, push, 0.0, 0.0, 0.0]
 
 
 def _felt(scene: Scene, moving: Assembly, time: float) -> Any:
-    """Return the function (body, motor, push) -> sensed force, at a time after the sample."""
+    """Return the function (body, motor, push) -> sensed force, at a given time after the sample."""
     body, motor, push = ca.SX.sym("body", moving.size + 1), ca.SX.sym("motor"), ca.SX.sym("push", 4)
     values = _values(scene, ca.vertsplit(body), moving.size, motor, push_at(push, time))
     return ca.Function("felt", [body, motor, push], [applied(moving.sensed, values)])
 
 
 def _hand_force(scene: Scene, at: Slide, inputs: Any, motor: Any) -> Any:
-    """Return f_h just before the sample: spring, damper and, with the acceleration at that moment, the hand's mass."""
+    """Return f_h just before the sample: spring, damper, and the hand's mass with the acceleration at that moment."""
     hand, carriage = scene.operator, scene.carriage
     push = hand.stiffness * inputs[0] + hand.damping * inputs[1]
     pull = hand.stiffness * at.x + hand.damping * at.v
@@ -263,9 +268,9 @@ def _moved_exactly(scene: Scene, moving: Assembly | None, body: Any, inputs: Any
 
 
 def _with_friction(scene: Scene, moving: Assembly | None, friction: Friction, stretch: Stretch, firmware: Any) -> Any:
-    """Return the step of a device with friction: firmware, then stretches of constant motor force.
+    """Return the step of a device with friction: the firmware, then stretches with constant motor force.
 
-    There are one or two, and one more if the force is sensed in the middle of one.
+    There are one or two stretches, and one more if the force is sensed within one.
     """
     when, push = timing(scene), ca.DM(hand_force_derivatives(scene.operator, scene.device.sample_time))
     state, inputs = ca.MX.sym("state", firmware.size_in(0)), ca.MX.sym("inputs", firmware.size_in(1))

@@ -1,4 +1,4 @@
-"""Friction over a stretch of a sample as a compiled function, in fixed steps. Imports casadi."""
+"""Friction over a stretch of a sample, as a compiled function with fixed steps. Imports casadi."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ from vctune.simulation.mechanics.friction import Slide, SlideStep, slide, slide_
 from vctune.simulation.scene import Scene
 
 STEPS_PER_RADIAN = 64
-"""Fixed steps per radian of the bristles' oscillation. Half has four times the error in half the time, twice a quarter
-of it in twice the time (results/work-precision.csv)."""
+"""Number of fixed steps per radian of the bristles' oscillation. Half as many have four times the error in half the
+time; twice as many have a quarter of the error in twice the time (results/work-precision.csv)."""
 LEAST_STEPS, MOST_STEPS = 4, 256
-"""Least: Stribeck's curve is crossed within a sample also by soft bristles. Most: beyond it bristles are stiffer than
-anything that can be felt. Half and twice either take half and twice the time."""
+"""Least and greatest number of steps in a sample. With the least, a motion crosses Stribeck's curve within a sample
+even with soft bristles. Bristles that need more than the greatest are stiffer than anything that can be felt. Half and
+twice either number take half and twice the time."""
 
 
 class _SymbolArithmetic:
-    """CasADi symbols."""
+    """Arithmetic of CasADi symbols."""
 
     exp = staticmethod(ca.exp)
     expm1 = staticmethod(ca.expm1)
@@ -39,20 +40,20 @@ SYMBOLS: Arithmetic = _SymbolArithmetic()
 
 
 Stretch = Callable[[Scene, Friction, float, float], Any]
-"""Makes the function (body, motor, push) -> body over a stretch of a sample: of a scene with friction, where in the
-sample the stretch begins and how long it is, s."""
+"""Function that returns the function (body, motor, push) -> body, which integrates the motion over part of a sample.
+Its arguments are a scene, its friction, the start of that part, s, and its length, s."""
 MIDPOINT = 0.5
-"""Point of a fixed step at which its forces are taken; of second order (`friction.slide`)."""
+"""Point of a fixed step at which its forces are evaluated; the rule is of second order (`friction.slide`)."""
 
 
 def default_substeps(scene: Scene, friction: Friction) -> int:
     """Return the number of fixed steps per sample, from the bristles' oscillation with the moving mass.
 
-    No more than `MOST_STEPS`: beyond that the bristles are stiffer than anything that can be felt.
+    The number is at most `MOST_STEPS`; bristles that need more are stiffer than anything that can be felt.
 
     Parameters
     ----------
-    scene : the moving masses, with their sample time
+    scene : scene with the moving masses and the sample time
     friction : friction with the bristles' stiffness, N/m
     """
     mass = scene.carriage.mass if scene.device.structure is None else scene.device.motor_mass
@@ -68,14 +69,14 @@ def fixed_steps(
     substeps: int | None = None,
     theta: float = MIDPOINT,
 ) -> Any:
-    """Return the function (body, motor, push) -> body over a stretch of a sample, in fixed steps.
+    """Return the function (body, motor, push) -> body that integrates the motion over part of a sample in fixed steps.
 
     Parameters
     ----------
-    scene, friction : the moving masses
-    begin, length : where in the sample the stretch begins, and how long it is, s
-    substeps : per sample; None for `default_substeps`
-    theta : point of a step at which its forces are taken, see `friction.slide`; of no meaning for an `assembly`
+    scene, friction : scene with the moving masses, and its friction
+    begin, length : start of the part within the sample, and its length, s
+    substeps : number of steps per sample; None for `default_substeps`
+    theta : point of a step at which its forces are evaluated, see `friction.slide`; not used for an `assembly`
     """
     share = length / scene.device.sample_time
     count = max(1, ceil((substeps or default_substeps(scene, friction)) * share * (1 - 1e-12)))
@@ -94,7 +95,7 @@ def fixed_steps(
 
 
 def _assembly_stretch(moving: Assembly, friction: Friction, begin: float, length: float, count: int) -> Any:
-    """Return `fixed_steps` of an assembly; a step is written down once and called."""
+    """Return `fixed_steps` for an assembly. The step is written as one function and called."""
     n, over = moving.size, friction_step(moving, length / count)
     at, foreseen = ca.SX.sym("at", n + len(GIVEN) + 1), ca.SX.sym("foreseen")
     *values, z = ca.vertsplit(at)
@@ -114,7 +115,7 @@ def _assembly_stretch(moving: Assembly, friction: Friction, begin: float, length
 
 
 def _slide_step(scene: Scene, friction: Friction, h: float, theta: float) -> SlideStep:
-    """Return `slide_step` as a function that is written down once, however often it is used."""
+    """Return `slide_step` as one function that is called as often as needed."""
     numbers = ca.SX.sym("numbers", 5)
     x, v, z, foreseen, push = ca.vertsplit(numbers)
     end, mean = slide_step(scene.carriage, friction, Slide(x, v, z), foreseen, push, h, theta, SYMBOLS)
@@ -128,11 +129,11 @@ def _slide_step(scene: Scene, friction: Friction, h: float, theta: float) -> Sli
 
 
 def push_at(push: Any, time: Any) -> Any:
-    """Return the force of the hand's spring and damper from its derivatives at the sample, `time` after it.
+    """Return the force of the hand's spring and damper at a time after the sample, from its derivatives at the sample.
 
     Parameters
     ----------
-    push : force and its three derivatives at the sample, N to N/s^3
-    time : s
+    push : force at the sample and its three derivatives, N to N/s^3
+    time : time since the sample, s
     """
     return push[0] + time * (push[1] + time / 2 * (push[2] + time / 3 * push[3]))

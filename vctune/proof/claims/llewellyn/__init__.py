@@ -1,1 +1,1 @@
-"""Llewellyn's conditions on a band of frequencies, and their proofs for one design."""
+"""Llewellyn's conditions on a band of frequencies, and their proof for one design."""

@@ -1,4 +1,4 @@
-"""Proof of Llewellyn's conditions on a band, and the widest band on which they hold.
+"""Prove Llewellyn's conditions on a band, and find the widest band on which they hold.
 
 See model/README.md, section 4; proof/README.md, section 3.
 """
@@ -29,20 +29,21 @@ from vctune.proof.engine.band_edges import extend_band
 from vctune.proof.engine.interval import Outcome, Verdict, prove_positive
 
 EXTENSION_BOXES = 2_000
-"""Boxes of a step beyond the band; a step that needs more is tried shorter. Half and twice it give the same band, where
-the ratio falls below 1, except for the last printed digits."""
+"""Number of boxes for one step beyond the band; a step that needs more is shortened. Half and twice as many boxes give
+the same band where the ratio falls below 1, except for the last printed digits."""
 LOWEST_EDGE = 1e-18
-"""How far below the requested band a proof that does not reach 0 is carried, relative to its edge. A band that reaches
-0 is proved as such; below this the difference from one that does not has no meaning. Half and twice: the same."""
+"""Lowest frequency to which a proof that does not reach 0 is extended, relative to the edge of the required band. The
+prover treats a band from 0 separately, and still lower edges have no practical meaning. Half and twice this share
+change nothing."""
 
 
 Margin = Callable[[Number], Number]
 
 
 def _margins(design: Design, factor: float) -> list[Margin]:
-    """Return the margins of a design's decimals as functions of omega, `conditions_margin` first.
+    """Return the margins of a design's decimals as functions of omega, with `conditions_margin` first.
 
-    Without a loop C = 0, and Re G_hh > 0 is a matter of damping.
+    Without a loop C = 0, and Re G_hh > 0 depends on the damping alone.
     """
     exact, threshold = design_ball(design), arb(repr(factor))
     if not design.gains.closed:
@@ -64,19 +65,19 @@ def _margins(design: Design, factor: float) -> list[Margin]:
 def prove_conditions(design: Design, low: float, high: float, factor: float) -> Outcome:
     """Prove Re G_hh > 0 and Re Z_c >= factor R on [low, high], in the hand of the least operator.
 
-    See model/README.md, section 4. An ideal device with hold "lag" and no delay admits the band [0, inf], and its proof
-    is exact. Finite edges are widened by the rounding of 2 pi f.
+    See model/README.md, section 4. An ideal device with hold "lag" and no delay permits the band [0, inf], and its
+    proof is exact. Finite edges are widened by the rounding error of 2 pi f.
 
     Parameters
     ----------
-    design : device, gains and coupling, taken as the decimals that they are written as
+    design : device, gains and coupling; floats stand for the decimals that they print as
     low, high : edges of the band, rad/s; low may be 0
-    factor : least Re Z_c / R
+    factor : least permitted Re Z_c / R
 
     Returns
     -------
     Outcome
-        It has a frequency in rad/s if it is refuted or undecided.
+        If it is refuted or undecided, it has a frequency in rad/s.
     """
     wider = outwards((low, high))
     if is_rational(design.device):
@@ -99,14 +100,14 @@ def conditions_at(design: Design, factor: float, omega: float) -> Outcome:
 
     Parameters
     ----------
-    design : taken as the decimals that it is written as; its device's response may be perturbed
-    factor : least Re Z_c / R
+    design : design; floats stand for the decimals that they print as; its device's response may be perturbed
+    factor : least permitted Re Z_c / R
     omega : angular frequency, rad/s, > 0
 
     Returns
     -------
     Outcome
-        Refuted with omega as its witness, or undecided; never proved.
+        Either refuted with omega as its witness, or undecided; never proved.
     """
     fails = any(margin(arb(omega)) < 0 for margin in _margins(design, factor))
     return Outcome(Verdict.REFUTED, 1, omega) if fails else Outcome(Verdict.UNDECIDED, 1)
@@ -117,7 +118,7 @@ def _low_start(design: Design, factor: float, high: float) -> float | None:
 
 
 def _end_failure(verdict: Verdict, margin: Margin, start: float) -> Outcome:
-    """Return the outcome if omega = 0 is not proved, with a witness if the conditions demonstrably fail."""
+    """Return the outcome if omega = 0 is not proved, with a witness if the conditions certainly fail."""
     omega = start
     for tries in range(1, 400):
         if margin(arb(omega)) < 0:
@@ -127,19 +128,19 @@ def _end_failure(verdict: Verdict, margin: Margin, start: float) -> Outcome:
 
 
 def widest_band(design: Design, low: float, high: float) -> tuple[float, float]:
-    """Return the widest band around a proved one on which Re G_hh > 0 and Re Z_c >= R are proved.
+    """Return the widest band around a proved band on which Re G_hh > 0 and Re Z_c >= R are proved.
 
-    Upwards it ends at the Nyquist frequency, where the frequency model loses its meaning. With hold "lag" and no delay
-    the proof may reach inf.
+    The band ends at the Nyquist frequency, above which the frequency model has no meaning. With hold "lag" and no delay
+    the band may reach inf.
 
     Parameters
     ----------
-    design : taken as the decimals that it is written as
-    low, high : a proved band, rad/s
+    design : design; its floats stand for the decimals that they print as
+    low, high : edges of a proved band, rad/s
 
     Returns
     -------
-    low, high : rad/s
+    low, high : edges of the widest band, rad/s
     """
     if is_rational(design.device):
         return widest(conditions(design, 1.0), low, high)

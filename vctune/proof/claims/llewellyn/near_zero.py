@@ -1,4 +1,4 @@
-"""Llewellyn's conditions near omega = 0, where the ratio may be 0/0 (model/README.md, section 6)."""
+"""Prove Llewellyn's conditions near omega = 0, where the ratio may be 0/0 (model/README.md, section 6)."""
 
 from __future__ import annotations
 
@@ -12,16 +12,18 @@ from vctune.proof.enclosures.arb_balls import BALLS, box, design_ball
 from vctune.proof.engine.interval import Verdict, prove_boxes
 
 SHRINK = 4.0
-"""Factor between two trial ends of the margin near 0. Half and twice it, in the logarithm, reach a little higher and
-lower; the frequencies above are proved by the ordinary margin in any case."""
+"""Factor between two trial frequencies up to which the margin near 0 is proved. With half its logarithm the margin is
+proved up to slightly higher frequencies, with twice its logarithm up to slightly lower ones. The ordinary margin proves
+the frequencies above in any case."""
 STEPS = 120
-"""Tries: down to 1e-72 of the first. Half would do for every device whose numbers are within twenty decades."""
+"""Number of trial frequencies, down to 1e-72 of the first. Half as many would suffice for every device whose numbers
+are within twenty decades."""
 END_BOXES = 64
-"""Boxes of a try. Half and twice it shift the end by about one step."""
+"""Number of boxes for a trial frequency. Half and twice as many shift the result by about one step."""
 
 
 def low_end_verdict(design: Design) -> Verdict:
-    """Compare the exact limits of Re Z_c and R for omega -> 0; undecided if they are equal."""
+    """Compare the exact limits of Re Z_c and R for omega -> 0. Return undecided if they are equal."""
     exact = design_ball(design)
     limit = low_frequency_limit(exact.device, exact.gains, exact.series, BALLS)
     if limit.coupling < limit.required:
@@ -34,17 +36,17 @@ def prove_low_end(design: Design, factor: float, below: float) -> float | None:
 
     Parameters
     ----------
-    design : taken as the decimals that it is written as
-    factor : least Re Z_c / R
+    design : design; its floats stand for the decimals that they print as
+    factor : least permitted Re Z_c / R
     below : first frequency to try, rad/s, > 0
 
     Returns
     -------
     float or None
-        omega_0, rad/s; None if `STEPS` tries prove nothing.
+        omega_0, rad/s; None if none of `STEPS` trial frequencies is proved.
     """
     exact, threshold = design_ball(design), arb(repr(factor))
-    if not design.gains.closed:  # no loop, R = 0
+    if not design.gains.closed:  # without a loop R = 0
         return below if design.device.least_damping > 0 else None
 
     def met(omega: arb) -> bool:
@@ -55,7 +57,7 @@ def prove_low_end(design: Design, factor: float, below: float) -> float | None:
 
 
 def _largest(met: Callable[[arb], bool], start: float) -> float | None:
-    """Return the greatest start, start/4, start/16, ... such that the conditions are proved from 0 to there."""
+    """Return the greatest of start, start/4, start/16, ... such that the conditions are proved from 0 up to it."""
 
     def decide(low: float, high: float) -> Verdict:
         return Verdict.PROVED if met(box(low, high)) else Verdict.UNDECIDED

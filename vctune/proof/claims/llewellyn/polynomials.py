@@ -1,9 +1,9 @@
-"""Llewellyn's conditions for hold "lag" without delay, where they are polynomials with rational coefficients.
+"""Llewellyn's conditions for hold "lag" without delay, as polynomials with rational coefficients.
 
-2 Re(D + Z_h) Re Z_c + factor (2 b_h Re C + Re(C conj D)) >= factor |C||D| holds where A >= 0 and A^2 - factor^2 B >= 0,
-the left-hand side and |C|^2 |D|^2 being rational in omega once the hold's 1 + (omega T/2)^2 is cleared. Their signs
-change only at real roots, which are isolated with certainty: only a touching root stays undecided, and 0 and infinity
-are like any other edge (model/README.md, section 6).
+The condition 2 Re(D + Z_h) Re Z_c + factor (2 b_h Re C + Re(C conj D)) >= factor |C||D| holds where A >= 0 and A^2 -
+factor^2 B >= 0. Here A is the left-hand side and B = |C|^2 |D|^2; both are rational in omega, and polynomials once the
+hold's 1 + (omega T/2)^2 is cleared. Their signs change only at real roots, which the code isolates with certainty. A
+root at which the sign does not change stays undecided; 0 and infinity are ordinary edges (model/README.md, section 6).
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from vctune.proof.engine.interval import Outcome, Verdict
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """The conditions as polynomials in omega; a condition holds where its polynomial is positive.
+    """The conditions as polynomials in omega. A condition holds where its polynomial is positive.
 
     Attributes
     ----------
     linear : A
     squared : A^2 - factor^2 B
-    roots : places where `squared` changes its sign or touches 0, rad/s, > 0, in order
+    roots : frequencies where `squared` changes its sign or touches 0, rad/s, > 0, in ascending order
     """
 
     linear: fmpq_poly
@@ -41,33 +41,33 @@ class Conditions:
     roots: list[arb]
 
     def met(self, omega: float) -> bool:
-        """Return whether the conditions hold with some reserve."""
+        """Return whether the conditions hold with a reserve."""
         point = _rational(omega)
         return bool(self.squared(point) > 0 and self.linear(point) > 0)
 
 
 def is_rational(device: Device) -> bool:
-    """Return whether a device's conditions are polynomials: ideal, hold "lag", no delay."""
+    """Return whether a device's conditions are polynomials: an ideal device with hold "lag" and no delay."""
     return device.ideal and device.hold == "lag" and device.delay == 0
 
 
 def conditions(design: Design, factor: float) -> Conditions:
     """Return Llewellyn's conditions as polynomials in omega, with rational coefficients.
 
-    The conditions hold where A > 0 and A^2 > factor^2 B. Both polynomials come from the model's own formulas, which
-    this function evaluates on the polynomial "omega".
+    The conditions hold where A > 0 and A^2 > factor^2 B. The function evaluates the model's own formulas on the
+    polynomial "omega" and thus gets both polynomials.
 
     Parameters
     ----------
-    design : taken as decimals; its device satisfies `is_rational`
-    factor : least Re Z_c / R
+    design : design, whose floats stand for the decimals that they print as; its device satisfies `is_rational`
+    factor : least permitted Re Z_c / R
 
     Returns
     -------
     Conditions
-        With the positive real roots of A^2 - factor^2 B, rad/s.
+        They include the positive real roots of A^2 - factor^2 B, rad/s.
     """
-    # omega is the polynomial "omega": the model's own formulas, evaluated on it, are the conditions' polynomials
+    # omega is the polynomial "omega", so the model's own formulas return the polynomials of the conditions
     omega, f = fmpq_poly([0, 1]), _rational(factor)
     device = design.device.converted(_rational)
     half = device.sample_time / 2
@@ -90,19 +90,19 @@ def conditions(design: Design, factor: float) -> Conditions:
 
 
 def prove(conditions: Conditions, low: float, high: float) -> Outcome:
-    """Prove the conditions on (low, high), exactly.
+    """Prove the conditions on (low, high) exactly.
 
-    The function evaluates the polynomials once between each two roots.
+    The function evaluates the polynomials once between any two neighbouring roots.
 
     Parameters
     ----------
     conditions : polynomials in omega
-    low, high : edges of the band, rad/s; (0, inf) is admitted
+    low, high : edges of the band, rad/s; (0, inf) is permitted
 
     Returns
     -------
     Outcome
-        Refuted at a frequency in rad/s; undecided at a root at which the sign does not change.
+        Refuted at a frequency in rad/s, or undecided at a root where the sign does not change, or proved.
     """
     inside = [root for root in conditions.roots if not (root < low or root > high)]
     edges = [low, *(float(root.mid()) for root in inside), high]
@@ -115,7 +115,7 @@ def prove(conditions: Conditions, low: float, high: float) -> Outcome:
 
 
 def widest(conditions: Conditions, low: float, high: float) -> tuple[float, float]:
-    """Return the widest band around a proved one on which the conditions hold.
+    """Return the widest band around a proved band on which the conditions hold.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def widest(conditions: Conditions, low: float, high: float) -> tuple[float, floa
 
     Returns
     -------
-    low, high : rad/s, rounded inwards; 0 and inf if there is no root on that side
+    low, high : edges, rad/s, rounded inwards; 0 and inf if there is no root on that side
     """
     below = [nextafter(float(root.upper()), inf) for root in conditions.roots if root < low]
     above = [nextafter(float(root.lower()), 0.0) for root in conditions.roots if root > high]

@@ -1,7 +1,7 @@
-"""The condition of walls over boxes, by tangents that each box chooses for itself (model/README.md, section 19).
+"""Prove the condition of walls over boxes, by tangents that each box chooses for itself (model/README.md, section 19).
 
-Any tangents bound E from below, so that each box may have its own: those that are best in its middle. What one box
-proves by its tangents says nothing of a face of it, where others are best; such margins have no slopes to go by.
+Any tangents bound E from below, so each box may have its own: the best tangents at its centre. A bound by these
+tangents does not carry over to a face of the box, where other tangents are best. So the margins have no useful slopes.
 """
 
 from __future__ import annotations
@@ -36,27 +36,28 @@ from vctune.proof.enclosures.jets import Jet
 from vctune.proof.enclosures.taylor import Taylor
 
 COUPLING_SHARE = "share of the coupling"
-"""The share y of the coupling, from 1/safety_factor to 1."""
+"""Name of the row with the share y of the coupling, from 1/safety_factor to 1."""
 INWARDS = 1 - 1e-9
-"""What keeps the slope of a tangent from being negative by rounding; half and twice as much off 1 are as good."""
+"""Factor that keeps rounding from making the slope of a tangent negative. Half and twice its distance from 1 work as
+well."""
 
 
 def walls_margins(
     strip: Strip, met: WorldsMet, plain: Worlds, lead: float, sample_time: Number, theta: Number, ops: ArrayArithmetic
 ) -> tuple[Number, ...]:
-    """Return margins of which one must be positive with every wall, over boxes.
+    """Return the margins over boxes of which one must be positive with every wall.
 
-    The first has f at its least value and is regular at the Nyquist frequency, the second has the best tangents.
+    The first margin has f at its minimum and is regular at the Nyquist frequency; the second has the best tangents.
 
     Parameters
     ----------
-    strip : of masses and dampings
-    met : the environments, with the corner, in numbers of the arithmetic
-    plain : the environments in plain numbers
-    lead : 0 for walls by the trapezoidal rule, 1 by backward Euler
+    strip : ranges of p and r over masses and dampings
+    met : environments with the corner, in numbers of the arithmetic
+    plain : environments in plain numbers
+    lead : 0 for walls by the trapezoidal rule, 1 for walls by backward Euler
     sample_time : T, s
     theta : omega T, rad, in [0, pi]
-    ops : arithmetic of all of these
+    ops : arithmetic of the other arguments
     """
     T, here = _middle(sample_time), _middle(theta)
     low = None if strip.low is None else tuple(map(_middle, strip.low))
@@ -75,12 +76,12 @@ def walls_margins(
 def limp_walls_margin(
     strip: Strip, met: WorldsMet, lead: float, sample_time: Number, theta: Number, ops: ArrayArithmetic
 ) -> Number:
-    """Return a margin for K_p = 0 next to theta = 0 and a hand without stiffness, with the tangents at p = r = 0.
+    """Return a margin for K_p = 0, theta near 0 and a hand without stiffness, with the tangents at p = r = 0.
 
     Parameters
     ----------
-    strip : over rho^2, with a greatest mass
-    met, lead, sample_time, theta, ops : as of `walls_margins`
+    strip : ranges divided by rho^2, with a greatest mass
+    met, lead, sample_time, theta, ops : see `walls_margins`
     """
     tangent = tangent_at_rest(met.worlds, lead, sample_time, theta, ops)
     found = shares_of(strip, tangent, met.worlds, lead, sample_time, theta, ops)
@@ -88,15 +89,15 @@ def limp_walls_margin(
 
 
 def fails_with_a_wall(design: Design, demands: Demands, hand: Hand, theta: float, share: float) -> bool:
-    """Return whether E is negative, in balls, with a mass and a damping of the box with which it is about least.
+    """Return whether E is negative, in ball arithmetic, at the mass and damping of the box where it is about least.
 
     Parameters
     ----------
-    design : plain numbers
-    demands : with the environments and their corner
-    hand : held with
-    theta : omega T, rad, inside of (0, pi)
-    share : of the coupling
+    design : design with plain numbers
+    demands : constraints with the environments and their corner
+    hand : hand that holds the device
+    theta : omega T, rad, in the open interval (0, pi)
+    share : share of the coupling
     """
     plain, exact, at = demands.worlds, design_ball(design), arb(theta)
     assert plain is not None
@@ -118,7 +119,7 @@ def fails_with_a_wall(design: Design, demands: Demands, hand: Hand, theta: float
 
 
 def _worst_member(worlds: Worlds, lead: float, strip: Strip, sample_time: float, theta: float) -> Worlds:
-    """Return the mass and the damping of a box with which E is about least, as a box of these alone."""
+    """Return the box reduced to the mass and the damping at which E is approximately least."""
     assert worlds.corner is not None
     low, high, h, width = worlds.low, worlds.high, 2 / sample_time, width_of(worlds)
     t2 = float(np.tan(theta / 2)) ** 2
@@ -132,13 +133,13 @@ def _worst_member(worlds: Worlds, lead: float, strip: Strip, sample_time: float,
 
 
 def _middle(x: Number) -> Any:
-    """Return about the middle of each box."""
+    """Return the approximate middle of each box."""
     if isinstance(x, Taylor):
         return x.poly[0]
     return x.value.mid if isinstance(x, Jet) else x.mid if isinstance(x, Enclosure) else x
 
 
 def _ends(x: Number) -> tuple[Floats, Floats]:
-    """Return the least and the greatest value over each box, about."""
+    """Return the approximate least and greatest value over each box."""
     over = x.enclosed() if isinstance(x, Taylor) else x.value if isinstance(x, Jet) else x
     return np.asarray(over.mid - over.rad), np.asarray(over.mid + over.rad)

@@ -1,8 +1,8 @@
-"""Many boxes of environments at once, in every hand: which are borne throughout, and which throughout are not.
+"""Decide for many boxes of environments at once which of them leave a design stable in every hand.
 
-A box that is not borne has a witness: a hand, a share of the coupling and two angles between which the real part is
-negative, while the reactance passes from one side of every environment of the box to the other. So each of them cancels
-it somewhere between (model/README.md, section 18).
+For a refuted box there is a witness: a hand, a share of the coupling and two angles. Between the angles the real part
+is negative, and the reactance passes from one side of every environment of the box to the other. So each environment
+cancels the reactance somewhere between them (model/README.md, section 18).
 """
 
 from __future__ import annotations
@@ -36,11 +36,12 @@ from vctune.proof.engine.interval import Verdict
 from vctune.proof.engine.polynomial_tests import FEW
 
 MAX_BOXES, CELL_BOXES = 60_000, 5_000
-"""Boxes looked at before what is left of them is left to the environments, and before one of these is left open."""
+"""Number of boxes after which the proof by the real part alone ends, and number after which a cell of environments
+stays open."""
 FAILING = 0.8
-"""Share of the open boxes in which the real part does fail somewhere from which on halving them decides little."""
+"""Share of the open boxes in which the real part certainly fails somewhere. Above it, halving them decides little."""
 FEW_BOXES = 1000
-"""Intervals of angles before a witness is left open."""
+"""Number of intervals of angles after which a witness stays open."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +50,8 @@ class WorldCells:
 
     Attributes
     ----------
-    low, high : least and greatest mass, damping and stiffness, SI units, shape (3, n); a greatest one
-        may be inf in all boxes
+    low, high : least and greatest mass, damping and stiffness, SI units, shape (3, n); a row of `high` may be inf in
+        all boxes
     """
 
     low: Floats
@@ -65,7 +66,7 @@ class WorldCells:
 
     @property
     def hull(self) -> Worlds:
-        """The environments of all boxes; their least damping is 0 only if it is that of each."""
+        """The environments of all boxes. Their least damping is 0 only if it is 0 in each box."""
         low, high = self.low.min(axis=1), self.high.max(axis=1)
         low[1] = self.low[1].max()
         return Worlds(World(*low.tolist()), World(*high.tolist()))
@@ -73,13 +74,13 @@ class WorldCells:
 
 @dataclass(frozen=True, slots=True)
 class OpenInHands:
-    """What of a design in every hand is left open by the real part alone, where the environment decides.
+    """The boxes of a design in every hand that the real part alone leaves open, so that the environment decides.
 
     Attributes
     ----------
-    asked : with the box of all environments whose damping is at least that of any that is to be looked at
-    stable : whether the loop is proved stable with one of them
-    parts : of the boxes, and what is left open of each
+    asked : the claim, with the box of all environments whose damping is at least the least of those to be examined
+    stable : whether the loop is proved stable with one of these environments
+    parts : parts of the boxes, each with the boxes that stay open
     """
 
     asked: Asked
@@ -88,7 +89,7 @@ class OpenInHands:
 
     @property
     def nothing(self) -> bool:
-        """Whether all environments are proved to leave the design stable."""
+        """Whether no box is open: all environments are proved to leave the design stable."""
         return self.stable and not any(len(boxes) for _, boxes in self.parts)
 
     def proved(self, cells: WorldCells) -> Flags:
@@ -101,7 +102,7 @@ class OpenInHands:
         Returns
         -------
         array of bool
-            Shape (n,); one that is not proved may hold all the same.
+            Shape (n,); a box that is not proved may leave the design stable all the same.
         """
         proved = np.full(len(cells), self.stable)
         if not proved.any():
@@ -131,14 +132,14 @@ class OpenInHands:
 
 
 def open_in_hands(design: Design, demands: Demands, box: DeviceBox | None, damping: float) -> OpenInHands:
-    """Return what is left open by the real part alone, which is the same for all environments.
+    """Return the boxes that the real part alone leaves open. They are the same for all environments.
 
     Parameters
     ----------
-    design : taken as the decimals that it is written as
-    demands : with the hands and the factor
-    box : devices for all of which environments are to be proved; None for the design's own alone
-    damping : that every environment has at least, N s/m
+    design : design; its floats stand for the decimals that they print as
+    demands : constraints with the hands and the factor
+    box : box of devices for all of which environments are to be proved; None for the design's own device
+    damping : least damping of the environments, N s/m
     """
     hands = demands.hands
     assert hands is not None
@@ -168,12 +169,12 @@ def open_in_hands(design: Design, demands: Demands, box: DeviceBox | None, dampi
 
 
 def _with(numbers: Floats, tied: Floats) -> Floats:
-    """Return the ends of rows with those of environments, of one width in all of them."""
+    """Return the ends of rows with those of environments, which have the same width in all boxes."""
     return np.vstack((numbers, tied[:, :1]))
 
 
 def _each(boxes: Boxes, names: tuple[str, ...], tied: Floats) -> Boxes:
-    """Return the boxes of each owner: the same for all, and the numbers that are its own."""
+    """Return the boxes of each owner: the common rows, and the owner's own numbers."""
     owners, count = tied.shape[1], len(boxes)
     low, high = (np.vstack((np.tile(edge, owners), np.repeat(tied, count, axis=1))) for edge in (boxes.low, boxes.high))
     owner = np.repeat(np.arange(owners), count)
@@ -182,13 +183,13 @@ def _each(boxes: Boxes, names: tuple[str, ...], tied: Floats) -> Boxes:
 
 @dataclass(frozen=True, slots=True)
 class Witnesses:
-    """Why boxes of environments are not borne, one for each box.
+    """Witnesses that refute boxes of environments, one for each box.
 
     Attributes
     ----------
     start, end : angles, rad, shape (n,)
-    hand : mass, damping and stiffness, shape (3, n)
-    share : of the coupling, from 1/g to 1, shape (n,)
+    hand : mass, damping and stiffness of the hand, shape (3, n)
+    share : share of the coupling, from 1/g to 1, shape (n,)
     """
 
     start: Floats
@@ -198,17 +199,17 @@ class Witnesses:
 
 
 def refuted_in_worlds(design: Design, demands: Demands, cells: WorldCells, witnesses: Witnesses) -> Flags:
-    """Return of which boxes of environments no member leaves a design stable in its witness' hand.
+    """Return the boxes of environments of which no member leaves a design stable in the witness's hand.
 
-    Each of them holds a pole on the unit circle with some more damping than its own. The ends of a box are those that
-    its members share: of a number that may be chosen, the least is greater than the greatest.
+    Each of these environments, with some additional damping, has a pole on the unit circle. The ends of a box are those
+    that all its members share. For a number that may be chosen, the least therefore exceeds the greatest.
 
     Parameters
     ----------
-    design : on one known device, taken as the decimals that it is written as
-    demands : with the factor
-    cells : n boxes, finite, with the damping that the members have at most as the least
-    witnesses : one for each box
+    design : design on one known device; floats stand for the decimals that they print as
+    demands : constraints with the factor
+    cells : n finite boxes; their least damping is the greatest that the members have
+    witnesses : one witness for each box
     """
     one = replace(demands, factor=1.0, worlds=cells.hull)
     margins = hands_margins(one, (), delays_of(design.device))
