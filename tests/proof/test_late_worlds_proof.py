@@ -275,9 +275,12 @@ def test_no_proved_loop_grows_in_time(seed: int, count: int) -> None:
         world = tuple(least + rng.uniform(0, 1, 3) ** 2 * (most - least))
         share = 1 / rng.uniform(1, one.case.factor)
         step = stepped(in_world(of_hand(one.case, hand), world, share), one.world)
-        state = np.linalg.matrix_power(step, 100) @ rng.normal(size=len(step))
-        moved = step @ state - state  # a position that nothing holds may stand anywhere
-        assert np.abs(np.linalg.matrix_power(step, 9900) @ moved).max() <= np.abs(moved).max() * 1.01 + 1e-9
+        state, sizes = rng.normal(size=len(step)), np.empty(10_000)
+        for k in range(sizes.size):
+            last, state = state, step @ state
+            sizes[k] = np.abs(state - last).max()  # a position that nothing holds may stand anywhere
+        assert sizes[5000:].max() <= sizes[:5000].max()
+        assert np.abs(np.linalg.eigvals(step)).max() <= STABLE
 
 
 def simulated(one: Timed, hand: Hand, world: tuple[float, float, float]) -> float:

@@ -48,7 +48,7 @@ def doubts(problem: Problem) -> Iterator[Note]:
 
 
 def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | None:
-    """Return words on a number of an environment outside a problem's box, and its key; None if every number is in it."""
+    """Return words on a number of an environment outside a problem's box, and its key; None if all are inside."""
     worlds, units = problem.worlds, problem.units
     if worlds is None:
         return None
