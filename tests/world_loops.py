@@ -41,7 +41,7 @@ class Whole:
     world: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-def _continuous(loop: Whole) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+def continuous(loop: Whole) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Return A, B of x' = A x + B u with x = (position, velocity, ...), and the force f = C x + D u of the hand."""
     p, (M, B, K) = loop.plant, loop.hand
     if p.servo == 0:
@@ -67,7 +67,7 @@ def _continuous(loop: Whole) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]
 def stepped(loop: Whole) -> np.ndarray:
     """Return the matrix of one sample of everything."""
     p, T = loop.plant, loop.plant.sample_time
-    A, b, C, D = _continuous(loop)
+    A, b, C, D = continuous(loop)
     whole = floor(p.delay / T * (1 + 1e-12))
     part = max(p.delay - whole * T, 0.0)
 
@@ -119,7 +119,7 @@ def spectral_radius(loop: Whole) -> float:
 def seen(loop: Whole, theta: np.ndarray) -> np.ndarray:
     """Return Z_seen at angles omega T: -f per v_e of device and hand."""
     p, T = loop.plant, loop.plant.sample_time
-    A, b, C, D = _continuous(loop)
+    A, b, C, D = continuous(loop)
     whole = floor(p.delay / T * (1 + 1e-12))
     part = max(p.delay - whole * T, 0.0)
     n = len(A)

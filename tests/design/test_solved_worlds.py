@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from command import run
 
-from vctune.analysis.binding import binding_world
 from vctune.analysis.destabilising import growing_in_worlds, reaction
+from vctune.analysis.worlds.binding import binding_world
 from vctune.api.solving import solve
 from vctune.design.rendered import rendered_record
 from vctune.design.verdict.judge import Status, judge

@@ -18,7 +18,7 @@ from vctune.model.problem import Demands, Uncertainty
 from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.claims import every_hand
-from vctune.proof.claims.every_hand import prove_hands, sides_of
+from vctune.proof.claims.every_hand import prove_hands, sides_of_rectangles
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.device_box import device_box, felt_with_hand
 from vctune.proof.engine.interval import Verdict
@@ -66,7 +66,7 @@ def test_every_line_of_one_sum_ends_on_sides():
     rng = np.random.default_rng(7)
     ends = {"m": (1.0, 1.5), "M": (0.0, 0.3), "K": (2.0, 7.0), "b": (0.2, 3.0), "B": (0.0, 30.0)}
     arrays = {name: tuple(np.array([x]) for x in pair) for name, pair in ends.items()}
-    found = sides_of(arrays, [("m", "M"), ("b", "B")])
+    found = sides_of_rectangles(arrays, [("m", "M"), ("b", "B")])
 
     def held(point):
         return any(

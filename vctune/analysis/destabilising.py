@@ -28,7 +28,7 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.hand_loop import loop_in_hand
 from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
 from vctune.model.sampled.plant_in_hand import AnyPlantInHand, delays_of, plant_in_hand
-from vctune.model.worlds import Worlds
+from vctune.model.worlds import WorldRule, Worlds
 
 LEAST = 1e-7
 """Least angle omega T for a spring; at 0 no spring is soft enough. Half and twice this angle find the same growth."""
@@ -53,7 +53,7 @@ then correct to 1e-10. Half and twice as many steps follow the same poles."""
 
 @dataclass(frozen=True, slots=True)
 class GrowingEnvironment:
-    """A spring or a mass in its discrete form, by the trapezoidal rule, and the motion of the loop with it.
+    """A spring or a mass as the firmware runs it, and the motion of the loop with it.
 
     Attributes
     ----------
@@ -63,6 +63,7 @@ class GrowingEnvironment:
     growth : growth rate of the motion, 1/s, > 0
     omega : frequency of its oscillation, rad/s
     stiffness : stiffness of a spring in parallel with a mass, N/m, >= 0
+    rule, late : how it is stepped, and by how many samples its force is late
     """
 
     kind: Literal["spring", "mass"]
@@ -71,6 +72,8 @@ class GrowingEnvironment:
     growth: float
     omega: float
     stiffness: float = 0.0
+    rule: WorldRule = "trapezoid"
+    late: int = 0
 
     @property
     def quantity(self) -> Literal["stiffness", "mass"]:
@@ -147,7 +150,7 @@ def growing_in_worlds(
 
 
 def reaction(
-    device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, theta: float, factor: float = 1.0
+    device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, theta: complex, factor: float = 1.0
 ) -> complex:
     """Return Z_c/factor + Z_seen; for an impedance display 1/Z_c/factor + G_y/(1 + K_v F G_y).
 
@@ -158,10 +161,26 @@ def reaction(
     theta : omega T, rad, in (0, pi)
     factor : divisor of the coupling
     """
+    return reaction_in(device, gains, coupling, hand, factor)(theta)
+
+
+def reaction_in(
+    device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, factor: float = 1.0
+) -> Callable[[complex], complex]:
+    """Return the same as a function of the angle, for many of them.
+
+    Parameters
+    ----------
+    device, gains, coupling, hand, factor : as of `reaction`
+    """
     plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
-    if isinstance(coupling, SpringDamper):
-        return _met(plant, gains, theta) + _given(coupling, device, theta) / factor
-    return _seen(plant, gains, theta) + _coupling(coupling, _warped(theta, device.sample_time)) / factor
+
+    def at(theta: complex) -> complex:
+        if isinstance(coupling, SpringDamper):
+            return _met(plant, gains, theta) + _given(coupling, device, theta) / factor
+        return _seen(plant, gains, theta) + _coupling(coupling, _warped(theta, device.sample_time)) / factor
+
+    return at
 
 
 def growing_with(
@@ -245,7 +264,7 @@ def _followed(unbalance: Callable[..., complex], theta: float, damping: float) -
         if damping <= 0 or left <= 0 or share <= LAST:
             break
         held = max(left - share, 0.0)
-        found = _zero(partial(unbalance, damping=held * damping), pole)
+        found = zero_near(partial(unbalance, damping=held * damping), pole)
         if found is None or abs(found - pole) > FARTHEST * abs(pole):
             share /= 2
             continue
@@ -290,8 +309,14 @@ def _seen(plant: AnyPlantInHand, gains: Gains, theta: complex) -> complex:
     return complex(odd / (2 * size) - 1j * (even / (2 * s * size)))
 
 
-def _zero(f: Callable[[complex], complex], start: complex) -> complex | None:
-    """Return the zero of an analytic function to which Newton's method converges; None without convergence."""
+def zero_near(f: Callable[[complex], complex], start: complex) -> complex | None:
+    """Return the zero of an analytic function to which Newton's method converges; None if it does not converge.
+
+    Parameters
+    ----------
+    f : the function
+    start : where it begins, not 0
+    """
     at = start
     for _ in range(STEPS):
         h = DIFFERENCE * abs(at)

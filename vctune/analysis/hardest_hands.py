@@ -18,6 +18,7 @@ from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.hand_loop import AnyLoopInHand, loop_in_hand, offered, required_in_hand, seen_in_hand
+from vctune.model.sampled.late_sides import open_sides
 from vctune.model.sampled.loop_in_walls import LEADS, disjuncts_in_walls, strip_in_walls
 from vctune.model.sampled.loop_in_worlds import Offered, Seen, disjuncts, offered_at, posed, room_of
 from vctune.model.sampled.plant_in_hand import ServoInHand, delays_of, plant_in_hand
@@ -75,12 +76,29 @@ def needs_in_hands(
     """
     if met is not None and met.worlds.corner is not None:
         return _need_in_walls(loop, device, gains, series_coupling(coupling), theta, met)
+    if met is not None and not met.worlds.lossless:
+        return _need_in_time(loop, device, gains, series_coupling(coupling), theta, met)
     if met is not None:
         needs = needs_in_worlds(loop, device, gains, series_coupling(coupling), theta, met)
         return np.minimum.reduce(np.broadcast_arrays(*needs.values()))
     found = required_in_hand(loop, gains)
     with np.errstate(all="ignore"):
         return _need(np.asarray(found.lost / found.size), offered(coupling, device, theta, FLOATS))
+
+
+@np.errstate(all="ignore")
+def _need_in_time(
+    loop: AnyLoopInHand, device: Device, gains: Gains, coupling: Coupling, theta: Floats, met: WorldsMet
+) -> Floats:
+    """Return 1/ratio with environments that run late or by Euler's rules: as with walls, of `open_sides`."""
+    T, worlds = device.sample_time, met.worlds
+    seen, at = seen_in_hand(loop, gains), offered_at(coupling, T, theta, FLOATS)
+    planes = open_sides(worlds, T, theta)
+    rooms = [
+        np.maximum.reduce([np.asarray(room_of(plane.terms(at, seen, share), np.abs)) for plane in planes])
+        for share in shares_of_coupling(met.factor)
+    ]
+    return np.exp(-np.minimum.reduce(rooms)) / met.factor
 
 
 @np.errstate(all="ignore")
@@ -115,7 +133,7 @@ def rooms_at_walls(seen: Seen, at: Offered, sample_time: float, theta: Floats, m
     met : the environments with walls
     """
     worlds, rooms = met.worlds, dict[AtWall, Floats]()
-    for share in _shares_of_coupling(met.factor):
+    for share in shares_of_coupling(met.factor):
         strip = strip_in_walls(at, worlds, sample_time, seen, share, theta, FLOATS)
         for lead in LEADS:
             found = disjuncts_in_walls(strip, worlds, lead, sample_time, theta, FLOATS)
@@ -144,8 +162,13 @@ def tightest_at_wall(
     return min(rooms, key=lambda wall: float(np.nan_to_num(rooms[wall][0], nan=inf)))
 
 
-def _shares_of_coupling(factor: float) -> tuple[float, ...]:
-    """Return the shares of a coupling that are evaluated for walls in double precision: 1, 1/g and one between."""
+def shares_of_coupling(factor: float) -> tuple[float, ...]:
+    """Return the shares of a coupling that are looked at in double precision, each by itself: 1, 1/g and one between.
+
+    Parameters
+    ----------
+    factor : g, >= 1
+    """
     return (1.0,) if factor == 1 else (1 / factor, factor**-0.5, 1.0)
 
 

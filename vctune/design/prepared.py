@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 from vctune.analysis.demands import sampled_span, transparency_error
 from vctune.design.variables import Point
@@ -135,12 +136,26 @@ def with_corner(posed: Posed, corner: float) -> Posed:
     corner : w_c, rad per unit of the problem's time
     """
 
-    def walled(problem: Problem) -> Problem:
-        assert problem.worlds is not None
-        return replace(problem, worlds=replace(problem.worlds, corner=corner))
+    return _in_worlds(posed, corner=corner)
 
-    problem, *parts = walled(posed.problem), posed.cases, posed.hand_cases, posed.objective
-    cases, hand_cases, objective = (tuple(map(walled, part)) for part in parts)
+
+def by_resistance(posed: Posed) -> Posed:
+    """Return a posed problem in which the real part alone has to suffice with environments late or by Euler's rules.
+
+    Parameters
+    ----------
+    posed : with such environments
+    """
+    return _in_worlds(posed, resistive=True)
+
+
+def _in_worlds(posed: Posed, **changes: Any) -> Posed:
+    def changed(problem: Problem) -> Problem:
+        assert problem.worlds is not None
+        return replace(problem, worlds=replace(problem.worlds, **changes))
+
+    problem, *parts = changed(posed.problem), posed.cases, posed.hand_cases, posed.objective
+    cases, hand_cases, objective = (tuple(map(changed, part)) for part in parts)
     demands = replace(posed.demands, worlds=problem.worlds)
     return replace(posed, problem=problem, cases=cases, hand_cases=hand_cases, objective=objective, demands=demands)
 

@@ -17,7 +17,7 @@ from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Demands, Problem
 from vctune.proof.claims.margins_of_claims import Design
-from vctune.proof.claims.world_cells import OpenInHands, Witnesses, WorldCells, open_in_hands, refuted_in_worlds
+from vctune.proof.claims.worlds.world_cells import OpenInHands, Witnesses, WorldCells, open_in_hands, refuted_in_worlds
 from vctune.proof.enclosures.array_intervals import Flags
 from vctune.proof.engine.boxes import Integers
 from vctune.running import OutOfTimeError
@@ -186,10 +186,11 @@ def rendered_record(problem: Problem, judgement: Judgement) -> RenderedRecord | 
     Returns
     -------
     RenderedRecord or None
-        None if the problem states no environments, or the time limit ends the proof.
+        None if the problem states no environments, if these run late or by Euler's rules, or if the time limit ends the
+        proof.
     """
     worlds, certified = problem.worlds, judgement.status is Status.CERTIFIED
-    if problem.hands_met is None or worlds is None:
+    if problem.hands_met is None or worlds is None or not worlds.lossless:
         return None
     low, high = np.array(astuple(worlds.low)), np.array(astuple(worlds.high))
     law = judgement.gains, judgement.coupling

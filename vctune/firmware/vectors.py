@@ -45,7 +45,7 @@ class Replay:
 
 
 def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] = lambda stage: None) -> list[Replay]:
-    """Simulate a design in the experiments of its problem or, if the problem has none, in default experiments.
+    """Simulate a design in the experiments of its problem that the C code renders or, without any, in default ones.
 
     Parameters
     ----------
@@ -58,7 +58,8 @@ def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] =
     list of Replay
         One replay for each experiment.
     """
-    experiments = file.problem.experiments or usual(file.problem)
+    stated = file.problem.experiments
+    experiments = [each for each in stated if each.environment.built_in] or usual(file.problem)
     return [_replay(made, experiment, progress) for experiment in experiments]
 
 

@@ -8,9 +8,9 @@ from typing import Literal
 from vctune.model.numbers.units import UnitSystem
 
 Motion = Literal["reciprocate", "sine"]
-Rule = Literal["backward", "trapezoid"]
-"""Rule by which mass and stiffness follow the velocity: backward Euler, which damps, or the lossless trapezoidal
-rule."""
+Rule = Literal["backward", "trapezoid", "explicit"]
+"""How mass and stiffness follow the velocity: by backward Euler, which damps, lossless by the trapezoidal rule, or by
+explicit Euler."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +25,7 @@ class Environment:
     zero : position at which the spring is relaxed, m
     wall : whether damping and stiffness only push, towards negative x
     rule : integration rule in the firmware; a wall uses backward Euler
+    late : samples by which its force is late
     """
 
     mass: float
@@ -33,6 +34,12 @@ class Environment:
     zero: float
     wall: bool
     rule: Rule = "backward"
+    late: int = 0
+
+    @property
+    def built_in(self) -> bool:
+        """Whether the exported firmware renders it: on time, and not by explicit Euler."""
+        return self.rule != "explicit" and self.late == 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,9 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, replace
 from math import inf
+from typing import Literal, get_args
 
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import Units
+
+WorldRule = Literal["trapezoid", "explicit", "implicit"]
+"""How mass and stiffness follow the velocity: by the lossless trapezoidal rule, by explicit Euler, or by implicit
+Euler, which damps."""
+WORLD_RULES: tuple[WorldRule, ...] = get_args(WorldRule)
+MOST_LATE = 10
+"""Greatest lateness of an environment in samples: a game loop of 100 Hz beside a controller of 1 kHz."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,24 +46,42 @@ class World:
 
 @dataclass(frozen=True, slots=True)
 class Worlds:
-    """All environments of a box. Their damping has no upper limit.
+    """All environments of a box.
 
     Attributes
     ----------
-    low, high : the environments with the least and with the greatest numbers; `high.damping` is inf
+    low, high : the environments with the least and with the greatest numbers; `high.damping` is inf if they are
+        passive as they run
     walls : whether springs may be walls: one-sided, or piecewise linear with slopes within the range of stiffness
     corner : w_c of the multiplier that proves walls, rad/s, > 0, at most 2/T (section 19); None if it is not chosen
+    rule : by which they are stepped
+    late : samples by which their force is late, >= 0
+    resistive : whether a search counts on the real part alone; a proof never does
     """
 
     low: World
     high: World
     walls: bool = False
     corner: Number | None = None
+    rule: WorldRule = "trapezoid"
+    late: int = 0
+    resistive: bool = False
 
     @property
     def linear(self) -> Worlds:
         """The same environments without walls."""
-        return Worlds(self.low, self.high)
+        return replace(self, walls=False, corner=None)
+
+    @property
+    def lossless(self) -> bool:
+        """Whether masses and springs are the lossless ones of section 18, stepped by the trapezoidal rule and on
+        time."""
+        return self.rule == "trapezoid" and self.late == 0
+
+    @property
+    def passive(self) -> bool:
+        """Whether every environment is passive as it runs, whatever its numbers are."""
+        return self.rule != "explicit" and self.late == 0
 
     def in_words(self, units: Units) -> str:
         """Return the box in words with units, without limits that exclude nothing."""
@@ -68,7 +94,12 @@ class Worlds:
             )
         ]
         stated = ", ".join(each for each in ranges if each) or "any mass, damping and stiffness"
-        return f"{stated}, walls among them" if self.walls else stated
+        return f"{stated}, walls among them" if self.walls else f"{stated}{in_time_in_words(self.rule, self.late)}"
+
+    @property
+    def ahead(self) -> bool:
+        """Whether masses answer to a force only at the next sample: they grow in a loop with enough damping."""
+        return bool(self.rule == "explicit" and self.late == 0 and self.high.mass > 0)
 
     def in_units(self, impedance: float, time: float) -> Worlds:
         """Return the same environments with impedances in units of `impedance` [N s/m] and times in `time` [s].
@@ -88,11 +119,24 @@ class Worlds:
         low, high = (
             World(*(each if each == inf else number(each) for each in astuple(end))) for end in (self.low, self.high)
         )
-        return Worlds(low, high, self.walls, None if self.corner is None else number(self.corner))
+        return replace(self, low=low, high=high, corner=None if self.corner is None else number(self.corner))
 
 
 EVERY_WORLD = Worlds(World(0.0, 0.0, 0.0), World(inf, inf, inf))
 """All environments that are passive in their discrete form."""
+
+
+def in_time_in_words(rule: WorldRule, late: int) -> str:
+    """Return a rule and a lateness as they follow the numbers of an environment; "" for a lossless one on time.
+
+    Parameters
+    ----------
+    rule : by which it is stepped
+    late : samples by which its force is late
+    """
+    stepped = {"trapezoid": "", "explicit": "stepped by explicit Euler", "implicit": "stepped by implicit Euler"}[rule]
+    waited = f"{late} sample{'s' * (late > 1)} late" if late else ""
+    return "".join(f", {each}" for each in (stepped, waited) if each)
 
 
 def _range(low: Number, high: Number, unit: str) -> str:

@@ -1,7 +1,8 @@
 """Find the environments that given gains can render, as cells of a plane of two numbers of an environment.
 
 A cell is a box of environments. It is feasible if the claim about a box of environments is proved for it. It is
-infeasible if each of its members has a pole on the unit circle in some hand (`vctune.proof.claims.world_cells`).
+infeasible if each of its members has a pole on the unit circle in some hand
+(`vctune.proof.claims.worlds.world_cells`).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from vctune.document.text.errors import Mistake
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.keys import WORLD
 from vctune.model.problem import Problem, Range
-from vctune.proof.claims.world_cells import WorldCells
+from vctune.proof.claims.worlds.world_cells import WorldCells
 from vctune.proof.enclosures.array_intervals import Flags
 from vctune.running import OutOfTimeError
 from vctune.study.plane import DIGITS, Plane, Squares
@@ -45,6 +46,13 @@ def world_plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
     others = [key for key in (x, y) if key not in WORLD]
     said = f"is no number of an environment; those are {', '.join(WORLD)}"
     found = [Mistake("no-plane", key, said) for key in others]
+    if problem.worlds is not None and not problem.worlds.lossless:
+        said = (
+            "asks for environments late or by Euler's rules, and the cells of a region are proved of the trapezoidal "
+            "rule on "
+            "time alone; leave rule and late out, or check single boxes with `vctune check`"
+        )
+        found.append(Mistake("no-plane", "environment", said))
     if x == y:
         found.append(Mistake("no-plane", x, "is both axes of the plane; choose another for x or y"))
     if problem.uncertainty is not None and problem.uncertainty.unmodelled:

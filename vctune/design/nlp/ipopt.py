@@ -39,6 +39,8 @@ from vctune.model.problem import Problem
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import AnyLoopInHand, LoopInHand, loop_in_hand, required_in_hand, seen_in_hand
 from vctune.model.sampled.impedance_display import Required, firmware_filter
+from vctune.model.sampled.late_sides import open_sides
+from vctune.model.sampled.loop_in_late_worlds import HalfPlane
 from vctune.model.sampled.loop_in_worlds import Disjuncts
 from vctune.model.sampled.loop_in_worlds import posed as posed_in
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
@@ -202,7 +204,9 @@ def _parameters(
         factor = posed.problem.stability.safety_factor * exp(spare)
         numbers["in_hand"] = _in_hands(points) | {"factor": np.full(len(points), factor)}
         if (met := posed.problem.worlds_met) is not None:
-            numbers["in_hand"] |= _in_worlds(len(points), met, spare)
+            numbers["in_hand"] |= (
+                _in_worlds(len(points), met, spare) if met.worlds.lossless else _in_time(points, met, spare)
+            )
         if structure.walls:
             numbers["in_hand"] |= _in_walls(points)
     if working_set.tracked_peaks:
@@ -301,6 +305,14 @@ def _in_worlds(count: int, met: WorldsMet, spare: float) -> dict[str, Any]:
     numbers = {name: x if x < inf else 0.0 for name, x in numbers.items()} | {"reserve": met.factor, "spare": spare}
     numbers |= {f"by_{name}": 1.0 * (name in names) for name in Disjuncts._fields}
     return {name: np.full(count, x) for name, x in numbers.items()}
+
+
+def _in_time(points: Sequence[ConstraintPoint], met: WorldsMet, spare: float) -> dict[str, Any]:
+    """Return the sides of environments at some points, by the names of `SIDES_IN_HAND`."""
+    theta = np.array([min(point.omega, pi) for point in points])
+    sides = enumerate(open_sides(met.worlds, 1.0, theta))
+    numbers = {f"side_{k}_{part}": getattr(side, part) for k, side in sides for part in HalfPlane._fields}
+    return numbers | {"spare": np.full(len(points), spare)}
 
 
 def _in_walls(points: Sequence[ConstraintPoint]) -> dict[str, Any]:

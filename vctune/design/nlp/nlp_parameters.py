@@ -19,6 +19,8 @@ from vctune.model.loop.device_response import DeviceResponse, DriveResponse, Spr
 from vctune.model.loop.filters import FilterResponse
 from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.hand_loop import LoopInHand
+from vctune.model.sampled.late_sides import SIDES
+from vctune.model.sampled.loop_in_late_worlds import HalfPlane
 from vctune.model.sampled.loop_in_worlds import Disjuncts
 from vctune.model.sampled.velocity_loop import SampledPlant
 from vctune.model.transparency import PANEL_NODES, TERMS
@@ -54,6 +56,9 @@ WORLDS_IN_HAND: Layout = {
     "spare": 1,
 }
 """Rows in addition to the loop in a hand: the environments, the margins that may be positive, g, and the tightening."""
+SIDES_IN_HAND: Layout = {f"side_{k}_{part}": 1 for k in range(SIDES) for part in HalfPlane._fields} | {"spare": 1}
+"""Beside the loop in a hand, the sides of environments that run late or by Euler's rules, and the tightening of a
+room."""
 WALLS_IN_HAND: Layout = {"walled": 1, "share": 1, "lead": 1}
 """Whether the condition of walls (1) or of linear environments (0) is imposed, and the fields of `AtWall`."""
 STABILITY_CUT: Layout = {"open": 1, "velocity": 1, "position": 1}
@@ -63,6 +68,7 @@ STABILITY_CUT: Layout = {"open": 1, "velocity": 1, "position": 1}
 def in_hand_layout(structure: NlpStructure) -> Layout:
     """Return the layout of a loop in a hand."""
     worlds, walls = WORLDS_IN_HAND if structure.worlds else {}, WALLS_IN_HAND if structure.walls else {}
+    worlds = SIDES_IN_HAND if structure.shares else worlds
     return IN_HAND[structure.kind.name] | worlds | walls
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf
 
+from vctune.analysis.hardest_hands import shares_of_coupling
 from vctune.design.prepared import Posed
 from vctune.design.search.working_set import WorkingSet
 from vctune.design.variables import Coordinate
@@ -39,6 +40,7 @@ class NlpStructure:
     rigid : whether b_c is infinite
     worlds : whether the environments form a box
     walls : whether the environments include walls, so that the corner of the multiplier is a number of the design
+    shares : of the coupling at which environments that run late or by Euler's rules are looked at; empty without them
     free : (index among a design's numbers, whether it may be 0) for each free variable
     integrator : whether the law has its term K_p/s
     terms : terms of the error with a positive weight
@@ -58,6 +60,7 @@ class NlpStructure:
     rigid: bool
     worlds: bool
     walls: bool
+    shares: tuple[float, ...]
     free: tuple[tuple[int, bool], ...]
     integrator: bool
     terms: tuple[TermName, ...]
@@ -104,6 +107,7 @@ def nlp_structure(
     """
     problem, weights = posed.problem, posed.problem.transparency.weights
     estimate = problem.device.velocity or VelocityEstimate()
+    in_time = problem.worlds is not None and not problem.worlds.lossless
     steps = CAPACITY_STEPS if problem.worlds is None else (*CAPACITY_STEPS[:-1], IN_WORLDS)
     ratio, sensitivity, stability, *others = (
         -(-used // step) * step for used, step in zip(working_set.sizes(), steps, strict=True)
@@ -115,6 +119,7 @@ def nlp_structure(
         rigid=problem.bounds.damping.min == inf,
         worlds=problem.worlds is not None,
         walls=problem.worlds is not None and problem.worlds.walls,
+        shares=shares_of_coupling(problem.stability.safety_factor) if in_time else (),
         free=tuple((coordinate.index, coordinate.scale > 0) for coordinate in free),
         integrator=integrator,
         terms=tuple(term for term in TERMS if getattr(weights, term) > 0),

@@ -7,7 +7,8 @@ frequencies.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from math import exp, inf
 
 import numpy as np
@@ -17,7 +18,7 @@ from vctune.analysis.in_hands import least_ratios
 from vctune.analysis.in_walls import corner_of
 from vctune.design.nlp.ipopt import NEAR_SIDE, numbers_of, solve
 from vctune.design.nlp.nlp_structure import nlp_structure
-from vctune.design.prepared import Posed, with_device
+from vctune.design.prepared import Posed, by_resistance, with_device
 from vctune.design.result import Polished, Round
 from vctune.design.search.scan import ScanResult
 from vctune.design.search.shapes import softened
@@ -80,6 +81,9 @@ def polish(
 ) -> Polished | None:
     """Improve a start to a local optimum of the semi-infinite problem; return None if nothing feasible is found.
 
+    With environments late or by Euler's rules the real part alone has to suffice at first. Their polygons are thin,
+    and an exchange that begins between them finds no way out.
+
     Parameters
     ----------
     posed : prepared problem, dimensionless
@@ -102,6 +106,29 @@ def polish(
     OutOfTimeError
         If the time limit has passed and there is no answer yet.
     """
+    again = partial(_exchanged, scanned=scanned, tightening=tightening, witnesses=witnesses, demands=demands)
+    worlds = posed.problem.worlds
+    if worlds is None or worlds.lossless or worlds.ahead:
+        return again(posed, start, incumbent=incumbent)
+    first = again(by_resistance(posed), start, incumbent=inf)
+    if first is None:
+        return again(posed, start, incumbent=incumbent)
+    beyond = replace(start, gains=design_of(first.values)[0], coupling=design_of(first.values)[1], error=first.error)
+    better = again(posed, beyond, incumbent=min(first.error, incumbent))
+    return better if better is not None and better.error < first.error else first
+
+
+def _exchanged(
+    posed: Posed,
+    start: Start,
+    scanned: ScanResult,
+    *,
+    incumbent: float,
+    tightening: float,
+    witnesses: WorkingSet | None,
+    demands: WorkingSet | None,
+) -> Polished | None:
+    """Exchange points and designs from one start; see `polish`."""
     witnesses, cases = witnesses or WorkingSet(), list(posed.cases)
     seen = (*witnesses.ratio, *witnesses.sensitivity, *witnesses.unmodelled, *witnesses.in_hand)
     refuted = dict.fromkeys(point.device for point in seen)

@@ -11,7 +11,6 @@ on a fixed set of frequencies, and an estimate.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import inf, prod
@@ -21,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
-from vctune.analysis.loops_in_hands import LoopsInHands
 from vctune.design.prepared import Posed
 from vctune.design.search.feasibility import Kinds, LoopFeasibility, loop_feasibility, spread
 from vctune.design.search.samples import Samples, samples_of
-from vctune.design.search.shapes import scale_limits, scale_per_resistance, time_constants, unit_at, unit_response
+from vctune.design.search.scale_in_worlds import least_scale_in_worlds
+from vctune.design.search.shapes import scale_limits, scale_per_resistance, time_constants, unit_response
 from vctune.design.search.start import Missed
 from vctune.model.gains import Gains
 from vctune.model.loop.impedances import LoopResponse
@@ -33,7 +32,6 @@ from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem, Range
 from vctune.model.transparency import loop_terms
-from vctune.model.worlds import WorldsMet
 from vctune.running import check_time
 
 COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}
@@ -47,11 +45,6 @@ find no better design.
 PER_DECADE = 3.5
 """Least number of corners, and of time constants, in a decade. Usual bounds give as many with `COUNTS`; wide bounds
 keep this density."""
-LEAPS = 2
-"""Number of intervals of forbidden scales that the scan passes one after the other. Half and twice as many give starts
-that are as good."""
-MOST = 1e100
-"""Substitute for infinity where numbers are multiplied."""
 LOOPS_AT_ONCE = 160
 """Number of loops whose arrays, a hundred frequencies each, fit into the processor's cache. It only affects speed."""
 
@@ -299,7 +292,7 @@ def _required(samples: Samples, gains: Gains, bands: list[LoopResponse]) -> tupl
 def _least_damping(problem: Problem, samples: Samples, gains: Gains, bands: list[LoopResponse], at: Axes) -> Floats:
     """Return the least scale, b_c or 1/k_c, that meets the constraint on the coupling."""
     if problem.worlds_met is not None:
-        return _least_scale_in_worlds(problem.worlds_met, samples, gains, at)
+        return least_scale_in_worlds(problem.worlds_met, samples, gains, at.time_constant, at.drag)
     factor = problem.stability.safety_factor
     place, required = _required(samples, gains, bands)
     b_c = np.empty((*required.shape[:-1], at.time_constant.shape[-1], at.drag.shape[-1]))
@@ -317,69 +310,6 @@ def _within_bounds(problem: Problem, scale: Floats, at: Axes) -> tuple[Floats, F
     b_c = np.maximum(scale, least)
     slack = 1 + 1e-9
     return b_c, np.where(b_c > most * slack, np.log(b_c / np.maximum(most, 1e-300)), 0.0)
-
-
-@np.errstate(divide="ignore", invalid="ignore")
-def _least_scale_in_worlds(met: WorldsMet, samples: Samples, gains: Gains, at: Axes) -> Floats:
-    """Return the least scale b_c that no environment of a box forbids.
-
-    Each place forbids an interval of scales. Below the interval, the reactance of the loop is above that of every
-    environment. Above it, the real part suffices or the reactance is below. The scan passes the intervals one by one
-    from 0.
-    """
-    rows = [_forbidding(met, samples.device.sample_time, there, gains) for there in _places(samples)]
-    theta, missing, stiff, soft = (np.concatenate(parts, axis=-1) for parts in zip(*rows, strict=True))
-    asked = (missing > 0).any(axis=tuple(range(missing.ndim - 1)))
-    theta, missing, stiff, soft = theta[asked], missing[..., asked], stiff[..., asked], soft[..., asked]
-    scale = np.empty((*missing.shape[:-1], at.time_constant.shape[-1], at.drag.shape[-1]))
-    for i in range(at.time_constant.shape[-1]):
-        tau = at.time_constant[..., i, None, None, None]
-        resistance, reactance = unit_at(samples.device, theta, tau)
-        first, last = stiff / reactance, soft / reactance
-        for k in range(at.drag.shape[-1]):
-            drag = at.drag[..., k, None, None, None]
-            enough = np.minimum(np.where(missing > drag, (missing - drag) / resistance, 0.0), last)
-            left = np.zeros(missing.shape[:-1])
-            for _ in range(LEAPS):
-                left = np.fmax(left, np.where(first <= left[..., None], enough, 0.0).max(axis=-1, initial=0.0))
-            scale[..., i, k] = np.minimum(left, MOST)
-    return scale
-
-
-def _places(samples: Samples) -> Iterator[LoopsInHands]:
-    for there in samples.everywhere:
-        yield from (held for held in there.in_hand if isinstance(held, LoopsInHands))
-
-
-def _forbidding(
-    met: WorldsMet, sample_time: float, held: LoopsInHands, gains: Gains
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return angles, and the forbidden region at each: less than a resistance, with a reactance times s c in an
-    interval.
-
-    Parameters
-    ----------
-    met : the environments
-    sample_time : T, s
-    held : loops in hands
-    gains : gains, arrays that broadcast against each other
-    """
-    worlds, factor, half = met.worlds, met.factor, held.theta / 2
-    inertia, compliance = 2 / sample_time * np.sin(half) ** 2, sample_time / 2 * np.cos(half) ** 2
-    seen = held.seen(Gains(gains.velocity[..., None, None], gains.position[..., None, None]))
-    swing, R = seen.swing * np.cos(half) / seen.size, seen.lost / seen.size
-    stiff = swing - _times(worlds.high.mass, inertia) + worlds.low.stiffness * compliance
-    soft = factor * (swing - worlds.low.mass * inertia + _times(worlds.high.stiffness, compliance))
-    missing = factor * (R - worlds.low.damping)
-    each = ((missing, 0.0), (stiff, -MOST), (soft, MOST))
-    known = (np.nan_to_num(number, nan=unknown, posinf=MOST, neginf=-MOST) for number, unknown in each)
-    found = (number.reshape(*number.shape[:-2], -1) for number in known)
-    return np.tile(held.theta, held.hands.mass.size), *found
-
-
-def _times(limit: float, number: Floats) -> Floats:
-    """Return a limit times a number >= 0. If the limit is infinite, the product is infinite even at 0."""
-    return limit * number if limit < inf else np.full_like(number, inf)
 
 
 def _error(problem: Problem, samples: Samples, gains: Gains, damping: Floats, at: Axes) -> Floats:

@@ -8,6 +8,7 @@ from typing import Any
 
 from vctune.analysis.destabilising import GrowingEnvironment, destabilising, growing_in_worlds
 from vctune.analysis.lossless_hand import growing_in_any_hand
+from vctune.analysis.worlds.growing_in_time import growing_in_time
 from vctune.design.verdict.judge import Judgement
 from vctune.design.verdict.uncertainty_record import device_record
 from vctune.document.records.certificate_json import ClaimRecord, EnvironmentRecord, HandRecord, ResonatorRecord
@@ -82,7 +83,8 @@ def _environment(problem: Problem, judgement: Judgement, outcome: Outcome) -> di
     law = judgement.gains, judgement.coupling
     if problem.worlds is not None:
         worlds = problem.worlds
-        tried = [(hand, growing_in_worlds(device, *law, hand, at, worlds)) for hand, at in places]
+        growing_with = growing_in_worlds if worlds.lossless else growing_in_time
+        tried = [(hand, growing_with(device, *law, hand, at, worlds)) for hand, at in places]
     else:
         tried = [(hand, destabilising(device, *law, hand, at)) for hand, at in places]
     growing = [(hand, found) for hand, found in tried if found is not None]
@@ -125,5 +127,7 @@ def _environment_record(device: Device, hand: HandRecord, found: GrowingEnvironm
         hz=hertz(found.omega),
         growth_per_s=found.growth,
         **({"stiffness": found.stiffness} if found.stiffness else {}),
+        rule=None if found.rule == "trapezoid" else found.rule,
+        late=found.late or None,
     )
     return {"environment": record}

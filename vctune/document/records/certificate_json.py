@@ -13,7 +13,7 @@ from vctune.document.records.part import DisplayPart, Number, Pair, Part, Proof,
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.units import Units
 from vctune.model.parts import Unmodelled
-from vctune.model.worlds import World, Worlds
+from vctune.model.worlds import World, WorldRule, Worlds, in_time_in_words
 from vctune.proof.claims.registry import ClaimId
 
 ENVIRONMENTS = "with every environment that is passive as the firmware runs it"
@@ -74,7 +74,7 @@ class HandRecord(Part):
 
 
 class EnvironmentRecord(Part):
-    """The passive environment, by the trapezoidal rule, with which a design grows in a hand."""
+    """The environment, by the trapezoidal rule unless another one is stated, with which a design grows in a hand."""
 
     hand: HandRecord
     kind: Literal["spring", "mass"]
@@ -84,6 +84,8 @@ class EnvironmentRecord(Part):
     hz: float
     growth_per_s: float
     stiffness: float = 0.0
+    rule: WorldRule | None = None
+    late: int | None = None
 
     def in_words(self, units: Units) -> str:
         """Return the environment in words, and how the design grows with it."""
@@ -93,6 +95,7 @@ class EnvironmentRecord(Part):
             rendered += f" on a spring of {text(self.stiffness)} {units.stiffness}"
         if self.damping:
             rendered += f" and a damper of {text(self.damping)} {units.damping}"
+        rendered += in_time_in_words(self.rule or "trapezoid", self.late or 0)
         return f"{text(self.hz, 6)} Hz with {rendered}, e-fold in {text(1 / self.growth_per_s, 3)} s"
 
 
@@ -216,6 +219,8 @@ class HandsRecord(DisplayPart):
     worst_hand: HandRecord
     boxes: int
     worlds: dict[str, Pair] | None = None
+    worlds_rule: WorldRule | None = None
+    worlds_late: int | None = None
     worst_world: WorldRecord | None = None
     walls: WallsRecord | None = None
 
@@ -232,7 +237,8 @@ class HandsRecord(DisplayPart):
             return ENVIRONMENTS
         ends = {name: [inf if end is None else end for end in pair] for name, pair in self.worlds.items()}
         low, high = (World(**{name: pair[k] for name, pair in ends.items()}) for k in (0, 1))
-        box = Worlds(low, high, self.walls is not None)
+        rule, late = self.worlds_rule or "trapezoid", self.worlds_late or 0
+        box = Worlds(low, high, self.walls is not None, rule=rule, late=late)
         return f"with every environment of {box.in_words(units)}"
 
     @property

@@ -101,11 +101,51 @@ def _unproved_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
     if isinstance(uncertainty, dict) and uncertainty.get("unmodelled"):
         yield ("uncertainty", "unmodelled"), "is not proved with [environment]; leave one of them out"
     yield from _unproved_walls(raw)
+    yield from _endless_worlds(raw)
+
+
+def _endless_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    """Return limits that environments need which are not passive as they run, and those that none of the others has."""
+    table = raw["environment"]
+    late, explicit = table.get("late", 0), table.get("rule") == "explicit"
+    if not (explicit or (isinstance(late, int) and late > 0)):
+        if number_at(raw, "environment", "damping", "max") not in (None, inf):
+            yield (
+                ("environment", "damping", "max"),
+                "limits the damping of environments that are passive as they run, of which the claim covers every one; "
+                "leave it out",
+            )
+        return
+    cause = f"late = {late}" if late else 'rule = "explicit"'
+    for name in ("mass", "damping", "stiffness"):
+        if number_at(raw, "environment", name, "max") in (None, inf):
+            yield (
+                ("environment", name),
+                f"needs a max with {cause}: such environments are not passive, and a great {name} makes every loop "
+                "grow",
+            )
+    least, most = number_at(raw, "environment", "mass", "min"), number_at(raw, "environment", "mass", "max")
+    if explicit and not late and not least and most:
+        yield (
+            ("environment", "mass"),
+            'needs a min > 0 with rule = "explicit": a mass that is light enough grows by explicit Euler in every '
+            "loop; "
+            "or write max = 0 for springs and dampers alone",
+        )
 
 
 def _unproved_walls(raw: dict[str, Any]) -> Iterator[Contradiction]:
     """Yield the keys with which the condition of walls cannot be stated."""
     table, corner = raw["environment"], number_at(raw, "environment", "corner_hz")
+    rule, late = table.get("rule", "trapezoid"), table.get("late", 0)
+    if table.get("walls") is True and (rule != "trapezoid" or late):
+        cause = f"late = {late}" if late else f'rule = "{rule}"'
+        yield (
+            ("environment", "walls"),
+            f"is proved of walls that answer on time beside masses by the trapezoidal rule, not with {cause}: the "
+            "condition needs a force that does not decrease with the position of the same sample; leave one of them "
+            "out",
+        )
     if table.get("walls") is not True:
         if corner is not None:
             yield ("environment", "corner_hz"), "is that of walls, which are not asked for; write walls = true"

@@ -170,9 +170,9 @@ def _worlds(table: WorldsTable | None) -> Worlds | None:
     if table is None:
         return None
     low = World(table.mass.min, table.damping.min, table.stiffness.min)
-    most = [inf if each.max is None else each.max for each in (table.mass, table.stiffness)]
+    high = World(*(inf if each.max is None else each.max for each in (table.mass, table.damping, table.stiffness)))
     corner = None if table.corner_hz is None else 2 * pi * table.corner_hz
-    found = Worlds(low, World(most[0], inf, most[1]), table.walls, corner)
+    found = Worlds(low, high, table.walls, corner, table.rule, table.late)
     return None if found == EVERY_WORLD else found
 
 

@@ -96,8 +96,18 @@ def _rendering(table: dict[str, Any]) -> Iterator[Contradiction]:
     stiffness = _value(table, EnvironmentTable, "environment", "stiffness")
     if isinstance(environment, dict) and environment.get("wall") is True and stiffness == 0:
         yield ("environment", "wall"), "a wall needs a stiffness"
-    if isinstance(environment, dict) and environment.get("wall") is True and environment.get("rule") == "trapezoid":
-        yield ("environment", "rule"), "a wall is passive by backward Euler alone; leave the rule out"
+    if isinstance(environment, dict) and environment.get("wall") is True:
+        if environment.get("rule") in ("trapezoid", "explicit"):
+            yield ("environment", "rule"), "a wall is passive by backward Euler alone; leave the rule out"
+        if environment.get("late"):
+            yield ("environment", "late"), "a wall is simulated on time alone; leave it out, or write wall = false"
+    if table.get("baseline") and isinstance(environment, dict):
+        late_or_explicit = environment.get("late") or environment.get("rule") == "explicit"
+        if late_or_explicit:
+            yield (
+                ("baseline",),
+                "the regular PID renders environments on time alone, and not by explicit Euler; leave it out",
+            )
     inertia = [number_at(table, "baseline", key) for key in ("mass", "damping")]
     held = environment if isinstance(environment, dict) and environment.get("wall") is not True else {}
     if inertia == [0, 0] and not any(

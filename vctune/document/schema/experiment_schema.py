@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from vctune.document.schema.fields import Count, NotNegative, Place, Positive, Table, Text
+from vctune.document.schema.fields import Count, Late, NotNegative, Place, Positive, Table, Text
+from vctune.model.experiment import Rule
 
 Seed = Annotated[int, Field(strict=True, ge=0, le=2**32 - 1)]
 
@@ -21,10 +22,12 @@ class EnvironmentTable(Table):
     wall: bool = Field(
         False, strict=True, description="Whether damping and stiffness can only push the hand, as a wall does."
     )
-    rule: Literal["backward", "trapezoid"] = Field(
+    rule: Rule = Field(
         "backward",
-        description="Integration of mass and stiffness: backward Euler, which damps, or the lossless trapezoidal rule.",
+        description="Integration of mass and stiffness: backward Euler, which damps, the lossless trapezoidal rule, or "
+        "explicit Euler.",
     )
+    late: Late = Field(0, description="Whole samples by which the force of the environment is late.")
 
 
 class SceneOperatorTable(Table):

@@ -7,6 +7,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+from vctune.model.worlds import MOST_LATE
+
 LEAST, MOST = 1e-20, 1e20
 
 
@@ -33,6 +35,7 @@ NotNegativeOrInf = Annotated[
 ]
 Place = Annotated[float, Field(strict=True, ge=-MOST, le=MOST)]
 Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
+Late = Annotated[int, Field(strict=True, ge=0, le=MOST_LATE)]
 Text = Annotated[str, Field(strict=True)]
 
 

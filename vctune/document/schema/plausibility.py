@@ -8,6 +8,7 @@ from vctune.document.text.codes import Note
 from vctune.document.text.output_files import RESERVED, folder_name
 from vctune.model.experiment import Environment
 from vctune.model.problem import Problem
+from vctune.model.worlds import Worlds
 
 SLOWEST = 0.1
 """Sample time, s, above which vctune asks whether it is in seconds: twice that of the slowest example."""
@@ -47,24 +48,35 @@ def doubts(problem: Problem) -> Iterator[Note]:
 
 
 def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | None:
-    """Return words on a number of an environment outside a problem's box, and its key; None if there is no such number.
-
-    A spring by backward Euler equals a spring by the trapezoidal rule with a damper in parallel. A mass does not.
-    """
+    """Return words on a number of an environment outside a problem's box, and its key; None if all are inside."""
     worlds, units = problem.worlds, problem.units
     if worlds is None:
         return None
-    if environment.wall and not worlds.walls:
-        return "a wall that comes and goes", "wall"
-    if environment.wall and environment.damping > 0:
-        return "a wall with a damper, which acts on one side,", "damping"
-    if environment.mass > 0 and environment.rule == "backward":
-        return "a mass by backward Euler", "rule"
+    if environment.wall and not (worlds.walls and environment.damping == 0):
+        damped = "a wall with a damper, which acts on one side,", "damping"
+        return damped if worlds.walls else ("a wall that comes and goes", "wall")
+    if environment.late != worlds.late:
+        return f"a force {environment.late} samples late" if environment.late else "a force on time", "late"
+    if not _stepped_alike(environment, worlds):
+        return f"{'a mass' if environment.mass > 0 else 'a spring'} by {_RULES[environment.rule]}", "rule"
     for name, unit in (("mass", units.mass), ("damping", units.damping), ("stiffness", units.stiffness)):
         value = getattr(environment, name)
         if not getattr(worlds.low, name) <= value <= getattr(worlds.high, name):
             return f"a {name} of {value:g} {unit}", name
     return None
+
+
+_RULES = {"backward": "backward Euler", "trapezoid": "the trapezoidal rule", "explicit": "explicit Euler"}
+
+
+def _stepped_alike(environment: Environment, worlds: Worlds) -> bool:
+    """Return whether an environment of a rule is one of a box's.
+
+    A spring by backward Euler is one by the trapezoidal rule with a damper beside it, a mass is not.
+    """
+    rule = "implicit" if environment.rule == "backward" else environment.rule
+    alike = environment.mass == 0 and (environment.stiffness == 0 or (rule == "implicit" and worlds.lossless))
+    return rule == worlds.rule or alike
 
 
 def in_finer_unit(value: float, most: float) -> tuple[str, float]:

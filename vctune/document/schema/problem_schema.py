@@ -13,6 +13,7 @@ from vctune.document.schema.device_schema import AnyDeviceTable, UncertaintyTabl
 from vctune.document.schema.experiment_schema import ExperimentTable
 from vctune.document.schema.fields import (
     Edge,
+    Late,
     NotNegative,
     NotNegativeOrInf,
     Positive,
@@ -22,6 +23,7 @@ from vctune.document.schema.fields import (
 )
 from vctune.model.display import DisplayName
 from vctune.model.numbers.units import UnitSystem
+from vctune.model.worlds import WorldRule
 
 
 class PositiveRange(Table):
@@ -76,9 +78,14 @@ class WorldMassTable(Table):
 
 
 class WorldDampingTable(Table):
-    """Damping of the environments, N s/m, which has no upper limit."""
+    """Damping of the environments, N s/m."""
 
     min: NotNegative = Field(0.0, description="Least damping, N s/m.")
+    max: NotNegativeOrInf | None = Field(
+        None,
+        description="Greatest damping, N s/m. Environments that run late or by explicit Euler require it, for they are "
+        "not passive; all others have no upper limit.",
+    )
 
 
 class WorldStiffnessTable(Table):
@@ -89,7 +96,7 @@ class WorldStiffnessTable(Table):
 
 
 class WorldsTable(Table):
-    """The environments that the device renders, mass s + damping + stiffness/s, stepped by the trapezoidal rule.
+    """The environments that the device renders, mass s + damping + stiffness/s.
 
     With this table, the claims hold for every environment of this box in every hand of [operator]. Without it, they
     hold for every environment that is passive as it runs, including tools of a gram and walls of any stiffness.
@@ -109,6 +116,14 @@ class WorldsTable(Table):
         None,
         description="Corner frequency of the multiplier that proves the walls, Hz. Default: the one with the greatest "
         "margin.",
+    )
+    rule: WorldRule = Field(
+        "trapezoid",
+        description="Rule by which mass and spring are stepped: the lossless trapezoidal rule, explicit Euler, or "
+        "implicit Euler, which damps.",
+    )
+    late: Late = Field(
+        0, description="Whole samples by which the force of the environment is late, as that of a slow game loop."
     )
 
 

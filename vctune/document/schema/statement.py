@@ -9,7 +9,7 @@ from typing import Any
 
 from vctune.model.device import Device
 from vctune.model.display import ADMITTANCE
-from vctune.model.experiment import Experiment
+from vctune.model.experiment import Environment, Experiment
 from vctune.model.numbers.frequency import hertz
 from vctune.model.parts import PARTS, Servo, VelocityEstimate
 from vctune.model.problem import Band, Bounds, Problem, Range
@@ -77,6 +77,8 @@ def table_of(value: Any) -> dict[str, Any]:
     }
     if isinstance(value, Servo):
         del table["radii"]  # [uncertainty] states the radii
+    elif isinstance(value, Environment) and not value.late:
+        del table["late"]
     elif isinstance(value, VelocityEstimate):
         table["from"] = table.pop("source")
     elif isinstance(value, Device) and value.servo is not None:
@@ -94,10 +96,12 @@ def _worlds(worlds: Worlds) -> dict[str, Any]:
     low, high = worlds.low, worlds.high
     return {
         "mass": {"min": low.mass, "max": high.mass},
-        "damping": {"min": low.damping},
+        "damping": {"min": low.damping, **({"max": high.damping} if high.damping < inf else {})},
         "stiffness": {"min": low.stiffness, "max": high.stiffness},
         **({"walls": True} if worlds.walls else {}),
         **({"corner_hz": _edge(worlds.corner)} if worlds.corner is not None else {}),
+        **({"rule": worlds.rule} if worlds.rule != "trapezoid" else {}),
+        **({"late": worlds.late} if worlds.late else {}),
     }
 
 
@@ -132,7 +136,7 @@ def _experiment(experiment: Experiment) -> dict[str, Any]:
     }
     return {
         "name": experiment.name,
-        "environment": asdict(experiment.environment),
+        "environment": table_of(experiment.environment),
         "operator": operator,
         "sensors": sensors,
         **{name: table for name, table in parts.items() if table is not None},

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from hashlib import sha256
 from typing import Any
@@ -13,6 +13,14 @@ from vctune.model.experiment import Experiment
 from vctune.model.hands import Hand
 from vctune.model.parts import OF_FIRMWARE, PARTS
 from vctune.model.problem import Problem
+
+LATER: Mapping[str, Mapping[str, Any]] = {
+    "stability": {"changing": None, "changing_mass_min": None},
+    "worlds": {"walls": False, "corner": None, "rule": "trapezoid", "late": 0, "resistive": False},
+    "operator": {"dwell": None, "other_damping": None, "regrip": False},
+    "environment": {"late": 0},
+}
+"""Defaults of the keys that came later than the digests, by table: a digest from before them remains valid."""
 
 
 def problem_digest(problem: Problem) -> str:
@@ -31,34 +39,33 @@ def problem_digest(problem: Problem) -> str:
         del stated["device"]["display"], stated["bounds"]["stiffness"]
     if problem.device.units == "linear":
         del stated["device"]["units"]
-    stated["stability"] = _without_defaults(stated["stability"], ("changing", "changing_mass_min"))
+    stated["stability"] = _without_defaults(stated["stability"], LATER["stability"])
     if problem.worlds is None:
         del stated["worlds"]
     else:
-        stated["worlds"] = _without_defaults(stated["worlds"], ("walls", "corner"))
+        stated["worlds"] = _without_defaults(stated["worlds"], LATER["worlds"])
     if problem.hands_met is None:
         del stated["hands"], stated["stability"]["criterion"]
     return digest(stated)
 
 
-def _without_defaults(stated: dict[str, Any], later: Sequence[str]) -> dict[str, Any]:
-    """Return a table without the keys of later versions that it does not use: earlier digests still hold.
+def _without_defaults(stated: dict[str, Any], later: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a table without the keys of later versions that have their defaults: earlier digests still hold.
 
     Parameters
     ----------
-    stated : numbers and flags by their keys
-    later : keys that came later
+    stated : numbers, flags and words by their keys
+    later : default of each key that came later
     """
-    return {
-        key: value for key, value in stated.items() if key not in later or (value is not None and value is not False)
-    }
+    return {key: value for key, value in stated.items() if key not in later or value != later[key]}
 
 
 def experiments_digest(experiments: Sequence[Experiment]) -> str:
     """Return the digest of a list of experiments."""
     stated = [asdict(experiment) for experiment in experiments]
     for each in stated:
-        each["operator"] = _without_defaults(each["operator"], ("dwell", "other_damping", "regrip"))
+        each["operator"] = _without_defaults(each["operator"], LATER["operator"])
+        each["environment"] = _without_defaults(each["environment"], LATER["environment"])
     return digest(stated)
 
 

@@ -6,7 +6,7 @@ See proof/README.md, section 7.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from functools import partial
 from math import inf
 
@@ -27,6 +27,7 @@ from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import NextToRest, loop_in_hand, required_in_hand, room
 from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.let_go import Plant, has_sharp_form, plant_let_go, return_difference
+from vctune.model.sampled.loop_in_late_worlds import sides_of
 from vctune.model.sampled.loop_in_worlds import posed, sum_of
 from vctune.model.sampled.plant_in_hand import (
     AnyPlantInHand,
@@ -51,10 +52,12 @@ from vctune.proof.claims.margins_of_claims import (
     hand_margin,
     high_margin,
     limp_hand_margin,
+    limp_margins_in_late_worlds,
     limp_margins_in_worlds,
     limp_strip_of_walls,
     loop_gain_margin,
     low_margin,
+    margins_in_late_worlds,
     margins_in_worlds,
     model_curve,
     resistance_margin,
@@ -64,7 +67,7 @@ from vctune.proof.claims.margins_of_claims import (
     unmodelled_margin,
     whenever_margin,
 )
-from vctune.proof.claims.walls import COUPLING_SHARE, limp_walls_margin, walls_margins
+from vctune.proof.claims.worlds.walls import COUPLING_SHARE, limp_walls_margin, walls_margins
 from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, device_ball, enclosure_of
 from vctune.proof.enclosures.array_intervals import Enclosure, decimal
 from vctune.proof.enclosures.jets import ENCLOSURES as OPS
@@ -211,7 +214,12 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
 
 
 def hands_margins(
-    demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS, lead: float = 0.0
+    demands: Demands,
+    uncertain: tuple[str, ...],
+    delays: Delays,
+    ops: ArrayArithmetic = OPS,
+    lead: float = 0.0,
+    sides: tuple[str, ...] | None = None,
 ) -> Margins:
     """Return the margins of which one must be positive in every hand.
 
@@ -222,6 +230,7 @@ def hands_margins(
     delays : whole samples of the delays, the same for all devices
     ops : arithmetic of theta and the values
     lead : rule of the walls: 0 for the trapezoidal rule, 1 for backward Euler
+    sides : of environments that run late or by Euler's rules, those that are looked at; None for all
 
     Returns
     -------
@@ -248,6 +257,14 @@ def hands_margins(
             return walls_margins(strip, met, plain, lead, stated.device.sample_time, theta, ops)
 
         return with_walls
+    if not plain.lossless:
+        looked_at = sides_of(plain) if sides is None else sides
+
+        def in_time(theta: Number, v: Values) -> tuple[Number, ...]:
+            stated, share = Design(device(v), gains_of(v), coupling_of(v)), v.get(COUPLING_SHARE, 1)
+            return margins_in_late_worlds(in_hand(v), stated, theta, share, worlds_of(v, worlds), looked_at, ops)
+
+        return in_time
     names = posed(plain, demands.factor, inverse=demands.device.kind.inverse)
 
     def margins(theta: Number, v: Values) -> tuple[Number, ...]:
@@ -271,7 +288,7 @@ def worlds_of(values: Values, otherwise: Worlds) -> Worlds:
         World(*(values.get(name, end) for name, end in zip(names, numbers, strict=True)))
         for names, numbers in zip(WORLD_ENDS, ends, strict=True)
     )
-    return Worlds(least, most)
+    return replace(otherwise, low=least, high=most)
 
 
 def whenever_margins(
@@ -390,6 +407,14 @@ def limp_hands_margins(
             return limp_walls_margin(strip, met, lead, device(v).sample_time, theta, OPS)
 
         return (with_walls,) if demands.worlds.high.mass < inf else ()
+
+    if not demands.worlds.lossless:
+
+        def side(name: str, theta: Number, v: Values) -> Number:
+            share = v.get(COUPLING_SHARE, 1)
+            return limp_margins_in_late_worlds(*at(theta, v), share, worlds_of(v, worlds), (name,), OPS)[0]
+
+        return tuple(partial(side, name) for name in sides_of(demands.worlds))
 
     def margin(name: str, theta: Number, v: Values) -> Number:
         met = WorldsMet(worlds_of(v, worlds), factor)

@@ -21,6 +21,7 @@ from vctune.model.hand_arrays import stacked
 from vctune.model.hands import STIFFNESS, Hand, Hands
 from vctune.model.numbers.keys import keys_of
 from vctune.model.problem import Demands
+from vctune.model.sampled.loop_in_late_worlds import sides_at_nyquist, sides_of
 from vctune.model.sampled.loop_in_walls import LEADS
 from vctune.model.sampled.loop_in_worlds import posed, sum_of
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
@@ -43,11 +44,13 @@ from vctune.proof.claims.margins_of_claims import (
     any_hand_margin,
     hand_curve,
     hand_margin,
+    margins_in_late_worlds,
     margins_in_worlds,
 )
 from vctune.proof.claims.sampled_poles import in_rad_per_s
-from vctune.proof.claims.walls import COUPLING_SHARE, fails_with_a_wall
 from vctune.proof.claims.whole_samples import NEXT_TO
+from vctune.proof.claims.worlds.one_member import prove_member
+from vctune.proof.claims.worlds.walls import COUPLING_SHARE, fails_with_a_wall
 from vctune.proof.device_box import (
     DeviceBox,
     felt_with_hand,
@@ -61,7 +64,7 @@ from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball, device_b
 from vctune.proof.enclosures.array_intervals import Flags, Floats, decimal_or_inf
 from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.proof.enclosures.taylor_functions import TAYLOR
-from vctune.proof.engine.box_tests import alone, next_to_zero, positive
+from vctune.proof.engine.box_tests import alone, from_frequency, next_to_zero, positive
 from vctune.proof.engine.boxes import Boxes, Values, band_of, over_band
 from vctune.proof.engine.branching import Test, prove
 from vctune.proof.engine.interval import Outcome, Verdict
@@ -89,6 +92,9 @@ EASY_PARTS = 4_000
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
 """Distances from the ends of the angles, as shares of pi, at which the code looks for a witness. With fewer of them,
 the growth at a witness takes longer to show; with more, no further growth shows."""
+AT_NYQUIST = 1e-5
+"""Share of pi next to it in which only the sides that decide at pi are looked at, so that a box there can fail. A tenth
+and ten times it: the same verdicts."""
 MAX_HALVINGS = 120
 """Greatest number of halvings of a box: twenty in each of six rows. Half and twice as many give the same proofs."""
 
@@ -122,7 +128,8 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     if stable.verdict is not Verdict.PROVED:
         return stable
     asked = Asked(design, demands, box)
-    near = resonance(design, demands.hands, box) if design.device.kind.own_loop and not asked.walls else None
+    in_time = asked.walls or asked.in_time
+    near = resonance(design, demands.hands, box) if design.device.kind.own_loop and not in_time else None
     found = _decided(asked, asked.ends(), asked.tests, EASY_BOXES if near else MAX_BOXES, whenever=asked.whenever)
     if near and found.verdict is Verdict.UNDECIDED:
         left_to_it = partial(asked.tests, near=near)
@@ -140,6 +147,7 @@ def prove_stable_in_middle(design: Design, demands: Demands) -> Outcome:
 
     With a box of environments, the virtual tool of an impedance display is held, as by an environment of infinite
     damping.
+    Environments that are not passive as they run have a greatest damping, and one of them is proved too.
 
     Parameters
     ----------
@@ -153,7 +161,10 @@ def prove_stable_in_middle(design: Design, demands: Demands) -> Outcome:
     assert demands.hands is not None
     middle, coupling = demands.hands.middle, design.coupling
     held = coupling if demands.worlds is not None and isinstance(coupling, SpringDamper) else None
-    stable = prove_poles_in(design.device, middle, design.gains, held)
+    stable, worlds = prove_poles_in(design.device, middle, design.gains, held), demands.worlds
+    if stable.verdict is Verdict.PROVED and worlds is not None and not worlds.passive:
+        boxes, stable = stable.boxes, prove_member(design, middle, worlds)
+        stable = replace(stable, boxes=stable.boxes + boxes)
     return stable if stable.verdict is Verdict.PROVED else replace(stable, hand=middle)
 
 
@@ -188,12 +199,17 @@ class Asked:
     def shared(self) -> bool:
         """Whether each share of the coupling has margins of its own."""
         of_spring = self.design.device.kind.inverse and self.demands.worlds is not None
-        return (of_spring or self.walls) and self.demands.factor > 1
+        return (of_spring or self.walls or self.in_time) and self.demands.factor > 1
 
     @property
     def walls(self) -> bool:
         """Whether environments may be walls."""
         return self.demands.worlds is not None and self.demands.worlds.corner is not None
+
+    @property
+    def in_time(self) -> bool:
+        """Whether environments run late or are stepped by Euler's rules."""
+        return self.demands.worlds is not None and not self.demands.worlds.lossless
 
     @property
     def whenever(self) -> Callable[[Part, Values], Test] | None:
@@ -240,6 +256,11 @@ class Asked:
 
     def _test(self, part: Part, fixed: Values, near: Resonance | None, lead: float) -> Test:
         test = _of_margins(self.demands, self.uncertain, part, fixed, lead=lead)
+        if self.in_time:
+            assert self.demands.worlds is not None
+            sides = sides_at_nyquist(self.demands.worlds, rigid=self.design.series.rigid)
+            at_nyquist = _of_margins(self.demands, self.uncertain, part, fixed, sides=sides)
+            test = from_frequency(pi * (1 - AT_NYQUIST), at_nyquist, test)
         at_rest = limp_hands_margins(self.demands, self.uncertain, part.delays, lead) if self.limp else ()
         if at_rest:
             test = with_own_share(next_to_zero(AT_REST, at_rest, fixed, test), self.design.device, self.names)
@@ -258,9 +279,10 @@ def _of_margins(
     fixed: Values,
     near: Resonance | None = None,
     lead: float = 0.0,
+    sides: tuple[str, ...] | None = None,
 ) -> Test:
     """Return the test that one of the margins is positive, in hands near resonance or in all hands."""
-    both = [hands_margins(demands, uncertain, part.delays, ops, lead) for ops in (ENCLOSURES, TAYLOR)]
+    both = [hands_margins(demands, uncertain, part.delays, ops, lead, sides) for ops in (ENCLOSURES, TAYLOR)]
     slopes, polynomials = (near.margins(each) for each in both) if near else both
     spans = part.spans
     if demands.worlds is not None:
@@ -385,7 +407,7 @@ def _decided(
     near : resonance to which the hands are near; None for all hands
     whenever : function that returns a test for parts with any whole samples; None without one
     """
-    sides, tried = sides_of(ends, asked.affine), 0
+    sides, tried = sides_of_rectangles(ends, asked.affine), 0
     if len(sides) > 1:
         found = _decided_over([ends], asked, tests, min(EASY_WHOLE, max_boxes), near, whenever)
         if found.verdict is not Verdict.UNDECIDED:
@@ -429,7 +451,7 @@ def _decided_over(
     return Outcome(Verdict.PROVED, boxes)
 
 
-def sides_of(ends: Ends, pairs: Sequence[tuple[str, str]]) -> list[Ends]:
+def sides_of_rectangles(ends: Ends, pairs: Sequence[tuple[str, str]]) -> list[Ends]:
     """Return the sides of rectangles of two rows each, of which a margin is affine along every line of one sum.
 
     Such a line begins and ends on sides, and the margin is least there. Parallel sides are columns of the same ends.
@@ -569,6 +591,12 @@ def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float,
     plant = plant_in_hand(exact.device, hand.mapped(ball), delays, BALLS)
     if demands.worlds is None:
         return bool(hand_margin(plant, exact, at, factor, BALLS) < 0)
+    if not demands.worlds.lossless:
+        worlds, sides = demands.worlds.converted(ball), sides_of(demands.worlds)
+        if theta >= pi * (1 - AT_NYQUIST):
+            at, sides = arb.pi(), sides_at_nyquist(demands.worlds, rigid=design.series.rigid)
+        found = margins_in_late_worlds(plant, exact, at, ball(share), worlds, sides, BALLS)
+        return all(bool(each < 0) for each in found)
     found = margins_in_worlds(plant, exact, at, WorldsMet(demands.worlds.converted(ball), factor), BALLS)
     return all(bool(sum_of(getattr(found, name)) < 0) for name in posed(demands.worlds, demands.factor))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf, nextafter, pi
 
@@ -28,6 +29,7 @@ from vctune.model.sampled.hand_loop import (
 )
 from vctune.model.sampled.impedance_display import ForceInHand, Required
 from vctune.model.sampled.let_go import Plant, return_difference
+from vctune.model.sampled.loop_in_late_worlds import half_planes
 from vctune.model.sampled.loop_in_walls import Strip, strip_in_walls
 from vctune.model.sampled.loop_in_worlds import (
     Disjuncts,
@@ -37,10 +39,11 @@ from vctune.model.sampled.loop_in_worlds import (
     disjuncts_of_force,
     limp_disjuncts,
     offered_at,
+    sum_of,
 )
 from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand, ServoInHand
 from vctune.model.sampled.velocity_loop import difference_slope
-from vctune.model.worlds import WorldsMet
+from vctune.model.worlds import Worlds, WorldsMet
 
 HALF_TURN = nextafter(pi, inf)
 """theta = omega T at the Nyquist frequency, rounded upwards. The curve of the sampled loop is symmetric about it."""
@@ -359,6 +362,66 @@ def limp_margins_in_worlds(
     """
     seen, T = seen_in_limp_hand(plant, design.gains.velocity, theta, rest, ops), design.device.sample_time
     return limp_disjuncts(offered_at(design.series, T, theta, ops), met.worlds, T, seen, met.factor, theta, ops)
+
+
+def margins_in_late_worlds(
+    plant: AnyPlantInHand,
+    design: Design,
+    theta: Number,
+    share: Number,
+    worlds: Worlds,
+    names: Sequence[str],
+    ops: Arithmetic,
+) -> tuple[Number, ...]:
+    """Return margins in a hand, of which one must be positive with every environment of any rule (section 20).
+
+    Parameters
+    ----------
+    plant : the device in the hand
+    design : in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    share : of the coupling, from 1/safety_factor to 1
+    worlds : the box, in numbers of the arithmetic
+    names : of the sides that it has
+    ops : arithmetic of all of these
+    """
+    return _beyond(
+        seen_in_hand(loop_in_hand(plant, theta, ops), design.gains), design, theta, share, worlds, names, ops
+    )
+
+
+def limp_margins_in_late_worlds(
+    plant: PlantInHand,
+    design: Design,
+    theta: Number,
+    rest: NextToRest,
+    share: Number,
+    worlds: Worlds,
+    names: Sequence[str],
+    ops: Arithmetic,
+) -> tuple[Number, ...]:
+    """Return `margins_in_late_worlds` over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
+
+    Parameters
+    ----------
+    plant, design, theta, rest, ops : see `limp_hand_margin`
+    share, worlds, names : see `margins_in_late_worlds`
+    """
+    seen = seen_in_limp_hand(plant, design.gains.velocity, theta, rest, ops)
+    whole = Seen(seen.lost, ops.sin(theta / 2) * seen.swing, seen.size)
+    return _beyond(whole, design, theta, share, worlds, names, ops)
+
+
+def _beyond(
+    seen: Seen, design: Design, theta: Number, share: Number, worlds: Worlds, names: Sequence[str], ops: Arithmetic
+) -> tuple[Number, ...]:
+    """Return how far beyond each side of the environments a loop is."""
+    T, coupling = design.device.sample_time, design.series
+    offered, planes = (
+        offered_at(coupling, T, theta, ops),
+        half_planes(worlds, names, T, theta, ops, rigid=coupling.rigid),
+    )
+    return tuple(sum_of(planes[name].terms(offered, seen, share)) for name in names)
 
 
 def strip_of_walls(

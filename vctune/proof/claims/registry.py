@@ -163,9 +163,9 @@ CLAIMS: dict[ClaimId, Claim] = {
             label="every hand with every environment of the box",
             explain=(
                 "The device is stable in each hand of `[operator]` with each environment of `[environment]`, a mass, a "
-                "damper and a spring within their ranges, in the exact sampled loop, aliasing included, and with the "
-                "coupling divided by any number from 1 to the safety factor. The claim does not cover other hands and "
-                "environments."
+                "damper and a spring within their ranges, stepped by its rule and as many samples late as it states, "
+                "in the exact sampled loop, aliasing included, and with the coupling divided by any number from 1 to "
+                "the safety factor. The claim does not cover other hands and environments."
             ),
             asked=lambda demands, _: demands.hands is not None and demands.worlds is not None,
         ),
@@ -176,7 +176,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "Re M (1/P + 1/(k_2 - k_1)) > 0 up to Nyquist; not with walls that move or one-sided dampers"
             ),
             quantity="in_hand",
-            margin="proof.claims.walls.walls_margins",
+            margin="proof.claims.worlds.walls.walls_margins",
             witness="a frequency up to Nyquist and a hand of `[operator]`",
             label="every hand with every wall of the box",
             explain=(

@@ -207,6 +207,23 @@ def next_to_zero(rows: Sequence[str], sufficient: Sequence[Margin], fixed: Value
     return by_place
 
 
+def from_frequency(start: float, there: Test, test: Test) -> Test:
+    """Return a test that is another one from some frequency on.
+
+    Parameters
+    ----------
+    start : the frequency
+    there : test of the boxes beyond it
+    test : test of the other boxes
+    """
+
+    def by_place(boxes: Boxes) -> Decided:
+        at = boxes.low[0] >= start
+        return _by_kind([(at, there), (~at, test)], boxes)
+
+    return by_place
+
+
 def alone(margins: Margins) -> Margin:
     """Return the only margin of a function that returns margins."""
     return lambda frequency, values: margins(frequency, values)[0]

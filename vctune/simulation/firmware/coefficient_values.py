@@ -84,7 +84,7 @@ def environment_coefficients(environment: Environment, sample_time: float) -> di
     sample_time : T, s
     """
     lossless = environment.rule == "trapezoid"
-    reach = sample_time / 2 if lossless else sample_time
+    reach = {"trapezoid": sample_time / 2, "explicit": 0.0, "backward": sample_time}[environment.rule]
     return {
         "inertance": (2 * environment.mass if lossless else environment.mass) / sample_time,
         "inertia_carry": 1.0 if lossless else 0.0,

@@ -83,6 +83,8 @@ class State:
     filtered, twice_filtered : velocity behind the first and behind the second low-pass, m/s
     inertia : force of the environment's mass, N; needed by the trapezoidal rule only
     smoothed, twice_smoothed : v_e behind the first and behind the second low-pass, m/s; for an impedance display
+    ahead : v_e of the next sample, m/s; of a mass by explicit Euler
+    late_1 to late_10 : forces of the environment that act so many samples later, N; of one that is late
     """
 
     reference: Number
@@ -95,6 +97,17 @@ class State:
     inertia: Number = 0.0
     smoothed: Number = 0.0
     twice_smoothed: Number = 0.0
+    ahead: Number = 0.0
+    late_1: Number = 0.0
+    late_2: Number = 0.0
+    late_3: Number = 0.0
+    late_4: Number = 0.0
+    late_5: Number = 0.0
+    late_6: Number = 0.0
+    late_7: Number = 0.0
+    late_8: Number = 0.0
+    late_9: Number = 0.0
+    late_10: Number = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,6 +163,8 @@ def parts_of(law: Law) -> Parts:
         virtual=law.virtual_mass > 0,
         mass=rendered.mass > 0,
         trapezoid=rendered.rule == "trapezoid",
+        explicit=rendered.rule == "explicit",
+        late=rendered.late,
         contact=rendered.stiffness > 0 or rendered.damping > 0,
         wall=rendered.wall,
         integral=law.integral > 0,

@@ -12,6 +12,7 @@ from types import MappingProxyType
 
 from vctune.model.device import Commanded
 from vctune.model.numbers.units import Units
+from vctune.model.worlds import MOST_LATE
 from vctune.simulation.firmware.expression import Expression, Symbol, Term, choice, floor, maximum, minimum
 
 
@@ -57,6 +58,8 @@ class Parts:
     virtual : whether there is a virtual mass and damping in parallel with the environment
     mass, trapezoid : whether the environment has a mass, and whether that may follow the trapezoidal rule
     contact : whether the environment has stiffness or damping
+    explicit : whether the environment is stepped by explicit Euler
+    late : samples by which its force is late
     wall : whether stiffness and damping may be one-sided
     integral : whether the position error is integrated once more
     limit : whether the force, and with it the integral parts of the law, are limited
@@ -73,11 +76,18 @@ class Parts:
     mass: bool = True
     trapezoid: bool = True
     contact: bool = True
+    explicit: bool = False
+    late: int = 0
     wall: bool = True
     integral: bool = False
     limit: bool = True
     spring: bool = False
     command: Commanded = "force"
+
+    @property
+    def ahead(self) -> bool:
+        """Whether the environment's mass answers only at the next sample."""
+        return self.mass and self.explicit and self.late == 0
 
 
 COMMANDS: Mapping[Commanded, Quantity] = MappingProxyType(
@@ -132,6 +142,11 @@ STATE = {
         "smoothed": ("w_1", "speed", "v_e behind the first low-pass"),
         "twice_smoothed": ("w_2", "speed", "v_e behind the second low-pass"),
         "inertia": ("f_m", "force", "force of the environment's mass"),
+        "ahead": ("v_e+", "speed", "velocity of the environment's mass at the next sample"),
+        **{
+            f"late_{k}": (f"f_{k}", "force", f"force of the environment that acts {k} samples later")
+            for k in range(1, MOST_LATE + 1)
+        },
     }.items()
 }
 """All quantities that may belong to the state of a firmware."""
@@ -148,6 +163,8 @@ def remembered(parts: Parts) -> tuple[str, ...]:
         "smoothed": parts.spring and parts.low_passes > 0,
         "twice_smoothed": parts.spring and parts.low_passes > 1,
         "inertia": parts.mass and parts.trapezoid,
+        "ahead": parts.ahead,
+        **{f"late_{k}": k <= parts.late for k in range(1, MOST_LATE + 1)},
     }
     return tuple(name for name in STATE if needed.get(name, True))
 
@@ -243,6 +260,9 @@ def environment(parts: Parts) -> Iterator[Equation]:
     Mass and spring follow backward Euler, or the lossless trapezoidal rule. Backward Euler stays passive and damps what
     it cannot resolve, so that a wall may be arbitrarily stiff.
     """
+    if parts.late or parts.ahead:
+        yield from _late_environment(parts) if parts.late else _explicit_environment()
+        return
     total: Term = _now("resistance")
     pushed: Term = _now("drive")
     if parts.mass:
@@ -271,6 +291,56 @@ def environment(parts: Parts) -> Iterator[Equation]:
         yield _kept("inertia", inertia - _now("inertia_carry") * _was("inertia") if parts.trapezoid else inertia)
         contact = contact + _now("inertia")
     yield _new("environment_force", "f_e", "force", "force of the environment", contact)
+
+
+def _explicit_environment() -> Iterator[Equation]:
+    """Yield an environment whose mass by explicit Euler answers to a force at the next sample."""
+    yield _kept("desired", _was("ahead"))
+    yield _contact()
+    inertia = _now("drive") - _now("resistance") * _now("desired") - _now("contact")
+    yield _new("accelerating", "f_m", "force", "force that is left to the mass", inertia)
+    yield _kept("ahead", _now("desired") + _now("accelerating") / _now("inertance"))
+    yield _force(_now("contact") + _now("accelerating"))
+
+
+def _late_environment(parts: Parts) -> Iterator[Equation]:
+    """Yield an environment whose force acts some samples later.
+
+    The force of a mass by explicit Euler follows from its next velocity. It is late by one sample less from when that
+    is known, and with a lateness of one it acts at once.
+    """
+    own = parts.late - 1 if parts.explicit else parts.late
+    at_once = parts.mass and own == 0
+    total: Term = _now("resistance")
+    pushed: Term = _now("drive") - _was("late_1")
+    if at_once:
+        total = total + _now("inertance")
+        pushed = pushed + _now("inertance") * _was("desired")
+    yield _new("pushed", "f_p", "force", "drive without the force that acts", pushed)
+    yield _kept("desired", _now("pushed") / total)
+    yield _contact()
+    new: dict[int, Term] = {parts.late: _now("contact")}
+    if parts.mass:
+        inertia = _now("inertance") * (_now("desired") - _was("desired"))
+        if parts.trapezoid:
+            yield _kept("inertia", inertia - _now("inertia_carry") * _was("inertia"))
+        else:
+            yield _new("inertia", "f_m", "force", "force of the mass", inertia)
+        if own:
+            new[own] = new[own] + _now("inertia") if own in new else _now("inertia")
+    yield _force(_was("late_1") + _now("inertia") if at_once else _was("late_1"))
+    for k in range(1, parts.late + 1):
+        waiting = _was(f"late_{k + 1}")
+        yield _kept(f"late_{k}", new[k] if k == parts.late else waiting + new[k] if k in new else waiting)
+
+
+def _contact() -> Equation:
+    spring = _now("stiffness") * (_now("middle") - _now("zero")) + _now("slope") * _now("desired")
+    return _new("contact", "f_0", "force", "force of spring and damper", spring)
+
+
+def _force(right: Term) -> Equation:
+    return _new("environment_force", "f_e", "force", "force of the environment", right)
 
 
 def law(parts: Parts) -> Iterator[Equation]:

@@ -26,7 +26,7 @@ from vctune.proof.claims.every_hand import (
     prove_stable_in_middle,
 )
 from vctune.proof.claims.margins_of_claims import Design
-from vctune.proof.claims.walls import COUPLING_SHARE
+from vctune.proof.claims.worlds.walls import COUPLING_SHARE
 from vctune.proof.device_box import DeviceBox, in_longer_hands, in_one_delay, late_as_one, moved_as_one
 from vctune.proof.enclosures.array_intervals import Flags, Floats
 from vctune.proof.engine.box_tests import Margins, positive

@@ -1,0 +1,215 @@
+"""The sampled loop in a hand with every environment of a box that runs late or is stepped by Euler's rules.
+
+An environment z^-n (m f_m + b + k f_k) of the box holds a pole of the loop at the angle theta if -Y' is a point of the
+polygon of all m f_m + b + k f_k, with Y' = z^n (y Z_c + Z_seen) (model/README.md, section 20). The factors are
+
+    f_m = (2 j s/T) e^(j q theta/2),   f_k = T/(2 j s) e^(-j q theta/2),   s = sin(theta/2),
+
+with q = 1 for explicit Euler and q = -1 for implicit Euler; by the trapezoidal rule f_m = (2 j s/T)/c and f_k = 1/f_m,
+c = cos(theta/2). A point is outside of a polygon if and only if it is beyond one of its sides. Each of these is a
+half-plane, whose normal is perpendicular to 1, f_m or f_k. The real direction decides at theta = pi, where all three
+are real, or infinite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import inf
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple
+
+from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.sampled.loop_in_worlds import Offered, Seen
+from vctune.model.worlds import World, WorldRule, Worlds
+
+Normal = Literal["real", "imaginary", "to the mass", "to the spring"]
+"""The direction of a normal: to 1, to j, or perpendicular to the factor of the mass or of the spring."""
+
+
+class Side(NamedTuple):
+    """A side of the polygon.
+
+    Attributes
+    ----------
+    normal : its direction
+    sign : 1 if Y' + Z_e is on the positive side for every environment, -1 for the other side
+    """
+
+    normal: Normal
+    sign: int
+
+
+SIDES: Mapping[str, Side] = MappingProxyType(
+    {
+        "resistive": Side("real", 1),
+        "driven": Side("real", -1),
+        "above": Side("imaginary", -1),
+        "below": Side("imaginary", 1),
+        "resistive_past_mass": Side("to the mass", 1),
+        "driven_past_mass": Side("to the mass", -1),
+        "resistive_past_spring": Side("to the spring", 1),
+        "driven_past_spring": Side("to the spring", -1),
+    }
+)
+"""The sides by the names of their margins."""
+LEADING: Mapping[WorldRule, int] = MappingProxyType({"trapezoid": 0, "explicit": 1, "implicit": -1})
+"""q of each rule."""
+
+
+class HalfPlane(NamedTuple):
+    """A margin as a function of Y', regular at both ends: what multiplies its parts, and the least of the environments.
+
+    Attributes
+    ----------
+    resistance : of |F|^2 Re Y
+    reactance : of |F|^2 c Im Z_c
+    swing : of the swing of Z_seen
+    room : of |F|^2
+    """
+
+    resistance: Number
+    reactance: Number
+    swing: Number
+    room: Number
+
+    def terms(self, offered: Offered, seen: Seen, share: Number = 1.0) -> tuple[Number, ...]:
+        """Return the margin with a share of the coupling as the terms of its sum.
+
+        Parameters
+        ----------
+        offered : by the coupling
+        seen : Z_seen of the loop in a hand
+        share : y, from 1/g to 1
+        """
+        size = seen.size
+        return (
+            self.resistance * (share * offered.resistance * size),
+            -(self.resistance * seen.lost),
+            self.reactance * (share * offered.reactance * size),
+            self.swing * seen.swing,
+            self.room * size,
+        )
+
+
+def sides_of(worlds: Worlds) -> tuple[str, ...]:
+    """Return the names of the sides that the polygons of a box have.
+
+    Parameters
+    ----------
+    worlds : the box, in plain numbers
+    """
+    low, high, moved = worlds.low, worlds.high, LEADING[worlds.rule] != 0
+    wanted: dict[Normal, Any] = {
+        "real": True,
+        "imaginary": True,
+        "to the mass": moved and high.mass > low.mass,
+        "to the spring": moved and high.stiffness > low.stiffness,
+    }
+    return tuple(
+        name
+        for name, side in SIDES.items()
+        if wanted[side.normal] and all(most < inf for most in _ends(side, worlds).values())
+    )
+
+
+def sides_at_nyquist(worlds: Worlds, *, rigid: bool) -> tuple[str, ...]:
+    """Return the names of the sides that decide at theta = pi, where the margins of the others are 0.
+
+    Parameters
+    ----------
+    worlds : the box, in plain numbers
+    rigid : whether the coupling is
+    """
+    if worlds.rule != "trapezoid":
+        return sides_of(worlds) if rigid else _only(worlds, "real")
+    imaginary = _only(worlds, "imaginary")
+    return imaginary if rigid else _only(worlds, "real") + imaginary[1:] * bool(worlds.low.mass > 0)
+
+
+def _only(worlds: Worlds, normal: Normal) -> tuple[str, ...]:
+    return tuple(name for name in sides_of(worlds) if SIDES[name].normal == normal)
+
+
+def half_planes(
+    worlds: Worlds, names: Sequence[str], sample_time: Number, theta: Number, ops: Arithmetic, *, rigid: bool
+) -> dict[str, HalfPlane]:
+    """Return the sides of the polygon at an angle.
+
+    Parameters
+    ----------
+    worlds : the box, in numbers of the arithmetic
+    names : of `sides_of`
+    sample_time : T, s
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of all of these
+    rigid : whether the coupling is
+    """
+    return {name: _half_plane(SIDES[name], worlds, sample_time, theta, ops, rigid=rigid) for name in names}
+
+
+def _half_plane(side: Side, worlds: Worlds, T: Number, theta: Number, ops: Arithmetic, *, rigid: bool) -> HalfPlane:
+    sin, cos, q, n = ops.sin(theta / 2), ops.cos(theta / 2), LEADING[worlds.rule], worlds.late
+    sizes = _sizes(side.normal, worlds.rule, sin, cos, T)
+    ends, signs = _ends(side, worlds), _signs(side.normal, worlds.rule)
+    room = sum((side.sign * signs[name] * (sizes[name] * ends[name]) for name in ends), start=0 * theta)
+    if side.normal == "imaginary":
+        turned = sin * (cos * ops.sin(n * theta)) if n else 0 * theta
+        along = ops.cos(n * theta)
+        parts = turned, along * sin, -(along * cos)
+    elif side.normal == "real":  # sin(n theta) = 2 s c V
+        V = _quotient(2 * n, theta, ops) if n else 0 * theta
+        parts = ops.cos(n * theta), -(2 * sin * V), 2 * cos * V
+    else:
+        p = 2 * n - q if side.normal == "to the mass" else 2 * n + q
+        U = _quotient(abs(p), theta, ops) * (1 if p > 0 else -1)
+        parts = cos * ops.cos(p * (theta / 2)), -(sin * U), cos * U
+    scale: Number = side.sign
+    if side.normal == "real" and rigid and worlds.rule == "trapezoid":
+        # the masses of coupling and environment have poles at -1, and where these cancel the loop has one there
+        scale, room = scale * (cos * cos), room * (cos * cos)
+    resistance, reactance, swing = (scale * part for part in parts)
+    return HalfPlane(resistance, reactance, swing, room)
+
+
+def _quotient(p: int, theta: Number, ops: Arithmetic) -> Number:
+    """Return sin(p theta/2) over sin(theta/2) or, for an even p, over sin(theta): a sum of cosines, p > 0."""
+    if p % 2:
+        return 1 + sum((2 * ops.cos(j * theta) for j in range(1, p // 2 + 1)), start=0 * theta)
+    n = p // 2
+    return sum((ops.cos((n - 1 - 2 * j) * theta) for j in range(n)), start=0 * theta)
+
+
+def _signs(normal: Normal, rule: WorldRule) -> dict[str, int]:
+    """Return the signs of the parts of f_m, 1 and f_k along a normal, of those that are not 0."""
+    q = LEADING[rule]
+    if normal == "imaginary":
+        return {"mass": 1, "stiffness": -1}
+    if q == 0:
+        return {"damping": 1}
+    parts = {"damping": 1, "mass": -q, "stiffness": -q}
+    absent = {"to the mass": "mass", "to the spring": "stiffness"}.get(normal)
+    return {name: sign for name, sign in parts.items() if name != absent}
+
+
+def _ends(side: Side, worlds: Worlds) -> dict[str, Number]:
+    """Return the numbers of the environment that is nearest to a side."""
+    signs = _signs(side.normal, worlds.rule)
+    return {name: _end(worlds, nearest=side.sign * sign, name=name) for name, sign in signs.items()}
+
+
+def _end(worlds: Worlds, *, nearest: int, name: str) -> Number:
+    end: World = worlds.low if nearest > 0 else worlds.high
+    return getattr(end, name)
+
+
+def _sizes(normal: Normal, rule: WorldRule, sin: Number, cos: Number, T: Number) -> dict[str, Number]:
+    """Return the sizes of the parts of f_m, 1 and f_k along a normal, times what makes the margin regular.
+
+    That is s c for the imaginary direction and c for the perpendiculars.
+    """
+    square, moved = cos * cos, sin * sin * (2 / T)
+    if normal == "imaginary":
+        return {"mass": moved if rule == "trapezoid" else moved * square, "stiffness": square * (T / 2)}
+    if normal == "real":
+        return {"damping": 1.0, "mass": moved, "stiffness": T / 2}
+    return {"damping": square, "mass": 2 * (moved * square), "stiffness": square * T}
