@@ -440,6 +440,43 @@ def test_what_is_no_controller_is_refused(folder, name, complaint):
     assert not (folder / "results/good/in-the-loop").exists()
 
 
+LATE = """[[experiment]]
+name = "on time"
+environment = { stiffness = 200.0 }
+operator = { to = 0.001, speed = 0.05, cycles = 1 }
+[[experiment]]
+name = "late"
+operator = { to = 0.001, speed = 0.05, cycles = 1 }
+[experiment.environment]
+stiffness = 200.0
+late = 2
+[[experiment]]
+name = "explicit"
+environment = { mass = 1.0, rule = "explicit" }
+operator = { to = 0.001, speed = 0.05, cycles = 1 }
+"""
+
+
+@has("make", "gcc")
+def test_an_environment_that_the_controller_does_not_render_is_refused(library, tmp_path):
+    """A force that is late, and explicit Euler, with line, key, reason and remedy; the others run."""
+    path = tmp_path / "late.toml"
+    path.write_text(DEVICE + FIXED.format(160.0) + LATE)
+    line = 1 + path.read_text().split("\n").index("late = 2")
+    refused = vctune("simulate", "late.toml", "--controller", library, cwd=tmp_path)
+    assert refused.returncode == ExitCode.BAD_INPUT
+    first, second = refused.stderr.splitlines()
+    assert first.startswith(f"late.toml:{line}: experiment[1].environment.late: the force is 2 samples late, while a ")
+    assert second.startswith(f"late.toml:{line + 3}: experiment[2].environment.rule: a compiled controller steps its ")
+    for each in (first, second):
+        assert each.endswith("; choose another experiment, or simulate this one without the controller [contradiction]")
+    assert simulate(path, controller=library, experiment="on time").experiments[0].difference is not None
+    for name in ("late", "explicit"):
+        own = next(each for each in read_problem(path).problem.experiments if each.name == name)
+        with pytest.raises(InputError, match="choose another experiment"):
+            simulate(path, controller=library, experiment=replace(own, name="of no file"))
+
+
 @has("gcc")
 def test_a_library_of_something_else_is_refused(folder):
     (folder / "else.c").write_text("int other(void);\nint other(void) { return 1; }\n")

@@ -20,7 +20,8 @@ from vctune.document.reading import ProblemFile
 from vctune.document.records.design_file import read_design
 from vctune.document.records.simulation_json import FILE, SimulationRecord
 from vctune.document.records.simulation_json import simulation_of as simulation_of
-from vctune.document.text.errors import InputError
+from vctune.document.schema.validation import dotted
+from vctune.document.text.errors import InputError, Mistake
 from vctune.document.text.output_files import Content, write_together
 from vctune.markup import html_table
 from vctune.model.experiment import Experiment
@@ -110,11 +111,13 @@ def simulate(
     ------
     InputError
         If the problem or the design is invalid, they are for different kinds of device, there is no such experiment or
-            controller, or solving finds no design.
+            controller, the controller does not render an experiment's environment, or solving finds no design.
     """
     compiled = CompiledController(Path(controller)) if isinstance(controller, str | Path) else controller
     file = problem_of(problem)
     chosen = (experiment,) if isinstance(experiment, Experiment) else chosen_experiments(file, experiment)
+    if compiled is not None:
+        require_built_in(file, chosen)
     if gains is None:
         law, coupling = _found(file, progress)
     else:
@@ -149,6 +152,39 @@ def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment,
             file.source, "no-experiment", f"none is called {name!r}; there are: {known}", key="experiment"
         )
     return chosen
+
+
+def require_built_in(file: ProblemFile, chosen: tuple[Experiment, ...]) -> None:
+    """Refuse experiments whose environment a compiled controller does not render.
+
+    Parameters
+    ----------
+    file : the problem
+    chosen : its experiments, or others
+
+    Raises
+    ------
+    InputError
+        If an environment is late or stepped by explicit Euler.
+    """
+    stated, mistakes = file.problem.experiments, []
+    for one in chosen:
+        if one.environment.built_in:
+            continue
+        late = one.environment.late
+        key = "late" if late else "rule"
+        fault = (
+            f"the force is {late} sample{'s' * (late > 1)} late, while a compiled controller renders it on time"
+            if late
+            else "a compiled controller steps its environment by backward Euler or the trapezoidal rule, not by "
+            "explicit Euler"
+        )
+        remedy = "choose another experiment, or simulate this one without the controller"
+        path = ("experiment", stated.index(one) if one in stated else one.name, "environment", key)
+        line = file.line_of(path) if one in stated else None
+        mistakes.append(Mistake("contradiction", dotted(path), f"{fault}; {remedy}", line))
+    if mistakes:
+        raise InputError(file.source, mistakes)
 
 
 def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:

@@ -8,7 +8,6 @@ from dataclasses import replace
 from vctune.document.reading import ProblemFile
 from vctune.document.schema.plausibility import doubts
 from vctune.document.schema.validation import dotted
-from vctune.document.text import toml
 from vctune.document.text.codes import Note
 
 
@@ -24,7 +23,5 @@ def file_doubts(file: ProblemFile, source: str | None = None) -> Iterator[Note]:
         if not note.path:
             yield note
             continue
-        lines, path = toml.Lines(file.text), note.path
-        line = next((at for end in range(len(path), 0, -1) if (at := lines.locate(path[:end]))), 1)
-        place = f"{source or file.source}:{line}: {dotted(path)}"
+        place = f"{source or file.source}:{file.line_of(note.path)}: {dotted(note.path)}"
         yield replace(note, text=f"{place}: {note.text}", path=())

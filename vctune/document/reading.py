@@ -18,7 +18,7 @@ from vctune.document.schema.problem_schema import (
     ServoGainsDocument,
     SpringGainsDocument,
 )
-from vctune.document.schema.validation import Contradiction, Fault, examined, refusal, validated
+from vctune.document.schema.validation import Contradiction, Fault, KeyPath, examined, refusal, validated
 from vctune.document.text import toml
 from vctune.document.text.digest import problem_digest
 from vctune.model.display import ADMITTANCE, DISPLAYS, IMPEDANCE, SERVO, Display, DisplayName
@@ -54,6 +54,16 @@ class ProblemFile:
         It depends on the meaning, not on the text (`problem_digest`).
         """
         return problem_digest(self.problem)
+
+    def line_of(self, path: KeyPath) -> int:
+        """Return the line of a key; if the text does not have it, that of the innermost table around it.
+
+        Parameters
+        ----------
+        path : the key with the tables around it
+        """
+        lines = toml.Lines(self.text)
+        return next((at for end in range(len(path), 0, -1) if (at := lines.locate(path[:end]))), 1)
 
 
 def read_problem(path: str | Path) -> ProblemFile:

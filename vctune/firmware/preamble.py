@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
+from vctune.document.records.certificate_json import HandsRecord
 from vctune.firmware.firmware import Firmware, certified
 from vctune.model.device import Device
 from vctune.model.numbers.units import Units
 from vctune.model.parts import PARTS
+from vctune.model.worlds import in_time_in_words
 from vctune.version import __version__
 
 RUN = "environments are passive as they run"
@@ -47,8 +49,7 @@ def assumptions(made: Firmware) -> list[str]:
     box = ", and any other of the problem's [uncertainty]" if made.record.uncertainty is not None else ""
     certificate = made.record.certificate
     hands = None if certificate is None else certificate.hands
-    boxed = hands is not None and hands.worlds is not None
-    rendered = "environments are those of the box, by the trapezoidal rule" if boxed else RUN
+    rendered = RUN if hands is None or hands.worlds is None else f"environments are those of the box{_stepped(hands)}"
     built = f"{_mechanics(device, units)}{box}; a step every {device.sample_time!r} s"
     if device.servo is not None:
         return [
@@ -63,6 +64,15 @@ def assumptions(made: Firmware) -> list[str]:
         f"proof does not cover static friction, a limited {units.force_name}, quantisation and the rounding of each "
         "operation.",
     ]
+
+
+def _stepped(hands: HandsRecord) -> str:
+    """Return how the environments of a claim are stepped, as it follows their name."""
+    stepped = in_time_in_words(hands.worlds_rule or "trapezoid", hands.worlds_late or 0)
+    if hands.worlds_rule is None:
+        stepped = f", by the trapezoidal rule{stepped}"
+    on_time = hands.worlds_rule != "explicit" and not hands.worlds_late
+    return stepped if on_time else f"{stepped}; the built-in environment is neither late nor by explicit Euler"
 
 
 def _mechanics(device: Device, units: Units) -> str:

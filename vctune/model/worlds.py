@@ -140,6 +140,8 @@ def in_time_in_words(rule: WorldRule, late: int) -> str:
 
 
 def _range(low: Number, high: Number, unit: str) -> str:
+    if low == high:
+        return f"{low:g} {unit}"
     if high < inf:
         return f"up to {high:g} {unit}" if low == 0 < high else f"{low:g} to {high:g} {unit}"
     return f"at least {low:g} {unit}" if low > 0 else ""

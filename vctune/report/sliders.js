@@ -243,7 +243,7 @@ window.vctune = (() => {
       ["error", text(found.error)],
       ...(display === impedanceDisplay ? [["Z_0 |1/Z_c|", text(found.given_way)]] : []),
       ...(given.band_hz ? [["least ratio on the band", `${text(found.ratio)} at ${text(found.ratio_hz)} Hz`]] : []),
-      ...(given.hands.length ? [[given.worlds ? "least ratio in hands, any environment" : "least ratio in hands", `${text(found.hand_ratio)} at ${text(found.hand_ratio_hz)} Hz, ${found.hand}`]] : []),
+      ...(given.hands.length ? [[given.worlds ? "least ratio in hands, any passive environment" : "least ratio in hands", `${text(found.hand_ratio)} at ${text(found.hand_ratio_hz)} Hz, ${found.hand}`]] : []),
       ...(constants.sampled
         ? [["greatest |S|", `${text(found.peak)} at ${text(found.peak_hz)} Hz`], ["sampled loop", found.unstable ? "unstable" : "stable"]]
         : []),

@@ -59,7 +59,13 @@ def simulate(
     if tolerance is not None and controller is None:
         raise click.UsageError("--tolerance applies to a firmware; name it with --controller")
     from vctune import read_problem
-    from vctune.api.experiments import CompiledController, chosen_experiments, design_for, write_simulation
+    from vctune.api.experiments import (
+        CompiledController,
+        chosen_experiments,
+        design_for,
+        require_built_in,
+        write_simulation,
+    )
     from vctune.api.experiments import simulate as run
     from vctune.api.folders import design_folder, make_folder
     from vctune.cli.printing.output import answer, warn, warn_of_doubts
@@ -68,7 +74,9 @@ def simulate(
 
     compiled = None if controller is None else CompiledController(controller)
     file = read_problem(problem)
-    chosen_experiments(file, name)
+    chosen = chosen_experiments(file, name)
+    if compiled is not None:
+        require_built_in(file, chosen)
     warn_of_doubts(file, quiet=quiet)
     given = design_for(file, gains) if gains else None
     if given and given.sha256 not in (None, file.sha256):

@@ -92,9 +92,9 @@ def _in_hands(design: Design) -> dict[str, Figure]:
 
 
 def _rendered(design: Design) -> dict[str, Figure]:
-    """Return the coarse map of what may be rendered, where environments are stated."""
+    """Return the coarse map of what may be rendered, where environments are stated that are lossless and on time."""
     problem = design.problem
-    if problem.worlds is None:
+    if problem.worlds is None or not problem.worlds.lossless:
         return {}
     plane = world_plane(problem, WORLD[2], WORLD[0], MAP_LEVELS)
     return {"z-width": world_figure(problem, world_region(problem, design.gains, design.coupling, plane))}

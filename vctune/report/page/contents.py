@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from vctune.model.worlds import Worlds
+
 REPORT = "report.html"
 IN_WORDS = {"admittance": "does not yield", "tracking": "does not follow", "coupling": "gives way"}
 """The terms of the error in words."""
@@ -87,18 +89,25 @@ IN_WORLDS = (
     "the environments of the problem are what keeps the loop stable."
 )
 """What the curves of hands show where the environments are stated."""
+IN_ACTIVE_WORLDS = (
+    " The environments of the problem are not passive as they run, so that these curves do not decide about them. The "
+    "claim does: the ratio above is with them."
+)
+"""The same where the stated environments are late or stepped by explicit Euler."""
 
 
-def reading(figure: str, display: str, *, worlds: bool) -> str:
+def reading(figure: str, display: str, worlds: Worlds | None) -> str:
     """Return how to read a figure of a kind of display.
 
     Parameters
     ----------
     figure, display : their names
-    worlds : whether the problem states its environments
+    worlds : the environments that the problem states; None if it states none
     """
     own = OF_DISPLAY.get(display, {}).get(figure, READINGS[figure][1])
-    return own + IN_WORLDS * (worlds and figure == "hands")
+    if worlds is None or figure != "hands":
+        return own
+    return own + (IN_WORLDS if worlds.passive else IN_ACTIVE_WORLDS)
 
 
 def report_paths(folder: Path) -> list[Path]:

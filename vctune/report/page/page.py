@@ -94,7 +94,7 @@ def _shown(record: DesignRecord, problem: Problem, drawn: dict[str, str]) -> lis
     figures = []
     for name, text in drawn.items():
         title, finding = translated(READINGS[name][0]), translated(found.get(name, ""))
-        read = reading(name, problem.device.display, worlds=problem.worlds is not None)
+        read = reading(name, problem.device.display, problem.worlds)
         said = f"{title}. {_stated(finding, problem)}".strip()
         seen = {"title": title, "finding": finding, "reading": translated(read)}
         figures.append({"name": name, **seen, "svg": inline(text, said)})

@@ -288,8 +288,9 @@ def assumptions(problem: Problem) -> list[str]:
         )
     if problem.worlds is not None:
         linear = problem.worlds.linear.in_words(problem.units)
+        stepped = "stepped by the trapezoidal rule, " if problem.worlds.rule == "trapezoid" else ""
         lines.append(
-            f"The environment is one of {linear}: a mass, a damper and a spring, stepped by the trapezoidal rule, "
+            f"The environment is one of {linear}: a mass, a damper and a spring, {stepped}"
             + (
                 "that do not change. The spring may be a wall: a force that depends on the position alone and rises "
                 "with slopes within the range of stiffness, one-sided or piecewise linear, anywhere, stepped by the "
