@@ -32,9 +32,9 @@ def active(solved: Solved) -> list[ActiveRecord]:
     """Return the constraints that limit the design, with kind, frequency and multiplier, the greatest multiplier first.
 
     The multiplier is d log(error)/d log(constraint): the per cent by which the error falls if the constraint is eased
-    by one per cent.
+    by one per cent. Without convergence it is no derivative, and the list is empty.
     """
-    if solved.polished is None:
+    if solved.polished is None or not solved.polished.solution.converged:
         return []
     posed, multipliers = solved.polished.working_set, [float(m) for m in _priced(solved.polished)]
     rate = 1 / (2 * pi * solved.problem.device.sample_time)

@@ -36,7 +36,7 @@ BETTER = 0.01
 
 @np.errstate(all="ignore")
 def with_prices(solved: Solved) -> Solved:
-    """Return the result of a problem with the price of each number of its device, if its design is optimal.
+    """Return the result of a problem with the price of each number of its device, if its design is a local optimum.
 
     Parameters
     ----------
@@ -44,6 +44,8 @@ def with_prices(solved: Solved) -> Solved:
     """
     judgement, polished = solved.judgement, solved.polished
     if judgement is None or judgement.status is not Status.CERTIFIED or polished is None:
+        return solved
+    if not polished.solution.converged:  # its multipliers are then no derivatives of the error
         return solved
     prepared = prepare(solved.problem)
     prices = []

@@ -89,7 +89,8 @@ class EnvironmentRecord(Part):
 
     def in_words(self, units: Units) -> str:
         """Return the environment in words, and how the design grows with it."""
-        kind = units.translated(f"a {self.kind}") if self.damping else f"a lossless {units.translated(self.kind)}"
+        lossless = not self.damping and self.rule is None and self.late is None
+        kind = f"a lossless {units.translated(self.kind)}" if lossless else units.translated(f"a {self.kind}")
         rendered = f"{kind} of {text(self.value)} {self.unit}" if self.value else "nothing rendered"
         if self.stiffness:
             rendered += f" on a spring of {text(self.stiffness)} {units.stiffness}"
