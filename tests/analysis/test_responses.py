@@ -247,7 +247,7 @@ def test_figures_are_drawn_on_axes_that_are_given(wheel, solved):
     assert [*drawn, vctune.draw_nyquist(axes[6], *design[:2])] == list(axes[:7])
     assert all(len(each.lines) > 1 and each.get_xlabel() for each in axes[:7])
     required = {line.get_label(): line for line in axes[0].lines}
-    over = required["Re Z_c"].get_ydata() / required["required R"].get_ydata()
-    band, hz = wheel.stability.band.hz, required["Re Z_c"].get_xdata()
+    over = required["coupling, Re Z_c"].get_ydata() / required["required, R"].get_ydata()
+    band, hz = wheel.stability.band.hz, required["coupling, Re Z_c"].get_xdata()
     shown = np.nanmin(over[(hz >= band[0]) & (hz <= band[1])])
     assert best.min_ratio <= shown < 1.03 * best.min_ratio

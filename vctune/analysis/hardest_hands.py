@@ -18,11 +18,11 @@ from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.hand_loop import AnyLoopInHand, loop_in_hand, offered, required_in_hand, seen_in_hand
-from vctune.model.sampled.late_sides import open_sides
-from vctune.model.sampled.loop_in_walls import LEADS, disjuncts_in_walls, strip_in_walls
-from vctune.model.sampled.loop_in_worlds import Offered, Seen, disjuncts, offered_at, posed, room_of
 from vctune.model.sampled.plant_in_hand import ServoInHand, delays_of, plant_in_hand
 from vctune.model.sampled.several_devices import as_one
+from vctune.model.sampled.worlds.late_sides import open_sides
+from vctune.model.sampled.worlds.loop_in_walls import LEADS, disjuncts_in_walls, strip_in_walls
+from vctune.model.sampled.worlds.loop_in_worlds import Offered, Seen, disjuncts, offered_at, posed, room_of
 from vctune.model.worlds import WorldsMet
 from vctune.running import check_time
 
@@ -39,7 +39,7 @@ designs."""
 def needs_in_worlds(
     loop: AnyLoopInHand, device: Device, gains: Gains, coupling: Coupling, theta: Floats, met: WorldsMet
 ) -> dict[str, Floats]:
-    """Return 1/ratio for each of the margins of which one must be positive (`vctune.model.sampled.loop_in_worlds`).
+    """Return 1/ratio for each of the margins of which one must be positive (`model.sampled.worlds.loop_in_worlds`).
 
     For the real part, the ratio is (Re Z_c + g b_1)/R. For a reactance, it is g times the exponential of its relative
     reserve. In either case a ratio of g suffices, and the ratio tells the missing or the spare share.

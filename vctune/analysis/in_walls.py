@@ -12,7 +12,7 @@ from vctune.analysis.loops_in_hands import loops_in_hands
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
-from vctune.model.sampled.loop_in_worlds import offered_at
+from vctune.model.sampled.worlds.loop_in_worlds import offered_at
 from vctune.model.worlds import WorldsMet
 
 HIGHEST = 1 - 1e-5

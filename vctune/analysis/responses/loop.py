@@ -26,8 +26,8 @@ from vctune.model.numbers.pair import EvenOdd
 from vctune.model.numbers.units import UNITS, Units
 from vctune.model.sampled.hand_loop import AnyLoopInHand, CommandInHand, LoopInHand, loop_in_hand, seen_in_hand
 from vctune.model.sampled.impedance_display import ForceInHand, firmware_filter, spring_damper_admittance
-from vctune.model.sampled.loop_in_worlds import offered_at
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.sampled.worlds.loop_in_worlds import offered_at
 
 LET_GO = Hand(0.0, 0.0, 0.0)
 

@@ -19,7 +19,7 @@ from vctune.analysis.destabilising import GrowingEnvironment, reaction_in, zero_
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
-from vctune.model.sampled.loop_in_late_worlds import LEADING
+from vctune.model.sampled.worlds.loop_in_late_worlds import LEADING
 from vctune.model.worlds import Worlds
 
 LEAST = 1e-6

@@ -39,11 +39,11 @@ from vctune.model.problem import Problem
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import AnyLoopInHand, LoopInHand, loop_in_hand, required_in_hand, seen_in_hand
 from vctune.model.sampled.impedance_display import Required, firmware_filter
-from vctune.model.sampled.late_sides import open_sides
-from vctune.model.sampled.loop_in_late_worlds import HalfPlane
-from vctune.model.sampled.loop_in_worlds import Disjuncts
-from vctune.model.sampled.loop_in_worlds import posed as posed_in
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.sampled.worlds.late_sides import open_sides
+from vctune.model.sampled.worlds.loop_in_late_worlds import HalfPlane
+from vctune.model.sampled.worlds.loop_in_worlds import Disjuncts
+from vctune.model.sampled.worlds.loop_in_worlds import posed as posed_in
 from vctune.model.transparency import TERMS, log_quadrature
 from vctune.model.worlds import WorldsMet
 

@@ -37,11 +37,11 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number, by_conjugate
 from vctune.model.numbers.pair import EvenOdd, Pair
 from vctune.model.sampled.hand_loop import LoopInHand, required_in_hand, seen_in_hand
 from vctune.model.sampled.impedance_display import offered_by_spring, spring_damper_admittance
-from vctune.model.sampled.late_sides import SIDES
-from vctune.model.sampled.loop_in_late_worlds import HalfPlane
-from vctune.model.sampled.loop_in_walls import disjuncts_in_walls, strip_in_walls
-from vctune.model.sampled.loop_in_worlds import Seen, disjuncts, offered_at, room_of
 from vctune.model.sampled.velocity_loop import return_difference, sensitivity_abs2
+from vctune.model.sampled.worlds.late_sides import SIDES
+from vctune.model.sampled.worlds.loop_in_late_worlds import HalfPlane
+from vctune.model.sampled.worlds.loop_in_walls import disjuncts_in_walls, strip_in_walls
+from vctune.model.sampled.worlds.loop_in_worlds import Seen, disjuncts, offered_at, room_of
 from vctune.model.transparency import PANEL_NODES, TERMS, loop_terms, squared_terms
 from vctune.model.worlds import World, Worlds
 

@@ -19,10 +19,10 @@ from vctune.model.loop.device_response import DeviceResponse, DriveResponse, Spr
 from vctune.model.loop.filters import FilterResponse
 from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.hand_loop import LoopInHand
-from vctune.model.sampled.late_sides import SIDES
-from vctune.model.sampled.loop_in_late_worlds import HalfPlane
-from vctune.model.sampled.loop_in_worlds import Disjuncts
 from vctune.model.sampled.velocity_loop import SampledPlant
+from vctune.model.sampled.worlds.late_sides import SIDES
+from vctune.model.sampled.worlds.loop_in_late_worlds import HalfPlane
+from vctune.model.sampled.worlds.loop_in_worlds import Disjuncts
 from vctune.model.transparency import PANEL_NODES, TERMS
 
 PARTS: dict[str, Any] = {"estimate": FilterResponse, "sensor": FilterResponse, "spring": Spring, "factor": Pair}

@@ -17,9 +17,9 @@ from vctune.design.search.samples import Samples
 from vctune.design.search.shapes import unit_at
 from vctune.model.gains import Coupling, Gains
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.sampled.late_sides import open_sides
-from vctune.model.sampled.loop_in_late_worlds import HalfPlane
-from vctune.model.sampled.loop_in_worlds import Offered, Seen, offered_at, sum_of
+from vctune.model.sampled.worlds.late_sides import open_sides
+from vctune.model.sampled.worlds.loop_in_late_worlds import HalfPlane
+from vctune.model.sampled.worlds.loop_in_worlds import Offered, Seen, offered_at, sum_of
 from vctune.model.worlds import WorldsMet
 
 LEAPS = 2

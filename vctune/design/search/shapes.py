@@ -18,7 +18,7 @@ from vctune.model.gains import AnyCoupling, Coupling, SpringDamper
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 from vctune.model.sampled.impedance_display import firmware_filter, offered_by_spring, spring_damper_admittance
-from vctune.model.sampled.loop_in_worlds import offered_at
+from vctune.model.sampled.worlds.loop_in_worlds import offered_at
 
 SLACK = 1e-2
 """Share of T below which the time constant b_c/k_c hardly matters: the sampled spring alone is as good as with a damper

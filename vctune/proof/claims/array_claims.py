@@ -27,8 +27,6 @@ from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import NextToRest, loop_in_hand, required_in_hand, room
 from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.let_go import Plant, has_sharp_form, plant_let_go, return_difference
-from vctune.model.sampled.loop_in_late_worlds import sides_of
-from vctune.model.sampled.loop_in_worlds import posed, sum_of
 from vctune.model.sampled.plant_in_hand import (
     AnyPlantInHand,
     Delays,
@@ -39,6 +37,8 @@ from vctune.model.sampled.plant_in_hand import (
 )
 from vctune.model.sampled.servo_plant import ServoPlant
 from vctune.model.sampled.velocity_loop import sampled_plant, split_delay
+from vctune.model.sampled.worlds.loop_in_late_worlds import sides_of
+from vctune.model.sampled.worlds.loop_in_worlds import posed, sum_of
 from vctune.model.worlds import World, Worlds, WorldsMet
 from vctune.proof.claims.margins_of_claims import (
     Design,

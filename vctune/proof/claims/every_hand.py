@@ -21,10 +21,10 @@ from vctune.model.hand_arrays import stacked
 from vctune.model.hands import STIFFNESS, Hand, Hands
 from vctune.model.numbers.keys import keys_of
 from vctune.model.problem import Demands
-from vctune.model.sampled.loop_in_late_worlds import sides_at_nyquist, sides_of
-from vctune.model.sampled.loop_in_walls import LEADS
-from vctune.model.sampled.loop_in_worlds import posed, sum_of
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.sampled.worlds.loop_in_late_worlds import sides_at_nyquist, sides_of
+from vctune.model.sampled.worlds.loop_in_walls import LEADS
+from vctune.model.sampled.worlds.loop_in_worlds import posed, sum_of
 from vctune.model.worlds import WorldsMet
 from vctune.proof.claims.array_claims import (
     AT_REST,

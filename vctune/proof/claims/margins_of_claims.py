@@ -29,9 +29,11 @@ from vctune.model.sampled.hand_loop import (
 )
 from vctune.model.sampled.impedance_display import ForceInHand, Required
 from vctune.model.sampled.let_go import Plant, return_difference
-from vctune.model.sampled.loop_in_late_worlds import half_planes
-from vctune.model.sampled.loop_in_walls import Strip, strip_in_walls
-from vctune.model.sampled.loop_in_worlds import (
+from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand, ServoInHand
+from vctune.model.sampled.velocity_loop import difference_slope
+from vctune.model.sampled.worlds.loop_in_late_worlds import half_planes
+from vctune.model.sampled.worlds.loop_in_walls import Strip, strip_in_walls
+from vctune.model.sampled.worlds.loop_in_worlds import (
     Disjuncts,
     DisjunctsOfForce,
     Seen,
@@ -41,8 +43,6 @@ from vctune.model.sampled.loop_in_worlds import (
     offered_at,
     sum_of,
 )
-from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand, ServoInHand
-from vctune.model.sampled.velocity_loop import difference_slope
 from vctune.model.worlds import Worlds, WorldsMet
 
 HALF_TURN = nextafter(pi, inf)

@@ -18,9 +18,9 @@ from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.hand_loop import loop_in_hand, seen_in_hand
-from vctune.model.sampled.loop_in_late_worlds import LEADING
-from vctune.model.sampled.loop_in_worlds import Seen, offered_at
 from vctune.model.sampled.plant_in_hand import AnyPlantInHand, delays_of, plant_in_hand
+from vctune.model.sampled.worlds.loop_in_late_worlds import LEADING
+from vctune.model.sampled.worlds.loop_in_worlds import Seen, offered_at
 from vctune.model.worlds import World, Worlds
 from vctune.proof.claims.margins_of_claims import HALF_TURN, Design
 from vctune.proof.claims.sampled_poles import in_rad_per_s

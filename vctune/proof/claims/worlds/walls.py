@@ -15,7 +15,8 @@ from flint import arb
 from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import FLOATS, ArrayArithmetic, Number
 from vctune.model.problem import Demands
-from vctune.model.sampled.loop_in_walls import (
+from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.sampled.worlds.loop_in_walls import (
     LEADS,
     Strip,
     Tangent,
@@ -26,8 +27,7 @@ from vctune.model.sampled.loop_in_walls import (
     tangent_of_one,
     width_of,
 )
-from vctune.model.sampled.loop_in_worlds import sum_of
-from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.sampled.worlds.loop_in_worlds import sum_of
 from vctune.model.worlds import Worlds, WorldsMet
 from vctune.proof.claims.margins_of_claims import Design, strip_of_walls
 from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball

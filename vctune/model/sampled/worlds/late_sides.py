@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.model.sampled.loop_in_late_worlds import LEADING, HalfPlane
+from vctune.model.sampled.worlds.loop_in_late_worlds import LEADING, HalfPlane
 from vctune.model.worlds import World, Worlds
 
 Floats = NDArray[np.float64]

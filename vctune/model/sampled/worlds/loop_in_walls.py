@@ -25,7 +25,7 @@ from math import inf
 from typing import Any, NamedTuple
 
 from vctune.model.numbers.arithmetic import Arithmetic, Number
-from vctune.model.sampled.loop_in_worlds import NOTHING, Disjuncts, Offered, Seen, sum_of
+from vctune.model.sampled.worlds.loop_in_worlds import NOTHING, Disjuncts, Offered, Seen, sum_of
 from vctune.model.worlds import Worlds
 
 LEADS = (0.0, 1.0)

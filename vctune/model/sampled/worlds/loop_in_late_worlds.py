@@ -19,7 +19,7 @@ from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 from vctune.model.numbers.arithmetic import Arithmetic, Number
-from vctune.model.sampled.loop_in_worlds import Offered, Seen
+from vctune.model.sampled.worlds.loop_in_worlds import Offered, Seen
 from vctune.model.worlds import World, WorldRule, Worlds
 
 Normal = Literal["real", "imaginary", "to the mass", "to the spring"]
