@@ -13,6 +13,7 @@ from global_search import global_search, random_text
 from vctune import solve
 from vctune.design.verdict.design_record import record_of
 from vctune.design.verdict.judge import Status
+from vctune.design.verdict.nlp_record import active
 from vctune.design.verdict.prices import BETTER, with_prices
 from vctune.document.reading import ProblemFile, parse_problem, read_problem
 from vctune.document.records.price_json import PriceRecord
@@ -60,6 +61,17 @@ def test_every_number_of_a_device_has_a_price(real):
     assert {price.key for price in real.prices} == {f"device.{key}" for key in NUMBERS if not key.startswith("servo.")}
     changes = [price.change for price in real.prices]
     assert changes == sorted(changes) and max(changes) <= 0
+
+
+def test_multipliers_of_a_search_that_did_not_converge_are_no_prices():
+    """Late environments once had a price of 1000 % there, which is a weight inside IPOPT."""
+    found = priced(DEVICE)
+    assert active(found) and found.prices
+    assert found.polished is not None
+    stopped = replace(found.polished, solution=replace(found.polished.solution, converged=False))
+    left = replace(found, polished=stopped, prices=None)
+    assert active(left) == []
+    assert with_prices(left).prices is None
 
 
 SOLVED_AGAIN = {

@@ -32,6 +32,10 @@ from vctune.model.transparency import TermName
 Four = Annotated[list[float], Field(min_length=4, max_length=4)]
 
 
+UNKNOWN_LIMITS = "not known: the search stopped before it converged"
+"""Line in place of the active constraints."""
+
+
 class ActiveRecord(Part):
     """An active constraint: where, on which device, and at which price."""
 
@@ -220,6 +224,8 @@ class DesignRecord(Document):
     @property
     def limits(self) -> list[str]:
         """The active constraints, the greatest multiplier first, each with the frequencies at which it is active."""
+        if not self.active and self.solver.get("converged") is False:
+            return [UNKNOWN_LIMITS]
         prices: dict[str, float] = {}
         places: dict[str, list[str]] = {}
         for each in self.active:
