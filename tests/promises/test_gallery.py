@@ -8,6 +8,8 @@ import subprocess
 import tomllib
 from functools import cache
 from math import inf
+from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from conftest import PROBLEM_FILES, ROOT, mostly_slow
@@ -125,9 +127,21 @@ def test_the_region_is_as_new_as_the_code():
     assert not again.lost and len(again.certified) == 1
 
 
-def test_results_are_small():
+def tracked() -> list[Path]:
     listed = subprocess.run(["git", "ls-files", "-z", "results"], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert sum((ROOT / name).stat().st_size for name in listed.stdout.split("\0") if name) <= MOST_BYTES
+    return [ROOT / name for name in listed.stdout.split("\0") if name]
+
+
+def test_results_are_small():
+    assert sum(path.stat().st_size for path in tracked()) <= MOST_BYTES
+
+
+def test_pictures_are_xml():
+    """A browser that reads a picture as a file of its own stops at the first mistake."""
+    pictures = [path for path in tracked() if path.suffix == ".svg"]
+    assert len(pictures) > 20
+    for path in pictures:
+        ElementTree.parse(path)
 
 
 def test_gallery_holds_nothing_else():

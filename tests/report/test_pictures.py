@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import itertools
 import re
+from io import BytesIO
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from conftest import DEVICE, for_passive_hands
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib import rc_context
 from matplotlib.colors import to_rgb
 
 from vctune.design.solve import solve
@@ -173,16 +176,34 @@ def test_files_say_nothing_to_no_end(drawn):
             assert ("M", "L") not in itertools.pairwise(letters) and ("L", "L") not in itertools.pairwise(letters)
 
 
+@pytest.fixture(scope="module")
+def in_hands():
+    hands = Hands(Hand(0.0, 0.0, 0.0), Hand(0.55, 30.5, 3000.5))
+    return hands_figure(parse_problem(DEVICE, "x", "x"), hands, Gains(150.0, 6000.0), Coupling(160.0, 0.35, 3.0))
+
+
+def test_files_are_xml_with_all_shapes_cut_at_their_axes(drawn, in_hands):
+    """As many shapes as Matplotlib draws, each in the same clip path."""
+    for name, figure in {**drawn, "hands": in_hands}.items():
+        stream = BytesIO()
+        with rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
+            figure.savefig(stream, format="svg", dpi=150)
+        raw, made = ElementTree.fromstring(stream.getvalue()), ElementTree.fromstring(svg(figure, name).encode())
+        for kind in ("path", "use", "text", "clipPath"):
+            there, here = ([*each.iter(f"{{http://www.w3.org/2000/svg}}{kind}")] for each in (raw, made))
+            assert len(here) == len(there), (name, kind)
+            assert [each.get("clip-path") for each in here] == [each.get("clip-path") for each in there]
+        cut = {each.get("clip-path")[5:-1] for each in made.iter() if each.get("clip-path")}
+        assert cut <= {each.get("id") for each in made.iter("{http://www.w3.org/2000/svg}clipPath")}
+
+
 def test_letters_of_lines_after_curves_stay():
     path = re.match(".*", 'd="M 1.250 2.0 \nL 3.001 4.0 \nQ 5 6 7 8.00 \nL 9 10.0 \nL 11.0 -0.001 \nz\n"', re.DOTALL)
     assert _shortened(path) == 'd="M 1.25 2\n3 4\nQ 5 6 7 8\nL 9 10\n11 -0\nz\n"'
 
 
-def test_nothing_of_a_figure_is_beyond_its_edge(drawn):
+def test_nothing_of_a_figure_is_beyond_its_edge(drawn, in_hands):
     """Tick labels as wide as they come included, and the longest legends."""
-    hands = Hands(Hand(0.0, 0.0, 0.0), Hand(0.55, 30.5, 3000.5))
-    problem = parse_problem(DEVICE, "x", "x")
-    in_hands = hands_figure(problem, hands, Gains(150.0, 6000.0), Coupling(160.0, 0.35, 3.0))
     for name, figure in {**drawn, "hands": in_hands}.items():
         drawn_box = figure.get_tightbbox()
         width, height = figure.get_size_inches()

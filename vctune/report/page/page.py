@@ -185,9 +185,11 @@ def _classed(text: str, name: str) -> str:
 
 
 def _ungrouped(text: str) -> str:
-    """Return an SVG without groups that have no attribute."""
+    """Return an SVG without groups that have no attribute or are empty."""
     kept, opened = [], list[bool]()
     for line in text.split("\n"):
+        if line.startswith("<g") and line.endswith("/>"):
+            continue
         if line.startswith("<g"):
             opened.append(line != "<g>")
         useful = opened[-1] if line.startswith("<g") else opened.pop() if line == "</g>" else True
