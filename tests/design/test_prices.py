@@ -65,13 +65,15 @@ def test_every_number_of_a_device_has_a_price(real):
 
 def test_multipliers_of_a_search_that_did_not_converge_are_no_prices():
     """Late environments once had a price of 1000 % there, which is a weight inside IPOPT."""
-    found = priced(DEVICE)
+    file = ProblemFile(parse_problem(for_passive_hands(DEVICE), "x", "x"), for_passive_hands(DEVICE))
+    found = with_prices(solve(file.problem))
     assert active(found) and found.prices
     assert found.polished is not None
     stopped = replace(found.polished, solution=replace(found.polished.solution, converged=False))
     left = replace(found, polished=stopped, prices=None)
     assert active(left) == []
     assert with_prices(left).prices is None
+    assert record_of(file, left).limits == ["not known: the search stopped before it converged"]
 
 
 SOLVED_AGAIN = {
