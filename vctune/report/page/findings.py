@@ -32,7 +32,7 @@ def limits(record: DesignRecord) -> list[Limit]:
         prices[each.demand] = prices.get(each.demand, 0.0) + each.multiplier
     dearest = sorted(prices, key=lambda demand: -prices[demand])
     found = [
-        Limit(words, f"1 % easier: error {-prices[demand]:+.2g} %")
+        Limit(words, f"with this limit 1 % weaker: error {-prices[demand]:+.2g} %")
         for words, demand in zip(record.limits[:MOST], dearest, strict=False)
     ]
     if found and record.certificate is not None and (hand := _binding(record)):

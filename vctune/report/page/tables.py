@@ -175,7 +175,7 @@ def _least_in_hands(known: Found) -> tuple[str, str]:
         return "", ""
     hand = hands.worst_hand.in_words(units)
     world = f", with {_world(hands.worst_world, units)}" if hands.worst_world else ""
-    return f"least {_at(hands.min_ratio, hands.worst_hz)}, in the hand of {hand}{world}", known.factor
+    return f"least ratio {_at(hands.min_ratio, hands.worst_hz)}, in the hand of {hand}{world}", known.factor
 
 
 def _least_at_walls(known: Found) -> tuple[str, str]:
@@ -185,7 +185,7 @@ def _least_at_walls(known: Found) -> tuple[str, str]:
     walls = hands.walls
     place = f"{_hz(walls.worst_hz)}, in the hand of {walls.worst_hand.in_words(units)}"
     multiplier = f"multiplier with its corner at {quantity(walls.corner_hz, 'Hz')}"
-    return f"least {quantity(walls.min_ratio)}, {place}; {multiplier}", known.factor
+    return f"least ratio {quantity(walls.min_ratio)}, {place}; {multiplier}", known.factor
 
 
 def _world(world: WorldRecord, units: Units) -> str:
@@ -204,9 +204,13 @@ def _peak_sensitivity(known: Found) -> tuple[str, str]:
 def _radius_and_margins(known: Found) -> tuple[str, str]:
     loop = known.loop
     assert loop is not None, "a claim about it is made"
-    margins = (loop.gain_margin_db, "dB"), (loop.phase_margin_deg, "deg"), (loop.delay_margin_s, "s")
-    left = [str(quantity(value, unit, 3)) for value, unit in margins if value is not None]
-    return f"{quantity(loop.spectral_radius)}" + (f"; margins {', '.join(left)}" if left else ""), "< 1"
+    margins = (
+        ("gain", loop.gain_margin_db, "dB"),
+        ("phase", loop.phase_margin_deg, "deg"),
+        ("delay", loop.delay_margin_s, "s"),
+    )
+    left = [f"{name} {quantity(value, unit, 3)}" for name, value, unit in margins if value is not None]
+    return f"{quantity(loop.spectral_radius)}" + (f"; margins: {', '.join(left)}" if left else ""), "< 1"
 
 
 def _peak_unmodelled(known: Found) -> tuple[str, str]:
@@ -220,12 +224,12 @@ def _least_in_any_hand(known: Found) -> tuple[str, str]:
     """
     proof, problem = known.proof, known.problem
     if proof.any_hand is not None:
-        return f"least {_at(proof.any_hand.min_ratio, proof.any_hand.worst_hz)}", known.factor
+        return f"least ratio {_at(proof.any_hand.min_ratio, proof.any_hand.worst_hz)}", known.factor
     if proof.hands is None or proof.hands.min_ratio != proof.min_ratio:
-        return f"least {_at(proof.min_ratio, proof.worst_hz)}", known.factor
+        return f"least ratio {_at(proof.min_ratio, proof.worst_hz)}", known.factor
     least = ratio_minima(problem, known.gains, known.coupling)
     which = "" if problem.uncertainty is None else ", of the nominal device"
-    return f"least {_at(float(least.value[0]), hertz(float(least.omega[0])))}{which}", known.factor
+    return f"least ratio {_at(float(least.value[0]), hertz(float(least.omega[0])))}{which}", known.factor
 
 
 FOUND: dict[ClaimId, Callable[[Found], tuple[str, str]]] = {
