@@ -88,10 +88,13 @@ def supplied(problem, gains, coupling, record, hand, sensed):
 
 def test_published_gains_are_proved_and_the_file_lets_anyone_check_it():
     file = vctune.problem(stated(changing="damping", changing_mass_min=0.05))
-    told = json.loads(json.dumps(design_record(file, vctune.solve(file))))
+    solved = vctune.solve(file)
+    told = json.loads(json.dumps(design_record(file, solved)))
     record = told["certificate"]["changing"]
     assert told["status"] == "certified" and record["verdict"] == "proved"
     assert record["box"] == {"mass": [0.05, 0.5], "damping": [0.0, 30.0], "stiffness": [0.0, 3000.0]}
+    checked = vctune.check(file, solved.judgement.gains, solved.judgement.coupling)
+    assert "in hands of at least 0.05 kg also while their damping changes" in checked.message
     rng = np.random.default_rng(5)
     inside = rng.uniform((0.05, 0, 0), (0.5, 30, 3000), (100, 3))
     problem = tomllib.loads(told["problem"]["text"])
