@@ -38,7 +38,8 @@ POSITION_AT = 4.58
 def loop_figure(device: Device, gains: Gains, coupling: AnyCoupling) -> Figure:
     """Return the block diagram of a design: force sensor, coupling, law, hold, actuator, mechanism, velocity estimate.
 
-    For an impedance display the measured motion drives the coupling, and the part after it adds up forces.
+    For an impedance display, the measured motion drives the coupling, and the block after the coupling adds up the
+    forces.
 
     Parameters
     ----------

@@ -67,7 +67,7 @@ READINGS = {
         "other and on the dashed line, which is the rendered environment.",
     ),
 }
-"""Title and reading of each figure, by name."""
+"""Title of each figure and a text that explains it, by the name of the figure."""
 OF_DISPLAY: dict[str, dict[str, str]] = {
     "servo": {
         "loop": "From the hand's force to the motion of the arm. Blue parts are designed, green parts delay it. The "
@@ -142,7 +142,7 @@ IDENTIFICATION_READINGS = {
         "its middle.",
     ),
 }
-"""Title and reading of each figure of an identification, by name."""
+"""Title of each figure of an identification and a text that explains it, by the name of the figure."""
 
 
 def identification_paths(folder: Path) -> list[Path]:

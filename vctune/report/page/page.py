@@ -154,7 +154,10 @@ def inline(text: str, said: str) -> str:
 
 
 def svg(figure: Figure, name: str) -> str:
-    """Return a figure as SVG: the same bytes for the same figure, places to a hundredth of a point, no idle names.
+    """Return a figure as SVG.
+
+    The same figure always gives the same bytes. The function rounds coordinates to a hundredth of a point, and removes
+    superfluous text and groups.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The head of a page: the verdict as a word and a mark, one sentence, and the error on its scale."""
+"""The head of a page: the verdict as a word and a sign, one sentence, the error on its scale, and a stamp of doubt."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from vctune.model.problem import Problem
 from vctune.report.typography import quantity
 
 LITTLE_USE = 0.75
-"""Share of the error without a loop from which on a design is of little use: a design that removes less than a quarter
-of it is hardly worth a force sensor. Half would say so of designs that halve the error, twice of none that is worse
-than no loop."""
+"""Share of the error without a loop above which a design is of little use: a design that removes less than a quarter of
+that error is hardly worth a force sensor. At half this share, designs that halve the error would count as of little
+use; at twice, even some that are worse than no loop would not."""
 LINEAR_UP_TO = 10.0
 """Greatest error on a linear scale; a greater one needs a logarithmic scale. Half takes it from the errors of devices
 without a loop; at twice that nobody can tell 0.1 from 0.4."""
@@ -55,7 +55,7 @@ class Scale:
     ----------
     marks : errors, this design first
     ticks : ticks of the scale
-    little_use : place from which on a design is of little use; 1 without one
+    little_use : place above which a design is of little use; 1 if there is no such place
     logarithmic : whether a length is a ratio
     """
 
@@ -125,12 +125,16 @@ def doubt(record: DesignRecord, problem: Problem) -> str:
 
 
 def _little_use(record: DesignRecord, problem: Problem) -> bool:
+    """Return whether a design is idle, has no error, or has an error that is too near that without a loop."""
     error = record.transparency.error if record.transparency is not None else None
     return record.idle or error is None or error >= _useless_from(problem)
 
 
 def _useless_from(problem: Problem) -> float:
-    """Return the error from which on a design is of little use; infinite for an impedance display."""
+    """Return the error above which a design is of little use.
+
+    It is infinite for an impedance display and a servo, which have no velocity loop to compare with.
+    """
     if not problem.device.kind.banded:
         return inf
     return LITTLE_USE * _without_loop(problem)
