@@ -472,7 +472,7 @@ def test_an_idle_design_says_which_demand_made_it_so_and_what_cures_it(tmp_path)
     checked = check_files([tmp_path / "idle.toml", tmp_path / "gains.toml"])[0]
     assert checked.verdict is CheckVerdict.PASSED and said in checked.warnings
     shown = page(design_of(record, "x"), file.problem, {}, {})
-    assert shown.count("the velocity loop hardly moves the handle") == 1
+    assert shown.count("The velocity loop hardly moves the handle") == 1
 
 
 def test_idle_gains_of_a_problem_that_has_better_ones_say_so(tmp_path):
