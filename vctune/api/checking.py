@@ -53,8 +53,7 @@ def check(
     -------
     Checked
         `result` is the verdict, `message` one line of text, `warnings` the probable mistakes. `finding.judgement` has
-        the
-            proved claims, and `finding.repairs` the repairs of a violated design.
+        the proved claims, and `finding.repairs` the repairs of a violated design.
 
     Raises
     ------
