@@ -65,9 +65,8 @@ def solve(
     -------
     Solved
         The design with its certificate, or the reason why there is none, in SI units. Repairs are not included. At the
-        end
-            of the time limit it is the best design so far with its proved claims, and `cut` names the stages that were
-            cut.
+        end of the time limit it is the best design so far with its proved claims, and `cut` names the stages that were
+        cut.
     """
     began = perf_counter()
     if problem.bounds.fixed:

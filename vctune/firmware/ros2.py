@@ -50,9 +50,8 @@ def ros2_firmware(axes: Sequence[RosAxis]) -> list[Firmware]:
     ------
     InputError
         If a device is not a servo, for which vctune designs the loop that follows the command itself; if an axis and
-        its
-            device have different kinds of motion; or if the axes need different values of a parameter that the
-            controller has only once.
+        its device have different kinds of motion; or if the axes need different values of a parameter that the
+        controller has only once.
     """
     for axis in axes:
         _require_servo(axis)

@@ -63,8 +63,7 @@ def check_admittance(
     -------
     list of Checked
         One check for each axis, in the file's order. If an axis rotates and the device moves along a line, or the other
-        way
-            round, it is skipped and its check is undecided.
+        way round, it is skipped and its check is undecided.
 
     Raises
     ------

@@ -98,8 +98,7 @@ def polish(
     -------
     Polished or None
         Dimensionless. It is feasible in double precision with the constraints tightened, but not proved. At the end of
-        the
-            time limit it is the best answer so far.
+        the time limit it is the best answer so far.
 
     Raises
     ------

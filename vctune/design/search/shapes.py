@@ -89,8 +89,7 @@ def scale_limits(problem: Problem, time_constant: Floats) -> tuple[Floats, Float
     -------
     two arrays
         b_c, or 1/k_c for an impedance display, in the problem's units, shape (n,). If the least exceeds the greatest,
-        there
-            is no such coupling.
+        there is no such coupling.
     """
     bounds, tau = problem.bounds, time_constant
     if not problem.device.kind.inverse:

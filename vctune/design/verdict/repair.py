@@ -173,9 +173,8 @@ def repairs_of_design(
     -------
     list of Repair
         First the numbers restored to those of the solved design. If none of these passes, each number at its value with
-        the
-            least error, or at its least change if solving finds none. Then the least changes of the problem. In each
-            part the least error comes first.
+        the least error, or at its least change if solving finds none. Then the least changes of the problem. In each
+        part the least error comes first.
     """
     pasted = stated | design_tables(judgement.kind, judgement.gains, judgement.coupling)
     problem, _ = pose(pasted, "")

@@ -569,8 +569,7 @@ def prove_poles_in(device: Device, hand: Hand, gains: Gains, held: SpringDamper 
     -------
     Outcome
         It is refuted if a pole lies outside the unit circle. It is undecided, with a witness in rad/s, where the curve
-        comes
-            too close to 0.
+        comes too close to 0.
     """
     plant = plant_in_hand(device_ball(device), hand.mapped(ball), delays_of(device), BALLS)
     law, wall = gains_ball(gains), None if held is None else SpringDamper(ball(held.damping), ball(held.stiffness))

@@ -67,8 +67,7 @@ def beside_whole_sample(device: Device, hands: Hands) -> tuple[Device, ...]:
     -------
     tuple of Device
         The device itself is not included. The tuple is empty if the delay is not near a whole number of samples or the
-        force
-            does not jump there.
+        force does not jump there.
     """
     samples = delay_in_samples(device)
     whole = round(samples)

@@ -28,8 +28,7 @@ def shared(f: Callable[..., Any], rows: Sequence[Number]) -> Any:
     -------
     Any
         f for each of the n boxes. Each number is the narrower of two enclosures: the direct one, and the value at the
-        middle
-            plus the effect of the slopes over the box.
+        middle plus the effect of the slopes over the box.
     """
     plain = [_values(row) for row in rows]
     n = max(np.size(row.mid) for row in plain)
