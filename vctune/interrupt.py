@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -12,8 +13,11 @@ from types import FrameType
 INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 
 RECEIVED: list[int] = []
-"""Signals that have interrupted this process. Compiled code may turn KeyboardInterrupt into errors of other names."""
+"""Signals that have interrupted this process.
 
+Compiled code may turn KeyboardInterrupt into errors of other names. CPython drops it within a weak reference's callback
+or a finalizer, and the import system has such callbacks.
+"""
 
 RESUMES: list[str] = []
 """Hints for the user who interrupts the process: how to resume the work from what is stored."""
@@ -42,6 +46,31 @@ def raise_interrupt(number: int, frame: FrameType | None) -> None:
     """
     RECEIVED.append(number)
     signal.default_int_handler(number, frame)
+
+
+def raise_lost_interrupt() -> None:
+    """Raise KeyboardInterrupt if an earlier one was lost. Long work calls this often, and so does what writes files.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If a signal has interrupted this process, and the process still works.
+    """
+    if RECEIVED:
+        raise KeyboardInterrupt
+
+
+def report_lost_errors(lost: sys.UnraisableHookArgs) -> None:
+    """Report an exception that CPython drops, as `sys.unraisablehook` does, except a KeyboardInterrupt.
+
+    `raise_lost_interrupt` raises the KeyboardInterrupt again.
+
+    Parameters
+    ----------
+    lost : the exception and where it was dropped
+    """
+    if not issubclass(lost.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
 
 
 @contextmanager

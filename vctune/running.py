@@ -13,6 +13,8 @@ from math import inf
 from time import perf_counter, process_time
 from typing import TypeVar
 
+from vctune.interrupt import raise_lost_interrupt
+
 SELDOM = 0.1
 """Least number of seconds between two messages about the same work. Nobody reads faster than this."""
 
@@ -108,7 +110,10 @@ def check_time() -> None:
     ------
     OutOfTimeError
         If the time limit has passed.
+    KeyboardInterrupt
+        If an interrupt was lost.
     """
+    raise_lost_interrupt()
     if out_of_time():
         raise OutOfTimeError
 

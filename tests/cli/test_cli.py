@@ -200,6 +200,31 @@ def test_the_first_interrupt_is_noted_and_the_second_delivered():
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
+LOSES_AN_INTERRUPT = """
+import signal, sys, weakref
+from vctune.design.nlp import ipopt
+class Collected: pass
+def losing(*given, solve=ipopt.solve):
+    collected = Collected()
+    weak = weakref.ref(collected, lambda _: signal.raise_signal(signal.SIGINT))
+    del collected  # CPython drops the KeyboardInterrupt that the callback raises
+    print("went on", file=sys.stderr)
+    return solve(*given)
+ipopt.solve = losing
+sys.argv = ["vctune", "solve", *sys.argv[1:]]
+import vctune.cli
+vctune.cli.run()
+"""
+
+
+def test_an_interrupt_that_cpython_drops_ends_the_command_before_it_writes(device, tmp_path):
+    command = [sys.executable, "-c", LOSES_AN_INTERRUPT, str(device), "--out", str(tmp_path / "results")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path, timeout=120)
+    assert (done.returncode, done.stdout) == (ExitCode.INTERRUPTED, "")
+    assert done.stderr.split() == ["went", "on", "interrupted"]
+    assert not list(tmp_path.rglob("*.json")) and not list(tmp_path.rglob("*.html"))
+
+
 def test_internal_errors_are_said_without_a_traceback(device, tmp_path, monkeypatch):
     monkeypatch.setattr("vctune.document.reading.resolve", lambda *given: 1 / 0)
     done = run("solve", device, cwd=tmp_path)

@@ -18,11 +18,12 @@ def run() -> None:
         getattr(sys, name).reconfigure(errors="backslashreplace")
     try:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
-        from vctune.interrupt import raise_interrupt
+        from vctune.interrupt import raise_interrupt, report_lost_errors
         from vctune.running import process_began
 
         process_began()
 
+        sys.unraisablehook = report_lost_errors
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, raise_interrupt)
         from vctune.cli.main import execute

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from vctune.document.text.errors import InputError, is_plain
-from vctune.interrupt import interrupt_deferred
+from vctune.interrupt import interrupt_deferred, raise_lost_interrupt
 
 Content = str | bytes | memoryview
 MAX_NAME_BYTES = 100
@@ -37,7 +37,10 @@ def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = (), as
     ------
     InputError
         If a file cannot be written; the files of the earlier run are then untouched.
+    KeyboardInterrupt
+        If an interrupt was lost; the files of the earlier run are then untouched.
     """
+    raise_lost_interrupt()
     first, *others = files
     renamed = {path: previous(path) for path in aside if path.exists()}
     with interrupt_deferred():
