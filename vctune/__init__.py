@@ -8,7 +8,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
-    from vctune.analysis.responses.loop import Loop as Loop
+    from vctune.analysis.responses.device_loop import Loop as Loop
     from vctune.api.bounding import bound as bound
     from vctune.api.checking import check as check
     from vctune.api.checking import check_region as check_region
@@ -76,7 +76,7 @@ _HOME = {
     "InputError": "document.text.errors",
     "Judgement": "design.verdict.judge",
     "LeastOperator": "model.hands",
-    "Loop": "analysis.responses.loop",
+    "Loop": "analysis.responses.device_loop",
     "Problem": "model.problem",
     "ProblemFile": "document.reading",
     "Range": "model.problem",

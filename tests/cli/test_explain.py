@@ -177,7 +177,7 @@ def test_every_code_is_given_somewhere():
 
 
 def test_every_key_of_a_file_is_explained():
-    from vctune.document.axes import number_keys
+    from vctune.document.study_axes import number_keys
 
     for key in number_keys():
         name = re.sub(r"\[\d\]$|\.(?:min|max)$", "", key)

@@ -8,7 +8,7 @@ import pytest
 from command import run as vctune
 from command import strict
 
-from vctune.api import axes as api
+from vctune.api import uncoupled_axes as api
 from vctune.design.verdict import gains_check
 from vctune.exit_codes import ExitCode
 from vctune.report.typography import html

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vctune.document.axes import Axis, number_keys
 from vctune.document.reading import parse_problem
 from vctune.document.schema.statement import statement
+from vctune.document.study_axes import Axis, number_keys
 from vctune.document.study_file import read_study
 from vctune.document.text.errors import InputError
 from vctune.study.points import latin_hypercube, points

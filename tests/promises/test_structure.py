@@ -6,7 +6,9 @@ import ast
 import re
 import subprocess
 import sys
+from collections import Counter
 from functools import cache
+from pathlib import Path
 
 import pytest
 from conftest import ROOT
@@ -107,6 +109,13 @@ def test_the_bound_knows_of_the_search_only_how_a_problem_is_posed_and_judged():
             if name.startswith("vctune.design."):
                 assert name.removeprefix("vctune.design.").startswith(known), f"{path} imports {name}"
             assert path.name in found or not name.startswith(("casadi", "vctune.analysis")), path
+
+
+def test_no_name_of_a_module_stands_for_two_things():
+    """A command bears the name of the stage of work that it runs; no other name is used twice."""
+    rooms = [path.relative_to(PACKAGE) for path in PACKAGE.rglob("*.py") if path.name != "__init__.py"]
+    names = Counter(path.name for path in rooms if path.parent != Path("cli/commands"))
+    assert [name for name, times in names.items() if times > 1] == []
 
 
 def test_heavy_libraries_stay_in_their_rooms():

@@ -24,7 +24,7 @@ from vctune.simulation.firmware.controller import Measurement, State, control
 from vctune.simulation.firmware.operations import FLOATS
 from vctune.simulation.mechanics.friction import Carriage, Slide, friction_force, slide, slide_step
 from vctune.simulation.mechanics.intended_motion import intended_motion, sample_count, stroke_time
-from vctune.simulation.mechanics.plant import exponential
+from vctune.simulation.mechanics.rigid_motion import exponential
 from vctune.simulation.mechanics.scene_stability import fastest_mode, least_virtual
 from vctune.simulation.mechanics.step import CHUNK, COLUMNS, INPUTS, build
 from vctune.simulation.run import run

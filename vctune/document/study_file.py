@@ -11,13 +11,13 @@ from math import prod
 from pathlib import Path
 from typing import Any, Literal
 
-from vctune.document.axes import Axis, read_axis
 from vctune.document.building import plain
 from vctune.document.reading import ProblemFile, pose
 from vctune.document.schema.problem_schema import ProblemDocument
 from vctune.document.schema.statement import statement
 from vctune.document.schema.study_schema import StudyDocument
 from vctune.document.schema.validation import Contradiction, Fault, KeyPath, dotted, examined, refusal
+from vctune.document.study_axes import Axis, read_axis
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError
 from vctune.document.text.raw import placed

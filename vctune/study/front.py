@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
-from vctune.document.axes import Axis, Scale, number_keys
+from vctune.document.study_axes import Axis, Scale, number_keys
 from vctune.document.study_file import Study
 from vctune.model.problem import Problem, Range
 from vctune.study.study_table import Table

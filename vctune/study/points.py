@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 
 from vctune.analysis.extrema import Floats
-from vctune.document.axes import Axis
+from vctune.document.study_axes import Axis
 from vctune.document.study_file import Study
 
 DIGITS = 12

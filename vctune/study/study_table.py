@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
 from vctune.design.verdict.judge import Status
-from vctune.document.axes import number_keys
 from vctune.document.records.rows_json import DESIGN, NUMBERS
 from vctune.document.schema.number_units import heading, unit_of
+from vctune.document.study_axes import number_keys
 from vctune.document.study_file import Study
 from vctune.markup import html_table
 from vctune.model.display import stated_display

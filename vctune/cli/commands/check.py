@@ -121,8 +121,8 @@ def _of_axes(
 ) -> list[Checked]:
     """Check several axes: the numbers that they fix, the gains in a folder of `vctune solve`, or a ROS 2 file."""
     from vctune import InputError
-    from vctune.api.axes import check_axes, check_parameters, gains_of_axes
     from vctune.api.checking import is_admittance
+    from vctune.api.uncoupled_axes import check_axes, check_parameters, gains_of_axes
 
     said(*(axis.file.problem for axis in several.axes))
     if files and all(map(is_admittance, files)):

@@ -91,8 +91,8 @@ def _export_axes(
     quiet: bool,
 ) -> int:
     """Export several axes."""
-    from vctune.api.axes import export_axes, gains_of_axes
     from vctune.api.exporting import NotCertifiedError, export_record
+    from vctune.api.uncoupled_axes import export_axes, gains_of_axes
     from vctune.cli.printing.exits import of_status
     from vctune.cli.printing.output import answer
     from vctune.cli.printing.progress import progress_on_stderr

@@ -122,9 +122,9 @@ def _solve_axes(
     axes: AxesFile, out: Path, *, report: bool, strict: bool, gap: float | None, style: str, quiet: bool
 ) -> int:
     from vctune import Status
-    from vctune.api.axes import axis_folder, claim_axes, solve_axes, write_axes
     from vctune.api.design_files import write_report
     from vctune.api.folders import folder_name
+    from vctune.api.uncoupled_axes import axis_folder, claim_axes, solve_axes, write_axes
     from vctune.cli.printing.axes_table import print_axes
     from vctune.cli.printing.exits import of_status, worst
     from vctune.cli.printing.output import answer, warn_of_doubts

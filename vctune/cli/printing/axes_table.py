@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from rich.markup import escape
 from rich.table import Table
 
-from vctune.api.axes import HEADINGS, axis_row, promises
 from vctune.api.design_files import REPORT
 from vctune.api.messages import printable
+from vctune.api.uncoupled_axes import HEADINGS, axis_row, promises
 from vctune.cli.printing.design_table import COLOURS, WIDE, page
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from vctune.analysis.demands import (
 )
 from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand, least_ratios_in_any_hand, least_ratios_in_hands
 from vctune.analysis.in_walls import corner_of
-from vctune.analysis.responses.loop import Loop
+from vctune.analysis.responses.device_loop import Loop
 from vctune.design.prepared import Posed, compared, pose, with_corner
 from vctune.design.search.worst import worst_inside
 from vctune.markup import html_facts, span

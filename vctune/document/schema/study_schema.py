@@ -1,4 +1,4 @@
-"""Schema of the study file: the types of its tables. `vctune.document.axes` reads the value of an axis."""
+"""Schema of the study file: the types of its tables. `vctune.document.study_axes` reads the value of an axis."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from vctune.model.numbers.arithmetic import FLOATS, Number
 from vctune.model.parts import ForceSensor, Servo
 from vctune.model.sampled.velocity_loop import SNAP, split_delay
 from vctune.simulation.mechanics.intended_motion import Floats, hand_force_derivatives
-from vctune.simulation.mechanics.plant import Transition, exponential_less_one, timing
+from vctune.simulation.mechanics.rigid_motion import Transition, exponential_less_one, timing
 from vctune.simulation.scene import Scene
 
 GIVEN = ("command", "friction", "push", "push_1", "push_2", "push_3")

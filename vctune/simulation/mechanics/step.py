@@ -18,12 +18,12 @@ from vctune.model.experiment import Friction
 from vctune.model.loop.drive import drive_at_rest
 from vctune.simulation.firmware.controller import Measurement, State, control, encoded, remembered_by
 from vctune.simulation.firmware.operations import FLOATS
-from vctune.simulation.mechanics import plant
+from vctune.simulation.mechanics import rigid_motion
 from vctune.simulation.mechanics.assembly import Assembly, applied, assembly, sensing
 from vctune.simulation.mechanics.assembly import transition as assembled_transition
 from vctune.simulation.mechanics.friction import Slide, friction_force
 from vctune.simulation.mechanics.intended_motion import Floats, hand_force_derivatives
-from vctune.simulation.mechanics.plant import timing
+from vctune.simulation.mechanics.rigid_motion import timing
 from vctune.simulation.mechanics.stretches import SYMBOLS, Stretch, fixed_steps, push_at
 from vctune.simulation.scene import Equilibrium, Scene, equilibrium
 
@@ -266,7 +266,7 @@ def _hand_force(scene: Scene, at: Slide, inputs: Any, motor: Any) -> Any:
 
 
 def _moved_exactly(scene: Scene, moving: Assembly | None, body: Any, inputs: Any, acting: list[Any]) -> Any:
-    exact = plant.transition(scene) if moving is None else assembled_transition(scene, moving)
+    exact = rigid_motion.transition(scene) if moving is None else assembled_transition(scene, moving)
     moved = ca.mtimes(ca.DM(exact.state), body) + ca.mtimes(ca.DM(exact.motion), _motion(scene, inputs))
     moved = moved + ca.DM(exact.late) * acting[-2]
     return moved + ca.DM(exact.early) * acting[-1] if exact.early.any() else moved

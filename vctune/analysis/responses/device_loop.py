@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vctune.analysis.extrema import Floats
-from vctune.analysis.responses.plant import PlantStates, plant_states, servo_states, velocity_states
+from vctune.analysis.responses.plant_states import PlantStates, plant_states, servo_states, velocity_states
 from vctune.analysis.responses.states import INPUT, Row, Signal, closed, filtered, matrices, substituted, total
 from vctune.analysis.responses.transfer import StateSpace, Transfer
 from vctune.analysis.sampled_loop import Complex, loop_gain
