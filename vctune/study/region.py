@@ -1,4 +1,4 @@
-"""Find the feasible gains as a set of cells. Each cell is proved feasible throughout, proved infeasible throughout, or
+"""The feasible gains as a set of cells: each is proved feasible throughout, proved infeasible throughout, or
 undecided."""
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from vctune.study.plane import Plane, Squares, halved
 from vctune.study.region_estimate import DAMPING, changes, estimate
 
 TOGETHER = 512
-"""Number of cells that the code judges together. Their data fit into memory."""
+"""Number of cells that are judged together; their data fit into memory."""
 EASING = "coupling.mass", "coupling.drag"
 """Keys of the variables that ease the constraints as they grow."""
 
@@ -47,16 +47,16 @@ Kinds = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """A region: the cells of a plane, each with its verdict.
+    """The cells of a plane, each with its verdict.
 
     Attributes
     ----------
     plane : the variables and their edges
     squares : the cells, shape (4, n)
     kinds : verdict on each cell, `Kind`
-    damping : for each feasible cell, a b_c that is feasible in the whole cell, N s/m, if the problem leaves b_c free;
-        else nan
-    interrupted : whether the search left undecided cells that it had not examined or could have divided further
+    damping : for each feasible cell, a b_c that is feasible in all of it, N s/m, if the problem leaves b_c free; else
+        nan
+    interrupted : whether undecided cells remain that were not examined or could be divided further
     """
 
     plane: Plane
@@ -66,7 +66,7 @@ class Region:
     interrupted: bool = False
 
     def area(self, kind: Kind) -> float:
-        """Return the share of the plane that has a given verdict."""
+        """Return the share of the plane with a given verdict."""
         return float(self.plane.areas(self.squares)[self.kinds == kind].sum())
 
 
@@ -77,11 +77,11 @@ def region(
     progress: Progress = lambda stage: None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Region:
-    """Divide the cells of a plane of gains until each is decided, or as small as the plane's edges permit.
+    """Divide cells of a plane of gains until each is decided or as small as the plane's edges permit.
 
-    If b_c, m_c or b_0 are free and not on an axis, a cell is feasible if some values within their bounds suffice.
-    Greater m_c and b_0 ease the constraints, so the code takes their upper bounds. The search examines coarse cells
-    before fine ones. If it is stopped, it has therefore already decided most of the plane.
+    If b_c, m_c or b_0 are free and not on an axis, a cell is feasible if some values within their bounds suffice. The
+    constraints ease as m_c and b_0 grow, so their upper bounds decide. The search examines coarse cells before fine
+    ones, so that it has decided most of the plane whenever it is stopped.
 
     Parameters
     ----------
@@ -89,8 +89,8 @@ def region(
     plane : variables of the plane, and edges of the finest cells
     squares : the first cells, shape (4, n)
     progress : function that receives the decided share of the plane
-    stopped : function that returns whether to end now; the search calls it before each `TOGETHER` cells. A time limit
-        also ends the search
+    stopped : function that returns whether to end now, called before each `TOGETHER` cells; a time limit also ends the
+        search
 
     Returns
     -------
@@ -181,7 +181,7 @@ def with_damping(cells: Cells, damping: Floats) -> Cells:
 
 @np.errstate(all="ignore")
 def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
-    """Return the verdict on each cell. If b_c is free, also return the b_c of each feasible cell.
+    """Return the verdict on each cell, and the b_c of a feasible cell if b_c is free.
 
     Parameters
     ----------
@@ -209,14 +209,14 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
 
 
 def _across(problems: Sequence[Problem], plane: Plane, squares: Squares) -> Flags:
-    """Return which cells to halve in x: those in which the constraints change more with x than with y."""
+    """Return which cells to halve in x: those in which the requirements change more with x than with y."""
     change = changes(problems, easiest(plane.cells(squares), plane), plane.axes, free=free_damping(plane))
     longer = squares[1] - squares[0] > squares[3] - squares[2]
     return np.where(change[0] == change[1], longer, change[0] > change[1])
 
 
 def _lost(problem: Problem, cells: Cells, places: Places, *, free: bool) -> Flags:
-    """Return the cells for which the prover shows that no design meets a problem's constraints."""
+    """Return which cells are proved to contain no design that meets a problem's constraints."""
     demands = pose(problem).demands
     lost = refuted(demands, cells, places)
     if free:
@@ -229,8 +229,8 @@ def _lost(problem: Problem, cells: Cells, places: Places, *, free: bool) -> Flag
 
 
 def _closer(problem: Problem, cells: Cells, places: Places) -> Places:
-    """Return the places with refined hands and angles. Near each place, the function finds those that require the most
-    at the cell's centre."""
+    """Return the places with hands and angles refined to those near them that require the most at the cells'
+    centres."""
     assert problem.hands_met is not None and places.in_hands is not None
     K_v, K_p, *of_coupling = cells.centres().low[:, :, None, None]
     coupling, first = coupling_from(of_coupling), places.in_hands[0]

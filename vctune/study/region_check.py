@@ -1,4 +1,4 @@
-"""Prove the content of a baseline again for the present problem (`vctune check --region`)."""
+"""`vctune check --region`: prove the content of a baseline again for the problem as it is today."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ from vctune.study.world_region import world_plane, world_plane_errors, world_reg
 
 @dataclass(frozen=True, slots=True)
 class Recheck:
-    """The verdicts of a renewed proof of a baseline.
+    """The verdicts of a renewed check of a baseline.
 
     Attributes
     ----------
-    region : the cells that the baseline lists as feasible. The check divides a cell that it cannot prove as a whole
+    region : the cells that the baseline lists as feasible, divided further if they are not proved as a whole
     designs : the gain sets that the baseline lists
     certified : the listed gain sets that are still certified
     units : units of the problem
-    cut : whether the time limit ended the check. Cells without a new proof then do not count as lost
+    cut : whether the time limit ended the check; cells that are not proved again then do not count as lost
     """
 
     region: Region
@@ -60,21 +60,20 @@ class Recheck:
 
 
 def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lambda stage: None) -> Recheck:
-    """Prove the feasible cells and the gain sets of a baseline again for the present problem.
+    """Prove the feasible cells and the gain sets of a baseline again, for the problem as it is today.
 
-    The axes keep the baseline's edges. Fixed numbers, and bounds of the other variables, come from the present problem.
+    The axes keep the baseline's edges. Fixed numbers and bounds of the other variables are those of today's problem.
 
     Parameters
     ----------
-    problem : the present problem, without `plane_errors` on the baseline's axes
+    problem : today's problem, without `plane_errors` on the baseline's axes
     baseline : content of the region file
     progress : function that receives the current stage
 
     Returns
     -------
     Recheck
-        The cells, which the check divides if it cannot prove them as a whole, and the gain sets that are still
-        certified.
+        The cells, divided further if they are not proved as a whole, and the gain sets that are still certified.
     """
     if baseline.axes.x in WORLD:
         return _rendered_again(problem, baseline, progress)
@@ -90,8 +89,7 @@ def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lam
 
 
 def _rendered_again(problem: Problem, baseline: RegionDocument, progress: Progress) -> Recheck:
-    """Prove the environments of a map again for the map's design. The function does not prove the design itself
-    again."""
+    """Prove the environments of a map again for its design. The design itself is not proved again."""
     x, y = baseline.axes.x, baseline.axes.y
     ranges = world_plane(problem, x, y, 3).ranges
     plane = Plane((WORLD.index(x), WORLD.index(y)), (np.array(baseline.edges.x), np.array(baseline.edges.y)), ranges)
@@ -106,11 +104,11 @@ def _feasible(baseline: RegionDocument) -> Squares:
 
 @dataclass(frozen=True, slots=True)
 class RegionFinding:
-    """The result of checking a baseline again.
+    """The result of a renewed check of a baseline.
 
     Attributes
     ----------
-    file : the present problem
+    file : today's problem
     again : verdicts on cells and gain sets
     warnings : warnings for the user
     seconds : duration of the check, s
@@ -142,7 +140,7 @@ class RegionFinding:
 def recheck_region(
     file: ProblemFile, baseline: Path, progress: Progress = lambda stage: None
 ) -> tuple[Checked, Recheck]:
-    """Prove the cells and gain sets of a region file again for the present problem.
+    """Prove the cells and gain sets of a region file again, for the problem as it is today.
 
     Parameters
     ----------

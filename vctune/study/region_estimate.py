@@ -31,17 +31,17 @@ from vctune.proof.engine.boxes import Cells, Integers
 
 POINTS_PER_DECADE = 24
 LOOPS_AT_ONCE = 16
-"""Number of loops that the code evaluates together. Their arrays, a hundred hands at a hundred angles each, fit into
-the processor's cache. This number only affects speed."""
+"""Number of loops whose arrays, a hundred hands at a hundred angles each, fit into the processor's cache. It only
+affects speed."""
 DAMPING = KEYS.index("coupling.damping")
 
 
 def estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> tuple[Floats, list[Places]]:
-    """Evaluate the constraints at the centres of cells, on a grid of frequencies.
+    """Evaluate the constraints at the centres of cells on a grid of frequencies.
 
     Parameters
     ----------
-    problems : problems; a cell must meet the constraints of all of them
+    problems : problems, all of whose constraints must be met
     cells : n cells
     free : whether each cell may have its own b_c
 
@@ -62,11 +62,11 @@ def estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> tuple[
 
 @np.errstate(all="ignore")
 def changes(problems: Sequence[Problem], cells: Cells, axes: tuple[int, int], *, free: bool) -> list[Floats]:
-    """Return the change of the hardest constraint's logarithm across each cell, along two axes.
+    """Return the logarithm by which the hardest constraint changes across each cell along two axes.
 
     Parameters
     ----------
-    problems : problems; a cell must meet the constraints of all of them
+    problems : problems, all of whose constraints must be met
     cells : n cells
     axes : rows of the cells
     free : whether each cell may have its own b_c
@@ -92,13 +92,13 @@ def changes(problems: Sequence[Problem], cells: Cells, axes: tuple[int, int], *,
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """What the loop requires of the coupling at the centres of n cells.
+    """The requirement on the coupling at the centres of n cells.
 
     Attributes
     ----------
     omega : frequencies of the coupling, rad/s; for an impedance display theta, rad; shape (places,)
     needed : the least Re Z_c there, N s/m, or the least Re(1/Z_c)/s^2, shape (n, places)
-    place : function that makes the places of all cells for `Places`, given an index of `omega` for each cell
+    place : function that makes the place of each cell for `Places` from an index of `omega` for each
     """
 
     omega: Floats
@@ -170,13 +170,12 @@ def _offered(coupling: AnyCoupling, device: Device, place: Floats) -> Floats:
 
 
 def _asked(problem: Problem, K_v: Floats, K_p: Floats) -> dict[str, _Asked]:
-    """Return what the loop requires of the coupling at some gains, as arrays of shape (n, 1), by the names of
-    `Places`."""
+    """Return the requirements at some gains, arrays of shape (n, 1), by the names of `Places`."""
     device, factor, found = problem.device, problem.stability.safety_factor, {}
     if problem.passive:
         omega = frequency_grid(*inwards(sampled_span(problem)), POINTS_PER_DECADE)
         loop = response(device, Gains(K_v, K_p), omega)
-        # no coupling suffices where the loop's resistance is not positive
+        # where the resistance is not positive, no coupling suffices
         needed = np.where(loop.resistance > 0, factor * required_resistance(loop, FLOATS), inf)
         found["omega"] = _Asked(omega, needed, lambda which: omega[which])
     if problem.hands_met is not None:
@@ -188,8 +187,8 @@ def _asked(problem: Problem, K_v: Floats, K_p: Floats) -> dict[str, _Asked]:
 
 
 def _asked_in_hands(at: LoopsInHands, device: Device, factor: float, gains: Gains) -> _Asked:
-    """Return the required resistance at each angle, in the worst hand at that angle."""
-    few, same = np.unique(np.hstack(astuple(gains)), axis=0, return_inverse=True)  # many cells share gains
+    """Return the requirement at each angle in the worst hand at that angle."""
+    few, same = np.unique(np.hstack(astuple(gains)), axis=0, return_inverse=True)  # cells of a plane share gains
     needed, worst = np.empty((2, len(few), at.theta.size))
     for i in range(0, len(few), LOOPS_AT_ONCE):
         some = Gains(*few[i : i + LOOPS_AT_ONCE].T[..., None, None])

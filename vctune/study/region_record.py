@@ -1,4 +1,4 @@
-"""Make the record of region.json from a region."""
+"""A region as the record of region.json."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ def region_record(
     ----------
     file : the problem and its text
     region : the result
-    designs : proved gain sets to store with the region
-    rendered : whether the cells are environments that the only listed design renders
+    designs : proved gain sets to keep with it
+    rendered : whether the cells are environments, which the only listed design renders
     """
     plane, stability = region.plane, file.problem.stability
     x, y = (plane.keys[axis] for axis in plane.axes)
@@ -72,7 +72,7 @@ def region_record(
 
 
 def _of_hands(problem: Problem) -> dict[str, Any]:
-    """Return the constraint in hands; an empty list if there is none."""
+    """Return the constraint in hands; empty without one."""
     if problem.hands_met is None:
         return {}
     low, high = asdict(problem.hands_met.low), asdict(problem.hands_met.high)
