@@ -31,8 +31,8 @@ GRID = 2000
 GRIDS = (8, 32, 128, 512)
 """Numbers of frequencies of the coarser grids for IPOPT."""
 RESERVE = 1e-5
-"""Relative tightening of the other solvers' constraints on `GRID`. It is about the size of the violation between two
-grid points."""
+"""Relative tightening of the other solvers' constraints on `GRID`. The tightening is about the size of the violation
+between two grid points."""
 MET = 1e-6
 """Greatest violation on the grid with which the benchmark accepts another solver's answer."""
 REPEATS, SLOW = 5, 1.0

@@ -1,7 +1,7 @@
 """Store the rows of a study in a file that only grows, with one line of JSON for each finished point.
 
-The first line names the study. The operating system receives each row in one write. A killed run therefore leaves
-complete lines and at most one torn last line. vctune drops this line when it opens the file again. A user may
+The first line of the file names the study. The operating system receives each row in one write. A killed run therefore
+leaves complete lines and at most one torn last line. vctune drops this line when it opens the file again. A user may
 concatenate files of one study.
 """
 

@@ -46,7 +46,7 @@ def region(
 ) -> int:
     """Find all gains of PROBLEM that meet its constraints.
 
-    The command divides the plane of two variables into cells. It proves each cell feasible throughout or infeasible
+    The command divides the plane of two variables into cells. vctune proves each cell feasible throughout or infeasible
     throughout, or leaves it undecided at the given resolution. If the coupling is free, a point is feasible if some
     coupling within its bounds meets the constraints. The command writes OUT/NAME/region.json, a baseline for `vctune
     check --region`, and region.svg. The picture marks the best design, and also GAINS if you name a file.
