@@ -263,4 +263,4 @@ def panels(rows: list[Row]) -> list[Panel]:
             series.append(Series(solver, [row.seconds for row in own], [row.gap for row in own]))
         drawn.append(Panel(title, "processor time, s", "gap to the best proved error", series, LEAST_GAP))
     missed = [Series(name, [r.seconds for r in own], [r.violation for r in own]) for name, own in by_solver.items()]
-    return [*drawn, Panel("all", "processor time, s", "greatest violation of a demand, relative", missed, LEAST_GAP)]
+    return [*drawn, Panel("all", "processor time, s", "greatest relative violation of a constraint", missed, LEAST_GAP)]

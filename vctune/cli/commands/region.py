@@ -102,10 +102,10 @@ def region(
         else:
             warn("interrupted", f"{holds} the interrupt{earlier}")
     if not drawn:
-        warn("time-limit", "there was no time for the picture; with more of it `vctune region` draws one")
+        warn("time-limit", "there was no time for the picture; a longer --time-limit leaves time to draw it")
     lines = [f"{kind:10} {100 * share:7.2f} %" for kind, share in found.areas.items()]
     if interrupted:
-        lines[-1] += f"  {'out of time' if late else 'interrupted'}: some of it was not looked at"
+        lines[-1] += f"  {'out of time' if late else 'interrupted'}: the search did not examine the whole plane"
     lines.append(f"of the plane {x} by {y}; written to {folder}")
     answer(style, quiet, found.record, lambda: click.echo("\n".join(lines)))
     return ExitCode.UNDECIDED if interrupted else of_status(found.status)

@@ -106,7 +106,7 @@ def print_design(record: DesignRecord, folder: Path, steps: Sequence[str] = (), 
             say("any one of these alone would do:")
             say(_repairs(record.repairs))
         elif record.repairs is not None:
-            say("no change of one number was found that would do")
+            say("vctune found no change of one number that makes the problem feasible")
         for warning in record.warnings:
             say(f"[yellow]warning:[/yellow] {escape(warning)}")
         for line in record.left_out if verbose else ():
@@ -163,8 +163,8 @@ def _apart(difference: DifferenceRecord, unit: str) -> str:
 
 def _quiet(stiffness: float, coupling: SpringRecord, units: Units) -> str:
     return (
-        f"the encoder's quanta keep no stiffness up to {stiffness:.4g} {units.stiffness} in motion (Abbott and "
-        f"Okamura), the coupling has {coupling.stiffness:.4g} {units.stiffness}"
+        f"the encoder's resolution alone sustains no limit cycle up to {stiffness:.4g} {units.stiffness} (Abbott and "
+        f"Okamura); the coupling has {coupling.stiffness:.4g} {units.stiffness}"
     )
 
 
