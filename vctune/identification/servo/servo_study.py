@@ -32,7 +32,7 @@ wrong."""
 CLEAR = 4.0
 """Significance, in standard deviations, with which a gain differs from 1 or a servo yields."""
 YIELDS = 0.005
-"""Share of the motion that follows the force above which the yielding matters."""
+"""A servo's yielding to the force matters if it causes more than this share of the motion."""
 LATENCY, JITTER = Note("limit-latency", "a delay and a lag are alike in this motion"), Note("limit-jitter", "jitter")
 
 

@@ -61,7 +61,8 @@ class Assembly:
         return len(self.states)
 
     def changed(self, time: float) -> Floats:
-        """Return e^(rates t) - 1: the change of states and given over a time, s, with command and friction held."""
+        """Return e^(rates t) - 1, the change of the states and of the given inputs over a time, s. Command and friction
+        are held."""
         scaled = self.rates * self.units / self.units[:, None]
         return exponential_less_one(scaled * time) / self.units * self.units[:, None]
 
