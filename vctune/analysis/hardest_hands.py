@@ -40,8 +40,9 @@ the same designs."""
 def needs_in_worlds(
     loop: AnyLoopInHand, device: Device, gains: Gains, coupling: Coupling, theta: Floats, met: WorldsMet
 ) -> dict[str, Floats]:
-    """Return 1/ratio for each margin. At least one of the margins must be positive
-    (`model.sampled.worlds.loop_in_worlds`).
+    """Return 1/ratio for each margin.
+
+    At least one of the margins must be positive (`model.sampled.worlds.loop_in_worlds`).
 
     For the real part, the ratio is (Re Z_c + g b_1)/R. For a reactance, it is g times the exponential of its relative
     reserve. In either case a ratio of g suffices, and a greater ratio leaves a reserve.
@@ -177,8 +178,10 @@ def shares_of_coupling(factor: float) -> tuple[float, ...]:
 
 @np.errstate(all="ignore")
 def _need(required: Floats, there: Floats) -> Floats:
-    """Return 1/ratio as a function that is continuous where R changes its sign. For a coupling with negative
-    resistance, the result is 0 or exceeds any other."""
+    """Return 1/ratio as a function that is continuous where R changes its sign.
+
+    For a coupling with negative resistance, the result is 0 or exceeds any other.
+    """
     drives = np.where(required < there, 0.0, DRIVEN * (2 + (required - there) / (np.abs(required) - there)))
     return np.where(there < 0, drives, required / np.maximum(there, 1e-300))
 

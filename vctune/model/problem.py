@@ -162,8 +162,9 @@ class Uncertainty:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """A design problem, and the experiments in which to simulate its design. The design does not depend on the
-    experiments.
+    """A design problem, and the experiments in which to simulate its design.
+
+    The design does not depend on the experiments.
 
     See design/README.md, section 1; document/README.md, section 1.
 

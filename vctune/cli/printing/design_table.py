@@ -31,8 +31,9 @@ COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undeci
 
 @contextmanager
 def page(least_width: int, folder: Path, steps: Sequence[str] = ()) -> Iterator[Console]:
-    """Print either all of the output of this block or none. The folder of the files and the next steps follow at the
-    end.
+    """Print either all of the output of this block or none.
+
+    The folder of the files and the next steps follow at the end.
 
     Parameters
     ----------
@@ -192,8 +193,10 @@ def _repairs(repairs: list[RepairRecord]) -> str:
 
 
 def _table(record: DesignRecord, width: int) -> Table:
-    """Return the rows of a design. The name of a group stands in front of its rows or, on a narrow terminal, above
-    them."""
+    """Return the rows of a design.
+
+    The name of a group stands in front of its rows or, on a narrow terminal, above them.
+    """
     groups, short = _ordered(record), width < LEAST_WIDTH
     rows: list[tuple[str, ...]] = []
     for group, found in groups.items():

@@ -83,8 +83,10 @@ class BoxRecord(Part):
 
 
 class OptimalityRecord(Part):
-    """The proved lower bound on the error of every feasible design. If some terms of the error are the same for all
-    designs, the bound covers only `terms`."""
+    """The proved lower bound on the error of every feasible design.
+
+    If some terms of the error are the same for all designs, the bound covers only `terms`.
+    """
 
     lower_bound: Annotated[Number, Shown("lower bound", "{verdict}, {boxes} boxes")]
     gap: Annotated[Number, Shown("gap", "%", 3, scale=100, optional=True)]

@@ -21,8 +21,10 @@ MAX_DECADES = 12
 
 
 def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
-    """Return contradictions between values that are valid on their own. The function examines only the valid parts of
-    the document."""
+    """Return contradictions between values that are valid on their own.
+
+    The function examines only the valid parts of the document.
+    """
     return [
         *_empty_ranges(raw),
         *_impossible_bands(raw),
@@ -106,8 +108,10 @@ def _unproved_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _endless_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the faults in the limits of the environments. Environments that are not passive as they run need limits
-    that passive ones must not have."""
+    """Yield the faults in the limits of the environments.
+
+    Environments that are not passive as they run need limits that passive ones must not have.
+    """
     table = raw["environment"]
     late, explicit = table.get("late", 0), table.get("rule") == "explicit"
     if not (explicit or (isinstance(late, int) and late > 0)):

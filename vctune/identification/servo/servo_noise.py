@@ -105,8 +105,9 @@ def likeliest(
 
 
 def jitter(left: Floats, encoder: float, lag: float, exposed: Floats, *, is_position: bool) -> float:
-    """Return the standard deviation of a link's delay, s. Return 0 if it is less than three of its own deviations from
-    0.
+    """Return the standard deviation of a link's delay, s.
+
+    Return 0 if it is less than three of its own deviations from 0.
 
     The lag of the servo spreads the effect of a late command, so the function sums over several lags.
 

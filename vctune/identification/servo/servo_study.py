@@ -1,5 +1,7 @@
-"""Study a recording of a servo. The study fits both orders, compares them, and tests whether the servo yields to a
-force."""
+"""Study a recording of a servo.
+
+The study fits both orders, compares them, and tests whether the servo yields to a force.
+"""
 
 from __future__ import annotations
 
@@ -110,8 +112,9 @@ class ServoStudy:
 
 
 def likelier_order(studies: Sequence[ServoStudy]) -> int:
-    """Return the order that is likelier over all recordings. The weight of a recording is smaller if its residuals are
-    correlated.
+    """Return the order that is likelier over all recordings.
+
+    The weight of a recording is smaller if its residuals are correlated.
 
     Parameters
     ----------
