@@ -1,4 +1,4 @@
-"""Exact limits of R and Re Z_c at the ends of the frequency axis (model/README.md, section 6)."""
+"""Compute the exact limits of R and Re Z_c at the ends of the frequency axis (model/README.md, section 6)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 
 @dataclass(frozen=True, slots=True)
 class EndLimit:
-    """Re Z_c and R at an end of the axis. Where both vanish, both are divided by the same positive power of omega.
+    """Re Z_c and R at an end of the axis. Where both vanish, the code divides both by the same positive power of omega.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class EndLimit:
 
 @dataclass(frozen=True, slots=True)
 class Lags:
-    """The lags of a device's parts for omega -> 0, and the loss and the compliance of its spring.
+    """The lags of a device's parts for omega -> 0, and the loss and the compliance of the device's spring.
 
     Attributes
     ----------

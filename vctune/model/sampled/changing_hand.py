@@ -1,10 +1,10 @@
-"""The sampled loop in a hand whose damping changes, as states, and what a storage function of them must meet
+"""State-space form of the sampled loop in a hand whose damping changes, and the condition on a storage function
 (model/README.md, section 21).
 
 All numbers are dimensionless, in units of the sample time T and of the device's mass m. The states xi are the position
 x, the velocity v, the commands u[k-1] ... u[k-N-1] that still act or were the last to act, the position q that v_e has
 reached, and the coupling's g. With v_e = 0 the loop rests wherever q is, at x = kappa q and u = k_eq q. The states zeta
-less those of that rest do without q.
+are the deviations of the other states from this rest; q is not among them.
 """
 
 from __future__ import annotations
@@ -24,11 +24,12 @@ from vctune.model.sampled.plant_in_hand import Delays, delays_of
 from vctune.model.sampled.state_space import stepped
 
 TERMS = ("1", "mu", "nu", "sigma", "beta")
-"""The functions of a hand of which a storage function is made, each between -1 and 1 in a box."""
+"""Names of the functions of a hand that weight the matrices of a storage function. Each lies between -1 and 1 in a
+box."""
 
 
 STAYING = 2
-"""How many of the states nearly stay as they are in a sample: x and v."""
+"""Number of states that change little in a sample: x and v."""
 
 
 class LoopStates(NamedTuple):
@@ -36,9 +37,9 @@ class LoopStates(NamedTuple):
 
     Attributes
     ----------
-    change : zeta[k+1] less what stays of zeta[k]: less x and v, whose change in a sample is small
+    change : zeta[k+1] minus x and v of sample k, because these two change little in a sample
     push, seen : n numbers each
-    direct : response of y to v_e at once
+    direct : immediate response of y to v_e
     spring : k_eq, of the hand's spring and K_p in series
     """
 
@@ -55,7 +56,7 @@ class Storage:
 
     Attributes
     ----------
-    hands : box of hands to which its functions refer
+    hands : box of hands on which the functions mu, nu, sigma and beta are defined
     terms : the symmetric matrices Y_0 to Y_4, dimensionless, as decimals
     """
 
@@ -66,8 +67,8 @@ class Storage:
 def weights(hands: Hands, mass: Number, hand: Hand, number: Callable[[float], Number]) -> Vector:
     """Return the functions `TERMS` of a hand.
 
-    mu, sigma and beta are the mass, the stiffness and the damping from -1 to 1 in their ranges. nu is 0 at both ends of
-    the masses; with 1 and mu it makes 1/(m + M).
+    mu, sigma and beta are mass, stiffness and damping, scaled from their ranges to -1 to 1. nu is 0 at both ends of the
+    range of masses. 1/(m + M) is a linear combination of 1, mu and nu.
 
     Parameters
     ----------
@@ -95,7 +96,7 @@ def weights(hands: Hands, mass: Number, hand: Hand, number: Callable[[float], Nu
 
 
 def states_of(device: Device) -> list[str]:
-    """Return the names of the states zeta of a device whose numbers are plain."""
+    """Return the names of the states zeta. The device's numbers must be plain."""
     past = [f"u[k-{back}] - k_eq q" for back in range(1, int(delays_of(device).loop) + 2)]
     return ["x - kappa q", "v", *past, "g"]
 
@@ -151,15 +152,16 @@ def loop_states(
 
 
 def room_of_storage(loop: LoopStates, Y: Matrix, more: Matrix, ops: Arithmetic) -> Matrix:
-    """Return the matrix that is positive definite where the storage grows by less than 2 v_e y in every sample.
+    """Return a matrix. If it is positive definite, the storage grows by less than 2 v_e y in every sample.
 
-    The part of q is k_eq q^2 and drops out: its growth is k_eq (2 q + v_e) v_e, of which y has 2 k_eq q v_e.
+    The term k_eq q^2 of the storage grows by k_eq (2 q + v_e) v_e. The part 2 k_eq q v_e cancels against the same part
+    of 2 v_e y, so q drops out.
 
     Parameters
     ----------
     loop : n states
-    Y : for the damping from now on, symmetric, n x n
-    more : what Y had more for the damping when the force was sampled
+    Y : matrix of the storage for the damping from now on, symmetric, n x n
+    more : the matrix for the damping at the time of the sampling, minus Y
     ops : arithmetic of both
 
     Returns
