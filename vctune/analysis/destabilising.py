@@ -40,8 +40,8 @@ FIRST, LAST = 0.125, 1e-4
 """Shares of the damper that the code removes in one step: the first share, and the least one. With half or twice these
 shares, the code follows the same poles."""
 FARTHEST = 0.2
-"""Greatest move of a pole in one step, relative to the pole's angle. Half this move takes more steps; twice this move
-may lead to another pole."""
+"""Greatest move of a pole in one step, relative to the pole's angle. Steps of half this size are more numerous; steps
+of twice this size may lead to another pole."""
 MOST = 64
 """Greatest number of steps along which the code follows a pole. Most poles take eight. With half or twice this number,
 the code follows the same poles."""
@@ -49,8 +49,9 @@ GROWTH = 1e-10
 """Growth per radian above which a motion counts as growing. This threshold exceeds the rounding error of Newton's
 method. Half or twice this threshold gives the same growth."""
 STEPS, CONVERGED, DIFFERENCE = 8, 1e-12, 1e-6
-"""Number of Newton's steps, the relative step that ends them, and the relative difference for the derivative. This
-difference gives the derivative to 1e-10. With half or twice as many steps, the code follows the same poles."""
+"""Number of Newton's steps, the relative step that ends them, and the relative difference for the derivative. The
+difference gives the derivative with an error of 1e-10. With half or twice as many steps, the code follows the same
+poles."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,8 +29,8 @@ from vctune.running import check_time
 
 ROUNDS = 22
 """Number of refinement steps. Each step moves to the best neighbour or halves the distance, down to 1e-4 of the first
-distance. The square of this distance affects the ratio. Half this number reaches 1e-2, and the prover would then have
-to find the rest."""
+distance. The square of this distance affects the ratio. Half as many steps reach 1e-2, and the prover would then have
+to find the exact hand."""
 DRIVEN = 1e6
 """Value of 1/ratio above which a coupling supplies energy where it must absorb energy. Half or twice this value gives
 the same designs."""

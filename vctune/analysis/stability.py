@@ -29,20 +29,20 @@ same side as the curve, unless the curve is too close to 0 (`TOO_CLOSE`). A loop
 little lag to turn. With half as many angles, the proof must decide more loops. Twice as many double the time of a
 scan."""
 TOO_CLOSE = 0.03
-"""Least |F| with which the code relies on the grid. It is slightly less than the distance of neighbouring angles. With
-half this value, chords may pass 0 on the wrong side. With twice this value, the proof must decide more loops. Neither
-makes a verdict wrong."""
+"""Least |F| with which the code relies on the grid. This value is slightly less than the distance of neighbouring
+angles. With half this value, chords may pass 0 on the wrong side. With twice this value, the proof must decide more
+loops. Neither makes a verdict wrong."""
 LARGEST_TURN = 1.0
-"""Greatest turn between neighbouring angles with which the code relies on the grid, rad. It is well below half a turn,
-at which the direction would be ambiguous. Half this value leaves more loops to the proof, and twice this value
+"""Greatest turn between neighbouring angles with which the code relies on the grid, rad. This turn is well below half a
+turn, at which the direction would be ambiguous. Half this value leaves more loops to the proof, and twice this value
 fewer."""
 CROSSING_POINTS, CROSSING_ROUNDS = 33, 3
-"""Number of points, and number of rounds, in the search along a segment of gains for a pole's crossing. They locate the
-crossing to 1/32768 of the segment. A cut need not be closer, because several cuts follow. Half as many points reach
-1/4096, and twice as many 1/262144."""
+"""Number of points, and number of rounds, in the search along a segment of gains for a pole's crossing. The search
+locates the crossing to 1/32768 of the segment. A cut need not be closer, because several cuts follow. Half as many
+points reach 1/4096, and twice as many 1/262144."""
 DIFFERENCE = 1e-4
-"""Relative step of the central difference in theta that gives the direction of a cut. Its error is 1e-8, its rounding
-error 1e-12. Half or twice this step gives the same direction."""
+"""Relative step of the central difference in theta that gives the direction of a cut. The difference has an error of
+1e-8 and a rounding error of 1e-12. Half or twice this step gives the same direction."""
 
 Curve = Callable[[Floats, Floats, Floats], Complex]
 """The function F(theta, K_v, K_p) = 1 + loop gain, affine in the gains; theta is omega T, rad."""
@@ -166,7 +166,8 @@ def clearly_stable(device: Device, gains: Gains) -> bool | None:
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """The half plane open + K_v velocity + K_p position >= 0. It keeps the gains inside the stability boundary."""
+    """The half plane open + K_v velocity + K_p position >= 0. The half plane keeps the gains inside the stability
+    boundary."""
 
     open: float
     velocity: float

@@ -263,7 +263,7 @@ NUMBERS = tuple(key for key in ENTRIES if key not in OF_FIRMWARE)
 UNCERTAIN = tuple(key for key, each in ENTRIES.items() if not each.certain)
 """Keys of the numbers that may be uncertain, that is, all numbers except those of the firmware."""
 INERT = ("mass", "damping", "delay")
-"""Keys of the numbers that a servo does not have. Nothing depends on their values for a servo."""
+"""Keys of the numbers that a servo does not have. For a servo, no result depends on these numbers."""
 LOOP_DELAYS = ("delay", "servo.delay")
 """Keys of the delay of a loop, one for each kind of display."""
 DELAYS = (

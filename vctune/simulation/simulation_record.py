@@ -32,9 +32,9 @@ from vctune.simulation.two_runs import Run, Simulated
 from vctune.version import __version__
 
 TOLERANCE = 1.5e-3
-"""Share of the plotted range by which a thinned curve may differ from the original. It is less than the width of a
-line. Half this share gives more points in simulation.json and the same picture. With twice this share, corners begin to
-show in print."""
+"""Share of the plotted range by which a thinned curve may differ from the original. This share is less than the width
+of a line. Half this share would give more points in simulation.json and the same picture. With twice this share,
+corners begin to show in print."""
 
 
 def simulation_record(

@@ -76,8 +76,8 @@ class HandRecord(Part):
 
 
 class EnvironmentRecord(Part):
-    """An environment with which a design grows in a hand. It is stepped by the trapezoidal rule unless `rule` states
-    another one."""
+    """An environment with which a design grows in a hand. The firmware integrates it by the trapezoidal rule unless
+    `rule` states another one."""
 
     hand: HandRecord
     kind: Literal["spring", "mass"]

@@ -193,7 +193,7 @@ class DesignRecord(Document):
         """The proved claim of the design in words; empty if it is not certified."""
         if self.certificate is None or self.status != "certified":
             return ""
-        known = " without what is not modelled" if self.uncertainty is not None and self.uncertainty.unmodelled else ""
+        known = " without unmodelled dynamics" if self.uncertainty is not None and self.uncertainty.unmodelled else ""
         hands = [f"stable{known} {self.certificate.hands.promise(self.units)}"] if self.certificate.hands else []
         band = self.certificate.band_hz
         place = (

@@ -107,7 +107,7 @@ class ServoFit:
 
 @dataclass(frozen=True, slots=True)
 class _Task:
-    """The least-squares problem of the whitened steps. Its unknowns are the latency in samples, and the log of
+    """The least-squares problem of the whitened steps. The unknowns are the latency in samples, and the log of
     bandwidth times sample time."""
 
     seen: ServoLog

@@ -187,8 +187,8 @@ def _next_to_rest(
     """Return F and the sensed force divided by rho, as numbers even + j turned odd.
 
     Near theta = 0, K = 0 and K_p = 0, both vanish with rho. The function replaces the unknown x_1, the position, by rho
-    x_1. This divides the position's column of the equations by rho, whose terms contain the factors 2 s and K of the
-    column.
+    x_1. The substitution divides the position's column of the equations by rho, whose terms contain the factors 2 s and
+    K of the column.
     """
     at, turned, half = circle(theta, ops), rest.turned, rest.rho / 2
     square = turned * turned

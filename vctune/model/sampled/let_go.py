@@ -65,8 +65,8 @@ Q has a pole."""
 
 
 def has_sharp_form(device: Device) -> bool:
-    """Return whether this form encloses a device more tightly. It does so for devices with an actuator or a structure,
-    which the closed form does not cover.
+    """Return whether this form encloses a device more tightly. This form is tighter for devices with an actuator or a
+    structure, which the closed form does not cover.
 
     Parameters
     ----------
@@ -80,8 +80,8 @@ def has_sharp_form(device: Device) -> bool:
 def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, fractional: bool) -> PlantLetGo:
     """Sample a device without a hand exactly, in the form of this module (model/README.md, section 14).
 
-    The result includes the structure's load. It excludes the force sensor, because no loop without a hand contains the
-    sensor.
+    The result includes the structure's load. The result excludes the force sensor, because no loop without a hand
+    contains the sensor.
 
     Parameters
     ----------

@@ -27,9 +27,9 @@ from vctune.simulation.mechanics.rigid_motion import Transition, exponential_les
 from vctune.simulation.scene import Scene
 
 GIVEN = ("command", "friction", "push", "push_1", "push_2", "push_3")
-"""Inputs of the states. They are the held command that has arrived (a force, or a servo's velocity), the force of the
-friction, the force that the hand's spring and damper would have with the handle at rest at 0, N, and three derivatives
-of that force."""
+"""Inputs of the states. The inputs are the held command that has arrived (a force, or a servo's velocity), the force of
+the friction, the force that the hand's spring and damper would have with the handle at rest at 0, N, and three
+derivatives of that force."""
 
 
 @dataclass(frozen=True, slots=True)

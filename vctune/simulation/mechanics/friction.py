@@ -4,8 +4,8 @@ With the bristles' deflection z, the rate a(v) = stiffness |v|/g(v) and Stribeck
 
     dz/dt = v - a(v) z,   F = stiffness z + damping(v) dz/dt,   g = coulomb + (stiction - coulomb) e^{-(v/v_s)^2}.
 
-With a constant damping, LuGre friction may return energy at speed. It returns none if damping <= 4 g/|v|. The code
-therefore uses damping(v) = damping/(1 + damping |v|/(4 coulomb)).
+With a constant damping, LuGre friction may return energy at speed. The model returns no energy if damping <= 4 g/|v|.
+The code therefore uses damping(v) = damping/(1 + damping |v|/(4 coulomb)).
 """
 
 from __future__ import annotations
