@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.matrices import Matrix
-from vctune.model.sampled.changing_hand import STAYING, Storage, loop_states, weights
-from vctune.model.sampled.plant_in_hand import delays_of
+from vctune.model.sampled.changing.loop_states import Law, LoopStates, loop_states
+from vctune.model.sampled.changing.storage_function import TERMS, Storage, weights
 from vctune.proof.claims.margins_of_claims import Design
-from vctune.proof.enclosures.array_intervals import Floats
+from vctune.proof.enclosures.array_intervals import Flags, Floats
 from vctune.proof.storage.barrier import analytic_centre
 
 ACROSS = {"mass": 4, "damping": 3, "stiffness": 3}
@@ -63,11 +64,13 @@ def candidate(design: Design, hands: Hands, at: Places) -> Storage | None:
     hands : box to which its functions refer
     at : hands of the box
     """
-    constant, linear, basis = _affine(design, hands, at)
-    found = analytic_centre(constant, linear)
+    sought = _affine(design, hands, at)
+    found = analytic_centre(sought.constant, sought.linear)
     if found is None:
         return None
-    terms = np.tensordot(found.reshape(-1, len(basis)), basis, axes=1)
+    numbers = np.zeros(sought.free.shape)
+    numbers[sought.free] = found
+    terms = np.tensordot(numbers, sought.basis, axes=1)
     return Storage(hands, tuple(tuple(tuple(_rounded(x) for x in row) for row in term) for term in terms.tolist()))
 
 
@@ -97,12 +100,27 @@ def _rounded(x: float) -> float:
     return float(f"{x:.{DIGITS}g}")
 
 
-def _affine(design: Design, hands: Hands, at: Places) -> tuple[Floats, Floats, Floats]:
-    """Return the constant part of the matrices of `room_of_storage`, the parts of Y's numbers, and the units of Y."""
-    loop = loop_states(design.device, design.gains, design.series, at.hand, at.sensed, delays_of(design.device), FLOATS)
-    count = at.sensed.size
+class _Sought(NamedTuple):
+    """Matrices of `room_of_storage` that are affine in numbers.
+
+    Attributes
+    ----------
+    constant, linear : of the free numbers, see `analytic_centre`
+    basis : units of Y, one for each entry of a triangle
+    free : whether a term has such a unit, shape (terms, units)
+    """
+
+    constant: Floats
+    linear: Floats
+    basis: Floats
+    free: Flags
+
+
+def _affine(design: Design, hands: Hands, at: Places) -> _Sought:
+    plain, count = (design.device, Law(design.gains, design.series)), at.sensed.size
+    loop = loop_states(plain, plain, at.hand, at.sensed, FLOATS)
     step, push, seen = (
-        _stacked(loop.change, count) + np.diag(np.arange(len(loop.push)) < STAYING),
+        _stacked(loop.change, count) + np.diag(np.arange(len(loop.push)) < loop.staying),
         _stacked((loop.push,), count)[:, 0],
         _stacked((loop.seen,), count)[:, 0],
     )
@@ -122,8 +140,18 @@ def _affine(design: Design, hands: Hands, at: Places) -> tuple[Floats, Floats, F
     constant[:, :n, n] = constant[:, n, :n] = seen
     constant[:, n, n] = 2 * loop.direct - loop.spring
     now, then = (each[:, :, None, None, None] for each in (now, then))
-    linear = now * held - then * after[:, None]
-    return constant, linear.reshape(count, -1, n + 1, n + 1), basis
+    linear, free = now * held - then * after[:, None], np.ones((len(TERMS), rows.size), bool)
+    if loop.pull is not None:
+        linear[:, :, 0] = -then[:, :, 0] * _grown(loop, count)[:, None]
+        free[TERMS.index("beta"), 0] = False
+    return _Sought(constant, linear[:, free], basis, free)
+
+
+def _grown(loop: LoopStates, count: int) -> Floats:
+    """Return the growth of p^2/K in a sample, of zeta and v_e."""
+    assert loop.pull is not None
+    size = len(loop.push) + 1
+    return _stacked(tuple(tuple(loop.pull.grown(i, j) for j in range(size)) for i in range(size)), count)
 
 
 def _stacked(matrix: Matrix, count: int) -> Floats:

@@ -7,12 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.matrices import Matrix, add, nothing, times
-from vctune.model.sampled.changing_hand import Storage, loop_states, room_of_storage, weights
-from vctune.model.sampled.plant_in_hand import delays_of
+from vctune.model.sampled.changing.loop_states import Law, loop_states
+from vctune.model.sampled.changing.storage_function import Storage, room_of_storage, weights
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.array_intervals import UNIT, Enclosure, Floats, between, decimal
 from vctune.proof.enclosures.taylor import Taylor, stacked, variables
@@ -87,12 +88,13 @@ def _judged(design: Design, storage: Storage, low: Floats, high: Floats) -> Defi
     value.rad += 4 * UNIT * np.abs(high)
     rows = variables([Enclosure(mid, rad) for mid, rad in zip(value.mid, value.rad, strict=True)], [True] * len(low))
     hand, exact = Hand(*rows), _enclosed(design)
-    Y = stored(storage, exact.device.mass, hand)
-    matrices, delays = [Y], delays_of(design.device)
+    Y, matrices = stored(storage, exact[0].mass, hand), list[Matrix]()
+    plain = design.device, Law(design.gains, design.series)
     for sensed in sorted({storage.hands.low.damping, storage.hands.high.damping}):
         more = _lost(storage, hand, sensed)
-        loop = loop_states(exact.device, exact.gains, exact.series, hand, decimal(sensed), delays, TAYLOR)
+        loop = loop_states(plain, exact, hand, decimal(sensed), TAYLOR)
         matrices.append(room_of_storage(loop, Y, more, TAYLOR))
+    matrices.append(Y if loop.pull is None else _with_spring(Y, storage, exact[0]))
     found = [surely_definite(_stacked(matrix)) for matrix in matrices]
     return Definite(
         np.all([each.proved for each in found], axis=0),
@@ -101,9 +103,17 @@ def _judged(design: Design, storage: Storage, low: Floats, high: Floats) -> Defi
     )
 
 
-def _enclosed(design: Design) -> Design:
+def _enclosed(design: Design) -> tuple[Device, Law]:
     gains, coupling = (map(decimal, astuple(part)) for part in (design.gains, design.series))
-    return Design(design.device.converted(decimal), Gains(*gains), Coupling(*coupling))
+    return design.device.converted(decimal), Law(Gains(*gains), Coupling(*coupling))
+
+
+def _with_spring(Y: Matrix, storage: Storage, device: Device) -> Matrix:
+    """Return less than the storage as a matrix of zeta: p^2/K is least in the stiffest hand; without one p is 0."""
+    stiffest, T = storage.hands.high.stiffness, device.sample_time
+    if stiffest == 0:
+        return tuple(row[1:] for row in Y[1:])
+    return (Y[0][0] / (decimal(stiffest) * (T * T) / device.mass), *Y[0][1:]), *Y[1:]
 
 
 def _stacked(matrix: Matrix) -> Taylor:
