@@ -13,7 +13,7 @@ from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.matrices import Matrix, add, nothing, times
 from vctune.model.sampled.changing.loop_states import Law, loop_states
-from vctune.model.sampled.changing.storage_function import Storage, room_of_storage, weights
+from vctune.model.sampled.changing.storage_function import Storage, moved_mass, room_of_storage, weights
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.array_intervals import UNIT, Enclosure, Floats, between, decimal
 from vctune.proof.enclosures.taylor import Taylor, stacked, variables
@@ -88,17 +88,17 @@ def _judged(design: Design, storage: Storage, low: Floats, high: Floats) -> Defi
     value.rad += 4 * UNIT * np.abs(high)
     rows = variables([Enclosure(mid, rad) for mid, rad in zip(value.mid, value.rad, strict=True)], [True] * len(low))
     hand, exact = Hand(*rows), _enclosed(design)
-    Y, matrices = stored(storage, exact[0].mass, hand), list[Matrix]()
+    Y, matrices = stored(storage, moved_mass(exact[0]), hand), list[Matrix]()
     plain = design.device, Law(design.gains, design.series)
     for sensed in sorted({storage.hands.low.damping, storage.hands.high.damping}):
         more = _lost(storage, hand, sensed)
         loop = loop_states(plain, exact, hand, decimal(sensed), TAYLOR)
         matrices.append(room_of_storage(loop, Y, more, TAYLOR))
-    matrices.append(Y if loop.pull is None else _with_spring(Y, storage, exact[0]))
+    matrices.append(Y if loop.pull is None else _with_spring(Y, exact[0], high[2]))
     found = [surely_definite(_stacked(matrix)) for matrix in matrices]
     return Definite(
         np.all([each.proved for each in found], axis=0),
-        np.any([each.fails for each in found], axis=0),
+        np.any([each.fails for each in found[:-1]], axis=0),
         np.max([each.losses for each in found], axis=0),
     )
 
@@ -108,12 +108,16 @@ def _enclosed(design: Design) -> tuple[Device, Law]:
     return design.device.converted(decimal), Law(Gains(*gains), Coupling(*coupling))
 
 
-def _with_spring(Y: Matrix, storage: Storage, device: Device) -> Matrix:
-    """Return less than the storage as a matrix of zeta: p^2/K is least in the stiffest hand; without one p is 0."""
-    stiffest, T = storage.hands.high.stiffness, device.sample_time
-    if stiffest == 0:
+def _with_spring(Y: Matrix, device: Device, stiffest: Floats) -> Matrix:
+    """Return less than the storage as a matrix of zeta: p^2/K is least in the stiffest hand of a box.
+
+    Without a spring p is 0.
+    """
+    if not stiffest.any():
         return tuple(row[1:] for row in Y[1:])
-    return (Y[0][0] / (decimal(stiffest) * (T * T) / device.mass), *Y[0][1:]), *Y[1:]
+    T = device.sample_time
+    K = Enclosure(stiffest, 4 * UNIT * stiffest) * (T * T) / device.mass
+    return (Y[0][0] / K, *Y[0][1:]), *Y[1:]
 
 
 def _stacked(matrix: Matrix) -> Taylor:
@@ -137,7 +141,7 @@ def stored(storage: Storage, mass: Number, hand: Hand) -> Matrix:
     Parameters
     ----------
     storage : in decimals
-    mass : m of the device
+    mass : of the device, see `moved_mass`
     hand : its damping is that of the last sample
     """
     shares = weights(storage.hands, mass, hand, decimal)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
 
+from vctune.model.device import Device
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import Matrix, Vector, add, blocked, nothing, product, rows_of, times
@@ -32,16 +33,21 @@ class Storage:
     terms: tuple[tuple[tuple[float, ...], ...], ...]
 
 
+def moved_mass(device: Device) -> Number:
+    """Return the mass that the hand moves at once, kg."""
+    return device.mass if device.structure is None else device.structure.handle_mass
+
+
 def weights(hands: Hands, mass: Number, hand: Hand, number: Callable[[float], Number]) -> Vector:
     """Return the functions `TERMS` of a hand.
 
     mu, sigma and beta are the mass, the stiffness and the damping from -1 to 1 in their ranges. nu is 0 at both ends of
-    the masses; with 1 and mu it makes 1/(m + M).
+    the masses; with 1 and mu it makes 1/(m + M), m the mass that the hand moves.
 
     Parameters
     ----------
     hands : box, in plain numbers
-    mass : m of the device
+    mass : of the device, see `moved_mass`
     hand : its damping is that of the last sample
     number : a plain number in the arithmetic of mass and hand
 
