@@ -30,7 +30,6 @@ from vctune.report.figures.panels import (
     draw_required,
     least_view,
 )
-from vctune.report.figures.region_figure import world_figure
 from vctune.report.figures.style import (
     BLUE,
     GREEN,
@@ -47,7 +46,6 @@ from vctune.report.figures.style import (
 from vctune.report.page.contents import IN_WORDS
 from vctune.report.page.summary import doubt
 from vctune.report.typography import quantity
-from vctune.study.world_region import world_plane, world_region
 
 MAP_LEVELS = 4
 """How often the map of what may be rendered is halved on a page: to a sixteenth, in about a second."""
@@ -96,6 +94,9 @@ def _rendered(design: Design) -> dict[str, Figure]:
     problem = design.problem
     if problem.worlds is None or not problem.worlds.lossless:
         return {}
+    from vctune.report.figures.region_figure import world_figure
+    from vctune.study.world_region import world_plane, world_region
+
     plane = world_plane(problem, WORLD[2], WORLD[0], MAP_LEVELS)
     return {"z-width": world_figure(problem, world_region(problem, design.gains, design.coupling, plane))}
 
