@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
+from collections.abc import Sequence
 from html import escape
 from io import BytesIO
 from itertools import pairwise
@@ -14,6 +15,7 @@ from typing import Any
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.part import Row
 from vctune.document.records.simulation_json import SimulationRecord
@@ -46,6 +48,7 @@ def page(
     drawn: dict[str, str],
     places: dict[str, list[dict[str, Any]]],
     simulation: SimulationRecord | None = None,
+    least: Sequence[RatioInHand | RatioInAnyHand] = (),
 ) -> str:
     """Return the HTML of a design.
 
@@ -56,11 +59,12 @@ def page(
     drawn : figures as SVG, by name
     places : places of the axes in which tried curves are drawn (`vctune.report.page.sliders.overlays`)
     simulation : simulation of this design, if there is one
+    least : the least ratios in the problem's hands
     """
     seen, tried = summary(record, problem), None
     if record.design is not None:
         shipped = {"kind": seen.kind, "word": seen.word}
-        tried = sliders(problem, record.design[0], record.design[1], record)
+        tried = sliders(problem, *record.design, record, least)
         tried |= {"overlays": places, "shipped": shipped}
     environment = templates(lambda text: _stated(problem.units.translated(text), problem))
     groups = record.groups()
