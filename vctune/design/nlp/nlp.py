@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache, reduce
-from math import inf, log, pi
+from math import inf, pi
 from typing import Any
 
 import casadi as ca
@@ -294,7 +294,8 @@ def _margin_in_worlds(held: dict[str, ca.SX], gains: Gains, coupling: AnyCouplin
     margins = {"resistive": ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)}
     for name in found._fields[1:]:
         margins[name] = room_of(getattr(found, name), ca.fabs) - held["spare"]
-    return _greatest([margins[name] - UNPOSED * (1 - held[f"by_{name}"]) for name in margins])
+    alike = 1 + ca.fmax(held["by_above"], held["by_below"])
+    return _greatest([margins[name] - UNPOSED * (1 - held[f"by_{name}"]) for name in margins], alike)
 
 
 ENDLESS = 1e12
@@ -315,11 +316,11 @@ def _margin_with_walls(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupli
     return held["walled"] * _greatest(rooms) + (1 - held["walled"]) * linear
 
 
-def _greatest(margins: list[Number], alike: int = 2) -> Number:
+def _greatest(margins: list[Number], alike: Number = 2) -> Number:
     """Return a smooth lower bound of the greatest of some margins, of which at most so many are alike."""
     greatest = reduce(ca.fmax, margins)
     others = sum(ca.exp((margin - greatest) / BLUNT) for margin in margins)
-    return greatest + BLUNT * (ca.log(others) - log(alike))
+    return greatest + BLUNT * (ca.log(others) - ca.log(alike))
 
 
 def _box_of(held: dict[str, ca.SX]) -> tuple[World, World]:

@@ -113,6 +113,8 @@ def posed(worlds: Worlds, factor: float, *, inverse: bool = False) -> tuple[str,
     factor : g, >= 1
     inverse : True for an impedance display, whose margins belong to one share of the coupling
     """
+    if worlds.resistive:
+        return ("resistive",)
     turned = () if factor == 1 or inverse else ("turned",)
     above = () if _endless(worlds.high.mass) else ("above", *turned)
     return "resistive", *above, *(() if _endless(worlds.high.stiffness) else ("below",))
