@@ -56,9 +56,10 @@ def needs_in_worlds(
     """Return 1/ratio for each margin. At least one of the margins must be positive
     (`model.sampled.worlds.loop_in_worlds`).
 
-    For the real part, the ratio is (Re Z_c + g b_1)/R. For a share of an impedance display's coupling, it is g times the
-    resistance that this share and the environment give, divided by what the loop lacks. For a reactance, it is g times
-    the exponential of its relative reserve. In either case a ratio of g suffices, and a greater ratio leaves a reserve.
+    For the real part, the ratio is (Re Z_c + g b_1)/R. For a share of an impedance display's coupling, it is g times
+    the resistance that this share and the environment give, divided by what the loop lacks. For a reactance, it is g
+    times the exponential of its relative reserve. In either case a ratio of g suffices, and a greater ratio leaves a
+    reserve.
 
     Parameters
     ----------
