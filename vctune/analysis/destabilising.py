@@ -130,8 +130,8 @@ def growing_in_worlds(
     """
     T, low = device.sample_time, worlds.low
     theta = min(max(omega * T, LEAST), pi - NYQUIST)
-    plant, at = plant_in_hand(device, hand, delays_of(device), FLOATS), _warped(theta, T).real
-    met = -reaction(device, gains, coupling, hand, theta).imag
+    alone, at = impedance_met(device, gains, coupling, hand), _warped(theta, T).real
+    met = -alone(theta).imag
     heavier = met * at >= low.mass * at * at - low.stiffness
     mass = (met + low.stiffness / at) / at if heavier else low.mass
     stiffness = low.stiffness if heavier else (low.mass * at - met) * at
@@ -140,8 +140,7 @@ def growing_in_worlds(
 
     def unbalance(theta: complex, *, damping: float) -> complex:
         omega = _warped(theta, T)
-        alone = _seen(plant, gains, theta) + _coupling(coupling, omega) + low.damping
-        return alone + damping + 1j * (mass * omega - stiffness / omega)
+        return alone(theta) + low.damping + damping + 1j * (mass * omega - stiffness / omega)
 
     found = _outwards(unbalance, theta)
     if found is None:
@@ -184,6 +183,19 @@ def reaction_in(
         return _seen(plant, gains, theta) + _coupling(coupling, _warped(theta, device.sample_time)) / factor
 
     return at
+
+
+def impedance_met(
+    device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, factor: float = 1.0
+) -> Callable[[complex], complex]:
+    """Return the impedance that an environment meets, a function of the angle: Z_c/factor + Z_seen, or its dual.
+
+    Parameters
+    ----------
+    device, gains, coupling, hand, factor : as of `reaction`
+    """
+    alone = reaction_in(device, gains, coupling, hand, factor)
+    return (lambda theta: 1 / alone(theta)) if device.kind.inverse else alone
 
 
 def growing_with(

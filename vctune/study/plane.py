@@ -111,8 +111,12 @@ def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
         found.append(
             Mistake("no-plane", "uncertainty", "a region is proved for one device; leave the table out of this problem")
         )
-    if problem.worlds is not None:
-        said = "a region is proved with every passive environment alone; leave the table out of this problem"
+    worlds = problem.worlds
+    if worlds is not None and (worlds.walls or not worlds.lossless or problem.device.kind.inverse):
+        said = (
+            "a region of gains is proved for linear environments by the trapezoidal rule, on time, on an admittance "
+            "display or a servo; state such a table, or leave it out of this problem"
+        )
         found.append(Mistake("no-plane", "environment", said))
     if x == y:
         found.append(Mistake("no-plane", x, "is both axes of the plane; choose another for x or y"))

@@ -18,7 +18,6 @@ OF_ADMITTANCE: dict[tuple[str, ...], str] = {
     ("coupling", "drag"): "its coupling is coupling.damping beside coupling.stiffness",
     ("stability", "band_hz"): "its demands are proved at every frequency up to the Nyquist frequency",
     ("stability", "changing"): "a hand whose damping changes is proved on a velocity loop alone",
-    ("environment",): "its demands are proved of every passive environment alone, not of a box of them",
     ("uncertainty", "unmodelled"): "its demands are not proved of a response that is not known",
 }
 """Keys that do not apply to an impedance display, each with the reason."""
