@@ -161,6 +161,11 @@ def _states(row: Row, rows: Iterable[str]) -> list[str]:
 
 
 def states_of(device: Device, law: Law) -> list[str]:
-    """Return the names of the states zeta, given a device and a law in plain numbers."""
+    """Return the names of the states zeta of a loop.
+
+    Parameters
+    ----------
+    device, law : device and law in plain numbers
+    """
     one = Hand(device.mass, 0.0, device.mass / device.sample_time**2)
     return list(loop_states((device, law), (device, law), one, 0.0, FLOATS).names)
