@@ -53,7 +53,7 @@ def test_what_is_proved_comes_first_then_the_design_then_what_limits_it(shown, r
     parts = ["certified", record.promise, "velocity K_v", "coupling", "limited by", "transparency", "warning", "next:"]
     places = [text.index(part) for part in parts]
     assert places == sorted(places)
-    assert record.limits == ["Re Z_c >= safety_factor R in a hand at 74.14 and 412.6 Hz"]
+    assert record.limits == ["Re Z_c >= safety_factor R in a hand at 74.37 and 412.6 Hz"]
     assert all(f"{number:.8g}" in text for number in (record.gains.velocity, record.coupling.mass))
 
 
