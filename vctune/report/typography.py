@@ -135,7 +135,9 @@ def _measured(found: re.Match[str]) -> str:
 
 
 def html(text: str) -> str:
-    """Return a sentence as HTML: escaped, its symbols in italics, their subscripts below the line, commands between ` as code.
+    """Return a sentence as HTML: escaped, its symbols in italics, their subscripts below the line.
+
+    What stands between two ` becomes code.
 
     Parameters
     ----------
