@@ -72,7 +72,13 @@ def _together(values: list[float | None], unit: str, digits: int) -> Quantity:
 
 
 def prefixed(size: float, unit: str) -> tuple[int, str]:
-    """Return the power of ten of the prefix for a size, and the unit with that prefix."""
+    """Return the power of ten of the prefix for a size, and the unit with that prefix.
+
+    Parameters
+    ----------
+    size : greatest absolute value of the numbers
+    unit : their unit without a prefix, "kg" apart
+    """
     if size == 0 or PLAIN[0] <= size < PLAIN[1] or not (unit == "kg" or unit.startswith(PREFIXED)):
         return 0, unit
     own = 3 if unit == "kg" else 0
