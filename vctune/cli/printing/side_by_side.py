@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 LEAST = {"": 6, "A": 8, "B": 8}
 """Least widths of columns under a heading on a narrow terminal."""
 WIDEST = 1000
-"""Width of tables that must not be wrapped."""
+"""Width, in characters, of tables that must not be wrapped."""
 
 
 def print_simulation(record: SimulationRecord, folder: Path) -> None:
-    """Print the measures of a simulation and where the files are.
+    """Print the measures of a simulation and the folder of its files.
 
     Parameters
     ----------
@@ -105,8 +105,8 @@ def _apart(difference: DifferenceRecord, unit: str) -> str:
 
 def _quiet(stiffness: float, coupling: SpringRecord, units: Units) -> str:
     return (
-        f"the encoder's quanta keep no stiffness up to {stiffness:.4g} {units.stiffness} in motion (Abbott and "
-        f"Okamura), the coupling has {coupling.stiffness:.4g} {units.stiffness}"
+        f"the encoder's resolution alone sustains no limit cycle up to {stiffness:.4g} {units.stiffness} (Abbott and "
+        f"Okamura); the coupling has {coupling.stiffness:.4g} {units.stiffness}"
     )
 
 
@@ -120,7 +120,7 @@ def _least(least: LeastVirtualRecord, units: Units) -> str:
 
 
 def print_comparison(found: ComparisonRecord) -> None:
-    """Print two designs side by side: the keys of the problems that differ, then both results.
+    """Print two designs side by side: first the keys in which the problems differ, then both results.
 
     Parameters
     ----------
