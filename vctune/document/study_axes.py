@@ -1,4 +1,4 @@
-"""The axes of a study: numbers of a problem by dotted key, and their values."""
+"""Read the axes of a study: numbers of a problem by dotted key, and their values."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def _list_faults(at: KeyPath, values: list[Any]) -> list[Contradiction]:
 def _range(
     at: KeyPath, table: dict[str, Any], *, sampled: bool
 ) -> tuple[list[Contradiction], Scale, list[Any], int | None]:
-    """Return the faults of { linear or log = [a, b], n }, and its scale, ends and n."""
+    """Return the faults of { linear or log = [a, b], n }, and the scale, the ends and n."""
     faults: list[Contradiction] = []
     for name in table:
         if name not in (*SPANS, "n"):
