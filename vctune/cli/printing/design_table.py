@@ -116,7 +116,7 @@ def _repairs(repairs: list[RepairRecord]) -> str:
     width = max(len(repair.needs) for repair in repairs)
     lines = []
     for repair in repairs:
-        old = "inf" if repair.old is None else text(repair.old, 12)
+        old = "true" if repair.turns_off else "inf" if repair.old is None else text(repair.old, 12)
         lines.append(
             f"  [bold]{escape(repair.needs.ljust(width))}[/bold]  instead of {old}: {escape(repair.change)}, "
             f"error {text(repair.error, 4)}"

@@ -61,6 +61,11 @@ class RepairRecord(Part):
     size: Number = None
     error: Number
 
+    @property
+    def turns_off(self) -> bool:
+        """Whether the repair turns off what the file turns on; `old` and `new` are then 1 and 0."""
+        return self.needs == f"{self.key} = false"
+
 
 class AlternativeRecord(Part):
     """The error of a certified design for one stability criterion alone."""
