@@ -12,7 +12,9 @@ import pytest
 from conftest import ROOT
 from in_time import Environment
 from scipy.linalg import expm
-from switching_hands import energy_of_cycle, greedy, growth, lossless, matrices, periodic, random_certified, regripped
+from random_devices import ordinary, ordinary_gains
+from sampled_device_oracle import Hand as Held
+from switching_hands import answers, energy_of_cycle, greedy, growth, lossless, matrices, periodic, random_certified, regripped
 
 import vctune
 from vctune.design.verdict.design_record import design_record
@@ -27,7 +29,7 @@ from vctune.proof.certificate import certify
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.registry import claims_asked
 from vctune.proof.engine.interval import Verdict
-from vctune.proof.storage.barrier import analytic_centre
+from vctune.proof.storage.barrier import Family, analytic_centre
 from vctune.proof.storage.changing import prove_changing
 from vctune.proof.storage.storage_proof import prove_storage
 
@@ -123,6 +125,30 @@ def test_the_states_are_the_loop_of_every_other_proof():
             required = required_in_hand(loop, design.gains)
             resistance = offered(design.coupling, device, theta, FLOATS) - required.lost / required.size
             assert y.real * device.mass / device.sample_time == pytest.approx(resistance, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_states_follow_a_hand_whose_damping_changes_at_every_sample(seed):
+    """Devices with parts from event to event, `firmware.Device`, which knows nothing of the states."""
+    rng = np.random.default_rng(seed)
+    device = replace(ordinary(rng, held=0.0), unmodelled=None)
+    gains, coupling = ordinary_gains(device, rng)
+    gains = replace(gains, position=gains.position * (seed % 3 != 0))
+    unit = device.mass / device.sample_time
+    mass, stiffness = device.mass * rng.uniform(0, 2), unit / device.sample_time * rng.uniform(0, 0.1) * (seed % 4 != 0)
+    dampings, desired = unit * rng.uniform(0, 0.2, 40) * rng.integers(2, size=40), rng.normal(size=40)
+    design = Design(device, gains, coupling)
+    expected = answers(design, [Held(mass, damping, stiffness) for damping in dampings], desired)
+    plain, before, found = (device, Law(gains, coupling)), 0.0, []
+    state, reached = 0, 0.0
+    for damping, v_e in zip(dampings, desired, strict=True):
+        loop = loop_states(plain, plain, Hand(mass, damping, stiffness), before, FLOATS)
+        state = np.zeros(len(loop.push)) + state
+        y = np.dot(np.array(loop.seen, float), state) + loop.spring * reached + loop.direct * v_e
+        step = np.array(loop.change, float) + np.diag(np.arange(len(loop.push)) < loop.staying)
+        state, reached, before = step @ state + np.array(loop.push, float) * v_e, reached + v_e, damping
+        found.append(y * unit)
+    assert found == pytest.approx(expected, rel=1e-7, abs=1e-9 * np.abs(expected).max())
 
 
 def test_a_hand_without_mass_is_left_open_and_named():
@@ -234,7 +260,8 @@ def falls_while_stiffness_changes(environment, rate):
         later = (stored(np.clip(stiffness + change * T, 300.0, 3000.0)) for change in (rate, -rate))
         linear += [stored(stiffness), -stored(stiffness), *(stored(stiffness) - step.T @ each @ step for each in later)]
         constant += [np.zeros((n, n)), np.eye(n), np.zeros((n, n)), np.zeros((n, n))]
-    return analytic_centre(np.array(constant), np.array(linear)) is not None
+    alone, free = Family(np.ones((len(linear), 1)), np.array(linear)), np.ones((1, 2 * rows.size), bool)
+    return analytic_centre(np.array(constant), [alone], free) is not None
 
 
 SLOWLY = [(2000, 2, 0.5), (200, 0, 0.02), (2000, 0, 0.02), (2000, 0, 0.5), (0, 2, 0.5), (2000, 10, 5)]
