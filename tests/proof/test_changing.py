@@ -13,12 +13,16 @@ from conftest import ROOT
 from in_time import Environment
 from scipy.linalg import expm
 from random_devices import ordinary, ordinary_gains
+from random_servos import device_of as servo_of
+from random_servos import random_servo
 from sampled_device_oracle import Hand as Held
+from servo_in_time import Mass, Sampled, Servo
 from switching_hands import answers, energy_of_cycle, greedy, growth, lossless, matrices, periodic, random_certified, regripped
 
 import vctune
 from vctune.design.verdict.design_record import design_record
 from vctune.document.text.digest import problem_digest
+from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Demands
@@ -148,6 +152,32 @@ def test_the_states_follow_a_hand_whose_damping_changes_at_every_sample(seed):
         step = np.array(loop.change, float) + np.diag(np.arange(len(loop.push)) < loop.staying)
         state, reached, before = step @ state + np.array(loop.push, float) * v_e, reached + v_e, damping
         found.append(y * unit)
+    assert found == pytest.approx(expected, rel=1e-7, abs=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_states_of_a_servo_follow_a_hand_whose_damping_changes_at_every_sample(seed):
+    """Servos by matrix exponentials of SciPy, `servo_in_time.Sampled`, whose sensor comes after the hand."""
+    rng = np.random.default_rng(seed)
+    own = replace(random_servo(rng), sensor_delay=0.0)
+    T, count = own.sample_time, 60
+    mass, stiffness = rng.uniform(0, 5), rng.uniform(0, 3000) * (seed % 3 != 0)
+    dampings, desired = rng.uniform(0, 100, count) * rng.integers(2, size=count), rng.normal(size=count)
+    design = Design(servo_of(own), Gains(0.0, 0.0), Coupling(np.inf, 2.0, 40.0))
+    plain, before, reached, last = (design.device, Law(design.gains, design.series)), 0.0, 0.0, 0.0
+    kept, state, found, expected = 0.0, 0.0, [], []
+    for damping, v_e in zip(dampings, desired, strict=True):
+        sensing, moving = (Sampled(Servo(*astuple(own)), Mass(mass, each, stiffness)) for each in (before, damping))
+        kept = np.zeros(sensing.size) + kept
+        expected.append(design.series.drag * v_e - sensing.force(kept))
+        kept = moving.wait(kept, (v_e + last) / 2 if own.position else v_e)
+        loop = loop_states(plain, plain, Hand(mass, damping, stiffness), before, FLOATS)
+        state = np.zeros(len(loop.push)) + state
+        y = np.dot(np.array(loop.seen, float), state) + loop.spring * reached + loop.direct * v_e
+        found.append(y / T)
+        step = np.array(loop.change, float) + np.diag(np.arange(len(loop.push)) < loop.staying)
+        state, reached = step @ state + np.array(loop.push, float) * v_e, reached + v_e
+        before, last = damping, v_e
     assert found == pytest.approx(expected, rel=1e-7, abs=1e-9 * np.abs(expected).max())
 
 
