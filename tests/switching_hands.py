@@ -57,6 +57,16 @@ def answers(design: Design, hands: Sequence[Held], desired: Sequence[float]) -> 
     return found
 
 
+def least_energy(design: Design, hands: Sequence[Held]) -> float:
+    """Return the least energy that any motion v_e supplies while the hand changes, over that of |y|: 0 if it is passive.
+
+    The sum of all v_e y is a quadratic form of the samples of v_e. No environment at all is assumed.
+    """
+    units = np.eye(len(hands))
+    form = np.array([answers(design, hands, unit) for unit in units]).T
+    return float(np.linalg.eigvalsh(form + form.T).min() / np.abs(form).max())
+
+
 def growth(steps: np.ndarray, sequences: np.ndarray) -> np.ndarray:
     """Return by how much the loop grows in a period of each of some sequences of dampings, repeated for ever."""
     product = np.broadcast_to(np.eye(steps.shape[-1]), (len(sequences), *steps.shape[1:]))
@@ -97,15 +107,23 @@ def lossless(rng: np.random.Generator, design: Design) -> Environment:
 def random_certified(rng: np.random.Generator, ratio: float = 1.05) -> tuple[Design, Hands]:
     """Return a random design of a velocity loop with a least ratio over a box of hands, in floats.
 
-    Half of the devices are rigid and ideal. The others have parts, and some have no K_p.
+    Half of the devices are rigid and ideal, with K_p > 0. The others have parts, and some have no K_p.
     """
     while True:
-        device, ideal = replace(ordinary(rng, held=0.0), hold="zoh"), rng.random() < 0.5
+        design, hands = random_with_parts(rng, ratio, ideal=rng.random() < 0.5)
+        if design.gains.position > 0 or not design.device.ideal:
+            return design, hands
+
+
+def random_with_parts(rng: np.random.Generator, ratio: float = 1.05, *, ideal: bool = False) -> tuple[Design, Hands]:
+    """Return such a design of a device with parts, or of an ideal one."""
+    while True:
+        device = replace(ordinary(rng, held=0.0), hold="zoh")
         if ideal:
             device = replace(device, velocity=None, actuator=None, force_sensor=None, structure=None)
         gains, coupling = ordinary_gains(device, rng)
         hands = random_hands(rng, device)
-        if (ideal and gains.position == 0) or hands.high.mass == 0:
+        if hands.high.mass == 0:
             continue
         if coupling.drag == 0:
             coupling = replace(coupling, drag=coupling.damping * decades(rng, -3, -0.5))
