@@ -58,7 +58,7 @@ def answers(design: Design, hands: Sequence[Held], desired: Sequence[float]) -> 
 
 
 def least_energy(design: Design, hands: Sequence[Held]) -> float:
-    """Return the least energy that any motion v_e supplies while the hand changes, over that of |y|: 0 if it is passive.
+    """Return the least energy that a motion v_e supplies while the hand changes, relative to |y|; 0 or more if passive.
 
     The sum of all v_e y is a quadratic form of the samples of v_e. No environment at all is assumed.
     """

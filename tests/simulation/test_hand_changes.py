@@ -70,7 +70,7 @@ def test_given_times_are_those_of_a_dwell_time(change):
 
 
 def test_a_hand_that_changes_at_given_times_is_before_and_after_one_that_stays():
-    """From the last change on the motion is that of a hand that has the other damping from the start, once both rest."""
+    """After a damping of 30 ms the motion soon is again that without it; with the other damping it stays another."""
     change = {"other_damping": 30.0, "damping": 3.0, "cycles": 3}
     never, once, twice = (
         run(scene_of(problem_with(change | times if times else {"damping": 3.0, "cycles": 3})))
@@ -78,7 +78,9 @@ def test_a_hand_that_changes_at_given_times_is_before_and_after_one_that_stays()
     )
     assert np.array_equal(never.position[:201], once.position[:201]) and never.position[201] != once.position[201]
     assert np.array_equal(once.position[:231], twice.position[:231])
-    assert np.abs(never.position - twice.position)[-20:].max() < 1e-6 < np.abs(never.position - once.position)[-20:].max()
+    assert (
+        np.abs(never.position - twice.position)[-20:].max() < 1e-6 < np.abs(never.position - once.position)[-20:].max()
+    )
 
 
 def test_the_column_loop_of_given_times_is_that_of_the_worse_hand():

@@ -55,8 +55,8 @@ class SceneOperatorTable(Table):
     changes_at: tuple[Positive, ...] = Field(
         (),
         strict=False,
-        description="Times at which the hand changes, increasing, s, each rounded to a whole sample. They take the place "
-        "of dwell. Default: none.",
+        description="Times at which the hand changes, increasing, s, each rounded to a whole sample. They take the "
+        "place of dwell. Default: none.",
     )
     other_damping: NotNegative | None = Field(
         None, description="Damping in every other interval, N s/m. Default: the same in all."
