@@ -101,6 +101,7 @@ def test_nothing_is_claimed_of_walls_where_the_linear_box_is_not_proved() -> Non
     assert outcomes["walls"].verdict is Verdict.UNDECIDED
 
 
+@pytest.mark.slow
 def test_a_gains_file_states_the_corner(tmp_path: Path) -> None:
     """And a check is about that one: a low one fails where the best passes."""
     text = fixed("world-tools", 1.2, tmp_path).read_text().replace("max = 2000.0 }", "max = 2000.0 }\nwalls = true")

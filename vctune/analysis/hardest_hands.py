@@ -1,4 +1,5 @@
-"""The requirement of hands on a coupling, and the hand near a point that requires the most, in double precision."""
+"""Evaluate what hands require of a coupling, and find the hand that requires the most near a point, in double
+precision."""
 
 from __future__ import annotations
 
@@ -17,7 +18,14 @@ from vctune.model.gains import AnyCoupling, Coupling, Gains, series_coupling
 from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.sampled.hand_loop import AnyLoopInHand, loop_in_hand, offered, required_in_hand, seen_in_hand
+from vctune.model.sampled.hand_loop import (
+    AnyLoopInHand,
+    loop_in_hand,
+    met_in_hand,
+    offered,
+    required_in_hand,
+    seen_in_hand,
+)
 from vctune.model.sampled.plant_in_hand import ServoInHand, delays_of, plant_in_hand
 from vctune.model.sampled.several_devices import as_one
 from vctune.model.sampled.worlds.late_sides import open_sides
@@ -27,22 +35,31 @@ from vctune.model.worlds import WorldsMet
 from vctune.running import check_time
 
 ROUNDS = 22
-"""Number of refinement steps, each of which moves to the best neighbour or halves the distance: down to 1e-4 of the
-first distance, whose square affects the ratio. Half as many reach 1e-2, and the prover finds the rest at its own
-cost."""
+"""Number of refinement steps. Each step moves to the best neighbour or halves the distance, down to 1e-4 of the first
+distance. The square of this distance affects the ratio. Half as many steps reach 1e-2, and the prover would then have
+to find the exact hand."""
 DRIVEN = 1e6
-"""Value of 1/ratio above which a coupling supplies energy where it must not. Half and twice it give the same
-designs."""
+"""Value of 1/ratio above which a coupling supplies energy where it must absorb energy. Half or twice this value gives
+the same designs."""
 
 
 @np.errstate(all="ignore")
 def needs_in_worlds(
-    loop: AnyLoopInHand, device: Device, gains: Gains, coupling: Coupling, theta: Floats, met: WorldsMet
+    loop: AnyLoopInHand,
+    device: Device,
+    gains: Gains,
+    coupling: AnyCoupling,
+    theta: Floats,
+    met: WorldsMet,
+    share: float = 1.0,
 ) -> dict[str, Floats]:
-    """Return 1/ratio for each of the margins of which one must be positive (`model.sampled.worlds.loop_in_worlds`).
+    """Return 1/ratio for each margin. At least one of the margins must be positive
+    (`model.sampled.worlds.loop_in_worlds`).
 
-    For the real part, the ratio is (Re Z_c + g b_1)/R. For a reactance, it is g times the exponential of its relative
-    reserve. In either case a ratio of g suffices, and the ratio tells the missing or the spare share.
+    For the real part, the ratio is (Re Z_c + g b_1)/R. For a share of an impedance display's coupling, it is g times
+    the resistance that this share and the environment give, divided by what the loop lacks. For a reactance, it is g
+    times the exponential of its relative reserve. In either case a ratio of g suffices, and a greater ratio leaves a
+    reserve.
 
     Parameters
     ----------
@@ -51,12 +68,15 @@ def needs_in_worlds(
     gains, coupling : a design with plain numbers or arrays that broadcast against the loop
     theta : omega T, rad
     met : the environments and g
+    share : share of the coupling of an impedance display
     """
-    factor, worlds, T = met.factor, met.worlds, device.sample_time
-    seen, at = seen_in_hand(loop, gains), offered_at(coupling, T, theta, FLOATS)
-    found = disjuncts(at, worlds, T, seen, factor, theta, FLOATS)
-    needs = {"resistive": _need(seen.lost / seen.size, at.resistance + factor * worlds.low.damping)}
-    for name in posed(worlds, factor)[1:]:
+    factor, worlds, T, inverse = met.factor, met.worlds, device.sample_time, device.kind.inverse
+    at, seen = met_in_hand(loop, device, gains, coupling, share, theta, FLOATS)
+    reserve = 1.0 if inverse else factor
+    found = disjuncts(at, worlds, T, seen, reserve, theta, FLOATS)
+    need = _need(seen.lost / seen.size, at.resistance + reserve * worlds.low.damping)
+    needs = {"resistive": need * (reserve / factor)}
+    for name in posed(worlds, factor, inverse=inverse)[1:]:
         needs[name] = np.exp(-room_of(getattr(found, name), np.abs)) / factor
     return needs
 
@@ -79,8 +99,9 @@ def needs_in_hands(
     if met is not None and not met.worlds.lossless:
         return _need_in_time(loop, device, gains, series_coupling(coupling), theta, met)
     if met is not None:
-        needs = needs_in_worlds(loop, device, gains, series_coupling(coupling), theta, met)
-        return np.minimum.reduce(np.broadcast_arrays(*needs.values()))
+        shares = shares_of_coupling(met.factor) if device.kind.inverse else (1.0,)
+        each = (needs_in_worlds(loop, device, gains, coupling, theta, met, share) for share in shares)
+        return np.maximum.reduce([np.minimum.reduce(np.broadcast_arrays(*needs.values())) for needs in each])
     found = required_in_hand(loop, gains)
     with np.errstate(all="ignore"):
         return _need(np.asarray(found.lost / found.size), offered(coupling, device, theta, FLOATS))
@@ -90,7 +111,7 @@ def needs_in_hands(
 def _need_in_time(
     loop: AnyLoopInHand, device: Device, gains: Gains, coupling: Coupling, theta: Floats, met: WorldsMet
 ) -> Floats:
-    """Return 1/ratio with environments that run late or by Euler's rules: as with walls, of `open_sides`."""
+    """Return 1/ratio with environments that run late or by Euler's rules, from the margins of `open_sides`."""
     T, worlds = device.sample_time, met.worlds
     seen, at = seen_in_hand(loop, gains), offered_at(coupling, T, theta, FLOATS)
     planes = open_sides(worlds, T, theta)
@@ -112,7 +133,7 @@ def _need_in_walls(
 
 
 class AtWall(NamedTuple):
-    """Share of the coupling, and l of the stepping rule, in a condition of walls at an angle in a hand."""
+    """The share of the coupling and the l of the integration rule in a condition for walls."""
 
     share: float
     lead: float
@@ -120,9 +141,10 @@ class AtWall(NamedTuple):
 
 @np.errstate(all="ignore")
 def rooms_at_walls(seen: Seen, at: Offered, sample_time: float, theta: Floats, met: WorldsMet) -> dict[AtWall, Floats]:
-    """Return the relative reserve of the condition of walls, for some shares of the coupling and both stepping rules.
+    """Return the relative reserve of the condition for walls, for some shares of the coupling and both integration
+    rules.
 
-    The reserve is the greatest among those of the margins, of which one must be positive.
+    The reserve is the greatest one among the margins, because a single positive margin suffices.
 
     Parameters
     ----------
@@ -145,7 +167,7 @@ def rooms_at_walls(seen: Seen, at: Offered, sample_time: float, theta: Floats, m
 def tightest_at_wall(
     device: Device, gains: Gains, coupling: AnyCoupling, omega: float, hand: Hand, met: WorldsMet
 ) -> AtWall:
-    """Return the share of a coupling, and the stepping rule, with which walls have the least reserve at one place.
+    """Return the share of a coupling and the integration rule with which walls have the least reserve at one place.
 
     Parameters
     ----------
@@ -163,7 +185,7 @@ def tightest_at_wall(
 
 
 def shares_of_coupling(factor: float) -> tuple[float, ...]:
-    """Return the shares of a coupling that are looked at in double precision, each by itself: 1, 1/g and one between.
+    """Return the shares of a coupling that the double-precision search examines: 1, 1/g and one between them.
 
     Parameters
     ----------
@@ -174,7 +196,8 @@ def shares_of_coupling(factor: float) -> tuple[float, ...]:
 
 @np.errstate(all="ignore")
 def _need(required: Floats, there: Floats) -> Floats:
-    """Return 1/ratio, continuous where R changes its sign. For a coupling that drives, it is 0 or exceeds any other."""
+    """Return 1/ratio as a function that is continuous where R changes its sign. For a coupling with negative
+    resistance, the result is 0 or exceeds any other."""
     drives = np.where(required < there, 0.0, DRIVEN * (2 + (required - there) / (np.abs(required) - there)))
     return np.where(there < 0, drives, required / np.maximum(there, 1e-300))
 
@@ -210,7 +233,7 @@ def hardest_near(
     safe = np.where(width > 0, width, 1.0)
     share = np.sqrt((np.array([*starts.hands.numbers.values()]) - low[:, None]) / safe[:, None])
     step_hand, step_angle = np.full(theta.size, 0.2), np.full(theta.size, 2.3 / PER_DECADE)
-    # the requirement of a servo is convex in the hand: a search that starts at a vertex stays there
+    # what a hand requires of a servo is convex in the hand: a search that starts at a vertex stays there
     at_vertices = device.servo is not None and met is None
     offsets = np.zeros((count, 1)) if at_vertices else np.array(list(product((-1, 0, 1), repeat=count))).T
     turns = np.array([-1, 0, 1])
@@ -220,13 +243,13 @@ def hardest_near(
         near = np.clip(share[:, :, None] + offsets[:, None, :] * step_hand[:, None], 0.0, 1.0)
         angle = np.minimum(theta[:, None] * np.exp(turns * step_angle[:, None]), np.pi)
         hand = Hand(*((low[:, None, None] + width[:, None, None] * near**2)[..., None]))
-        if isinstance(plant, ServoInHand):  # no hand moves a servo
+        if isinstance(plant, ServoInHand):  # a hand cannot move a servo
             plant = replace(plant, hand=hand)
         else:
             plant = plant_in_hand(device, hand, delays, FLOATS)
         loop = loop_in_hand(plant, angle[:, None, :], FLOATS)
         need = needs_in_hands(loop, device, gains, coupling, angle[:, None, :], met).reshape(theta.size, -1)
-        need = np.nan_to_num(need, nan=-inf, posinf=inf)  # 0/0 at rest without an integrator requires nothing
+        need = np.nan_to_num(need, nan=-inf, posinf=inf)  # 0/0 at rest without an integrator counts as no requirement
         at = np.argmax(need, axis=1)
         rows, (which, turn) = np.arange(theta.size), np.unravel_index(at, (offsets.shape[1], 3))
         better = need[rows, at] > best

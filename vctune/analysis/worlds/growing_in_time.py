@@ -15,7 +15,7 @@ from math import pi
 
 import numpy as np
 
-from vctune.analysis.destabilising import GrowingEnvironment, reaction_in, zero_near
+from vctune.analysis.destabilising import GrowingEnvironment, impedance_met, zero_near
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
@@ -55,7 +55,7 @@ def growing_in_time(
         None if no member is found to grow.
     """
     T = device.sample_time
-    theta, alone = min(max(omega * T, LEAST), pi - LEAST), reaction_in(device, gains, coupling, hand)
+    theta, alone = min(max(omega * T, LEAST), pi - LEAST), impedance_met(device, gains, coupling, hand)
 
     def unbalance(theta: complex, *, member: Member) -> complex:
         return alone(theta) + complex(np.array(member) @ _factors(theta, T, worlds))

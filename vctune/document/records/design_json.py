@@ -1,4 +1,4 @@
-"""The record of a design: each key of design.json once, with its type and its label (README.md, section 3).
+"""Define the record of a design: each key of design.json once, with its type and its label (README.md, section 3).
 
 The fields of these classes determine what is written, what a file must contain to be read back, and the rows of the
 table and of the report's page. A new number is a new field.
@@ -33,11 +33,11 @@ Four = Annotated[list[float], Field(min_length=4, max_length=4)]
 
 
 UNKNOWN_LIMITS = "not known: the search stopped before it converged"
-"""Line in place of the active constraints."""
+"""Text that replaces the active constraints if the search stopped early."""
 
 
 class ActiveRecord(Part):
-    """An active constraint: where, on which device, and at which price."""
+    """An active constraint: its frequency, the device on which it is active, and its price (Lagrange multiplier)."""
 
     demand: str
     hz: Number
@@ -46,7 +46,7 @@ class ActiveRecord(Part):
 
 
 class RepairRecord(Part):
-    """A change of one number of the problem file after which there is a design."""
+    """A change of one number of the problem file that makes the problem feasible."""
 
     key: str
     old: Number
@@ -58,7 +58,7 @@ class RepairRecord(Part):
 
 
 class AlternativeRecord(Part):
-    """The error of a certified design under one criterion alone."""
+    """The error of a certified design for one stability criterion alone."""
 
     criterion: Literal["passive", "hands"]
     error: float
@@ -67,7 +67,7 @@ class AlternativeRecord(Part):
 
 
 class GlanceRecord(Part):
-    """The search for a bound at one moment."""
+    """The state of the search for a bound at one moment."""
 
     boxes: int
     lower_bound: Number
@@ -83,7 +83,8 @@ class BoxRecord(Part):
 
 
 class OptimalityRecord(Part):
-    """The proved bound on the error of every feasible design; on `terms` alone if the other terms never differ."""
+    """The proved lower bound on the error of every feasible design. If some terms of the error are the same for all
+    designs, the bound covers only `terms`."""
 
     lower_bound: Annotated[Number, Shown("lower bound", "{verdict}, {boxes} boxes")]
     gap: Annotated[Number, Shown("gap", "%", 3, scale=100, optional=True)]
@@ -106,7 +107,7 @@ class OptimalityRecord(Part):
 
 
 class UncertaintyRecord(Part):
-    """The design on the devices of its box, and the error if its numbers were exact."""
+    """The design on all devices of the uncertainty box, and the error that a device without uncertainty would allow."""
 
     box: dict[str, Pair]
     unmodelled: list[list[float]] = Field(default_factory=list)
@@ -144,7 +145,7 @@ class DesignRecord(Document):
         "optimality": "optimality",
         "inner_loop": "velocity loop",
     }
-    """The parts that are shown as rows, in order, with their names."""
+    """The parts that tables show as rows, in order, with their names."""
 
     problem: ProblemRecord
     status: Literal["certified", "violated", "undecided", "infeasible"]
@@ -184,7 +185,7 @@ class DesignRecord(Document):
 
     @property
     def units(self) -> Units:
-        """The units of the device and of the record."""
+        """The units of the record, which are those of the device."""
         return UNITS[self.problem.units]
 
     @property
@@ -192,7 +193,7 @@ class DesignRecord(Document):
         """The proved claim of the design in words; empty if it is not certified."""
         if self.certificate is None or self.status != "certified":
             return ""
-        known = " without what is not modelled" if self.uncertainty is not None and self.uncertainty.unmodelled else ""
+        known = " without unmodelled dynamics" if self.uncertainty is not None and self.uncertainty.unmodelled else ""
         hands = [f"stable{known} {self.certificate.hands.promise(self.units)}"] if self.certificate.hands else []
         band = self.certificate.band_hz
         place = (

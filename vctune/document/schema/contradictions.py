@@ -1,4 +1,4 @@
-"""Contradictions in a problem file between values that are valid on their own."""
+"""Find contradictions in a problem file between values that are valid on their own."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ MAX_DECADES = 12
 
 
 def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
-    """Return contradictions between values that are valid on their own. Works on the valid parts of the document."""
+    """Return contradictions between values that are valid on their own. The function examines only the valid parts of
+    the document."""
     return [
         *_empty_ranges(raw),
         *_impossible_bands(raw),
@@ -105,7 +106,8 @@ def _unproved_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _endless_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Return limits that environments need which are not passive as they run, and those that none of the others has."""
+    """Yield the faults in the limits of the environments. Environments that are not passive as they run need limits
+    that passive ones must not have."""
     table = raw["environment"]
     late, explicit = table.get("late", 0), table.get("rule") == "explicit"
     if not (explicit or (isinstance(late, int) and late > 0)):
@@ -135,7 +137,7 @@ def _endless_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _unproved_walls(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the keys with which the condition of walls cannot be stated."""
+    """Yield the keys that the proof for walls does not allow."""
     table, corner = raw["environment"], number_at(raw, "environment", "corner_hz")
     rule, late = table.get("rule", "trapezoid"), table.get("late", 0)
     if table.get("walls") is True and (rule != "trapezoid" or late):
@@ -166,7 +168,7 @@ def _unproved_walls(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _unproved_changing(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Return what is not looked at where the damping of the hand changes."""
+    """Yield the keys that the proof for a changing damping does not allow."""
     stability = raw.get("stability")
     if not isinstance(stability, dict):
         return

@@ -1,4 +1,4 @@
-"""Contradictions in an [[experiment]], between values that are valid on their own."""
+"""Find contradictions in an [[experiment]] between values that are valid on their own."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The sampled loop with a hand at the handle, and the impedance that the environment sees (model/README.md, section
-14).
+"""Evaluate the sampled loop with a hand at the handle, and the impedance that the environment sees (model/README.md,
+section 14).
 
 The position x_1, the velocity estimate and the sensed force f of device and hand (`plant_in_hand`) give the return
 difference and the impedance that the environment sees:
@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from vctune.model.coupling import sampled_resistance
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Gains, SpringDamper
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import Vector, nothing
 from vctune.model.numbers.pair import EvenOdd
@@ -28,7 +28,8 @@ from vctune.model.sampled.circle import Circle, OfParts, circle
 from vctune.model.sampled.impedance_display import ForceInHand, Offered, Required, firmware_filter, offered_by_spring
 from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand, ServoInHand, equations, numerators
 from vctune.model.sampled.servo_in_hand import blur_of, seen_of_servo
-from vctune.model.sampled.worlds.loop_in_worlds import Seen
+from vctune.model.sampled.worlds.loop_in_worlds import Offered as OfferedBySeries
+from vctune.model.sampled.worlds.loop_in_worlds import Seen, offered_at
 
 
 class LoopInHand(NamedTuple):
@@ -56,7 +57,7 @@ class LoopInHand(NamedTuple):
 
 
 class CommandInHand(NamedTuple):
-    """The impedance of a servo in a hand that the environment sees, Z_seen = seen/(2 j s). It does not depend on gains.
+    """The impedance that the environment sees of a servo in a hand, Z_seen = seen/(2 j s). It does not depend on gains.
 
     Attributes
     ----------
@@ -123,7 +124,7 @@ def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLo
 
 
 class NextToRest(NamedTuple):
-    """The terms of rho. In a hand without stiffness and with K_p = 0, rho vanishes at theta = 0.
+    """The terms of rho. If the hand has no stiffness and K_p = 0, rho vanishes at theta = 0.
 
     Attributes
     ----------
@@ -187,8 +188,8 @@ def _next_to_rest(
     """Return F and the sensed force divided by rho, as numbers even + j turned odd.
 
     Near theta = 0, K = 0 and K_p = 0, both vanish with rho. The function replaces the unknown x_1, the position, by rho
-    x_1. This divides the position's column of the equations by rho, whose terms contain the factors 2 s and K of the
-    column.
+    x_1. The substitution divides the position's column of the equations by rho, whose terms contain the factors 2 s and
+    K of the column.
     """
     at, turned, half = circle(theta, ops), rest.turned, rest.rho / 2
     square = turned * turned
@@ -200,7 +201,7 @@ def _next_to_rest(
         exact = equations(plant.rates, plant.step, plant.push, older, at.cos, at.square)
         rows = [[None if entry is None else number(entry.even, entry.odd) for entry in row] for row in exact]
         for row, rates, step in zip(rows, plant.rates, plant.step, strict=True):
-            # wherever the hand's spring acts, it acts as -K x_1
+            # the hand's spring acts only through -K x_1
             row[0] = EvenOdd(0 if nothing(rates[0]) else at.cos * rest.spring, step[0], square)
         return numerators(rows)
 
@@ -219,7 +220,7 @@ def _answers(
     moved: Any,
     grip: Number,
 ) -> tuple[Any, Any, Any, Any]:
-    """Return the determinant, and its products with velocity estimate, position and sensed force.
+    """Return the determinant, and the products of the determinant with velocity estimate, position and sensed force.
 
     Parameters
     ----------
@@ -267,7 +268,8 @@ def _force_in_hand(
     d, unit = EvenOdd(2 * square, 2 * cos, square), plant.sample_time / plant.mass
     velocity, met = position * d, position * EvenOdd(-4 * cos, 4, square)  # -4 e^{-j theta/2} G_x/T
     if plant.low_pass is not None:
-        # a quotient, unlike in `loop_in_hand`: what is met stays free of the filter, and boxes of hands tight
+        # a quotient, unlike in `loop_in_hand`, so that `met` does not contain the filter, and enclosures for boxes of
+        # hands stay tight
         a, rest = plant.low_pass, 2 - plant.low_pass
         below = 1 / (a * a * (cos * cos) + rest * rest * square)
         passed = EvenOdd((a * cos * cos + rest * square) * (a * below), 2 * (a - 1) * a * (cos * below), square)
@@ -277,7 +279,7 @@ def _force_in_hand(
 
 
 def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
-    """Return -o/2 and |F|^2, whose quotient is R (model/README.md, section 14; 15 and 17 for the other displays).
+    """Return -o/2 and |F|^2, whose quotient is R (model/README.md, sections 14, 15 and 17).
 
     Here P conj F = e + j s o, and Z_seen = P/(2 j s F).
 
@@ -298,7 +300,7 @@ def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
 
 
 def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> Seen:
-    """Return Z_seen, the impedance in a hand that the environment sees.
+    """Return Z_seen, the impedance that the environment sees of the loop in a hand.
 
     Parameters
     ----------
@@ -312,8 +314,84 @@ def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> Seen:
     return Seen(required.lost, 0.5 * (P.even * F.even + F.square * (P.odd * F.odd)), required.size)
 
 
+class SeenByTool(NamedTuple):
+    """The impedance of an impedance display in a hand that its virtual tool meets, coupling included.
+
+    It is 1/(y/Z_c + G) = (given - lost)/size - j swing/(s size), with a share y of the coupling's admittance.
+
+    Attributes
+    ----------
+    given, lost : shares of the coupling and of the loop in the real part
+    swing : minus the imaginary part; it is > 0 for a spring
+    size : > 0 unless the loop has a pole with the tool held
+    """
+
+    given: Number
+    lost: Number
+    swing: Number
+    size: Number
+
+    @property
+    def whole(self) -> Seen:
+        """The impedance as that of one loop."""
+        return Seen(self.lost - self.given, self.swing, self.size)
+
+    @property
+    def apart(self) -> tuple[OfferedBySeries, Seen]:
+        """The resistance that the coupling gives, and the rest of the impedance."""
+        return OfferedBySeries(self.given / self.size, 0.0), Seen(self.lost, self.swing, self.size)
+
+
+def seen_by_tool(loop: ForceInHand, gains: Gains, at: Offered, share: Number) -> SeenByTool:
+    """Return the impedance that the virtual tool of an impedance display meets (model/README.md, section 18).
+
+    With j s Z_c = C and G = s P/(2 j F) it is j F C/(s (C P/2 - y F)). The numerator and the denominator are regular at
+    theta = 0, and the latter is the return difference of the loop with the tool held.
+
+    Parameters
+    ----------
+    loop : loop in a hand, at one or several angles
+    gains : gains in numbers of the loop's arithmetic
+    at : response of the coupling
+    share : y, from 1/g to 1
+    """
+    alone, F, P = seen_in_hand(loop, gains), loop.closed(gains), loop.numerator(gains)
+    held = EvenOdd(at.spring, at.above, F.square) * P.scaled(0.5) + F.scaled(-share)
+    return SeenByTool(
+        given=share * (at.above * alone.size),
+        lost=alone.lost * at.below,
+        swing=share * (at.spring * alone.size) - alone.swing * at.below,
+        size=held.abs2(),
+    )
+
+
+def met_in_hand(
+    loop: AnyLoopInHand,
+    device: Device,
+    gains: Gains,
+    coupling: AnyCoupling,
+    share: float,
+    theta: Number,
+    ops: Arithmetic,
+) -> tuple[OfferedBySeries, Seen]:
+    """Return the two parts of the impedance that an environment meets: that of the coupling, and that of the loop.
+
+    Parameters
+    ----------
+    loop : loop in a hand
+    device : device that runs the coupling
+    gains, coupling : design in numbers of the arithmetic
+    share : share of the coupling of an impedance display; others offer the whole
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of the other arguments
+    """
+    if isinstance(coupling, SpringDamper) and isinstance(loop, ForceInHand):
+        return seen_by_tool(loop, gains, offered_at_spring(coupling, device, theta, ops), share).apart
+    return offered_at(series_coupling(coupling), device.sample_time, theta, ops), seen_in_hand(loop, gains)
+
+
 def offered(coupling: AnyCoupling, device: Device, theta: Number, ops: Arithmetic) -> Number:
-    """Return Re Z_c of the coupling as the firmware runs it; for an impedance display Re(1/Z_c)/sin^2(theta/2).
+    """Return Re Z_c of the coupling in the firmware; for an impedance display Re(1/Z_c)/sin^2(theta/2).
 
     Parameters
     ----------
@@ -336,7 +414,7 @@ def offered(coupling: AnyCoupling, device: Device, theta: Number, ops: Arithmeti
 def room(
     coupling: AnyCoupling, device: Device, required: Required, factor: Number, theta: Number, ops: Arithmetic
 ) -> Number:
-    """Return (offered - factor R) times a positive number. The result has the sign of the margin.
+    """Return (offered - factor R) times a positive number, so that the result has the sign of the margin.
 
     The positive number is the product of both denominators. The function divides by nothing, so that the result is
     regular where `offered` or R is 0/0.
@@ -362,7 +440,7 @@ def room(
 
 
 def offered_at_spring(coupling: SpringDamper, device: Device, theta: Number, ops: Arithmetic) -> Offered:
-    """Return 1/Z_c/sin^2(theta/2) of an impedance display's coupling as its firmware runs it.
+    """Return 1/Z_c/sin^2(theta/2) of an impedance display's coupling in the firmware.
 
     Parameters
     ----------

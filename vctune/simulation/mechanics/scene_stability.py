@@ -24,15 +24,15 @@ from vctune.simulation.mechanics.step import INPUTS, build
 from vctune.simulation.scene import Scene, baseline_scene
 
 STANDING = 1e-6
-"""Distance from 1 within which an eigenvalue is a position without a restoring force, not an oscillation. A double
-eigenvalue is computed to the square root of rounding, 1e-8. Half and twice this distance only matter for a mode of a
-million samples."""
+"""Distance from 1 within which an eigenvalue belongs to a position without a restoring force, not to an oscillation.
+The numerical error of a double eigenvalue is the square root of rounding, 1e-8. Half or twice this distance only
+matters for a mode that lasts a million samples."""
 DECADES = 4
-"""Number of decades, up and down from the file's virtual mass and damping, in which a stable share is sought. Half and
-twice as many change no result within them."""
+"""Number of decades, up and down from the file's virtual mass and damping, in which the code searches for a stable
+share. Half or twice as many decades change no result within the range."""
 BISECTIONS = 30
-"""Number of bisections of half a decade, down to 1e-9. Half as many leave 4e-5, which sometimes shows in the fourth
-digit; twice as many reach rounding errors."""
+"""Number of bisections of half a decade, down to 1e-9. Half as many bisections leave 4e-5, which sometimes shows in the
+fourth digit. Twice as many reach rounding errors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ def linear_scenes(scene: Scene) -> list[Scene]:
 
 
 def loop_matrix(scene: Scene) -> Floats:
-    """Return the matrix of a linear scene's step, from state to state, by the step's results for unit states."""
+    """Return the matrix of a linear scene's step from state to state. The function applies the step to unit states."""
     with interrupt_deferred():
         step = build(scene)
         size, no_input = len(step.start), np.zeros(INPUTS)
@@ -69,9 +69,9 @@ def loop_matrix(scene: Scene) -> Floats:
 def fastest_mode(scene: Scene) -> Mode:
     """Return the mode that decides whether hand, device and environment oscillate together.
 
-    If the hand changes every so often, the mode is that of a period of its changes: its growth is per sample, its
-    frequency that at which the period's share of it repeats. If it changes at given times, after which it stays, the
-    mode is that of one of its hands.
+    If the hand has a dwell time, the mode belongs to one period of the changes. The growth is still per sample. The
+    frequency is that of the mode's repetition from period to period. If the hand changes at given times, the mode is
+    that of the one of its hands in which the loop grows most.
     """
     T, changes = scene.device.sample_time, hand_changes(scene)
     if changes.every == 0:

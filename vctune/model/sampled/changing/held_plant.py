@@ -1,4 +1,4 @@
-"""A device in a hand over a sample, as rows of named states, for hands whose damping changes between samples.
+"""Sample a device in a hand whose damping changes between samples, as rows of named states.
 
 Numbers are dimensionless, in units of the sample time and of the device's mass. The hand has one damping from this
 sample on, and may have had another when the force was sampled.

@@ -1,4 +1,4 @@
-"""A servo in a hand over a sample, as rows of named states, for hands whose damping changes between samples.
+"""Sample a servo in a hand whose damping changes between samples, as rows of named states.
 
 The position is no state: it follows from q and from the motion that is still to come,
 

@@ -1,4 +1,4 @@
-"""The sampled loop in a hand whose damping changes, as states (model/README.md, section 21).
+"""Write the sampled loop in a hand whose damping changes as states (model/README.md, section 21).
 
 All numbers are dimensionless, in units of the sample time T and of the device's mass m. The states are those of the
 device in the hand, the commands and the sensed forces on their way, the memory of the firmware's filters, the position

@@ -1,4 +1,4 @@
-"""Weighted sums of named states and inputs, in any arithmetic, and the exact motion of a chain of states in a sample.
+"""Compute with weighted sums of named states, in any arithmetic, and move a chain of states over a sample.
 
 The module `vctune.analysis.responses.states` has the same sums in floats, in SI units. Here all numbers are
 dimensionless, with T = 1.

@@ -1,5 +1,4 @@
-"""What a storage function of the states of the sampled loop in a hand whose damping changes must meet
-(model/README.md, section 21)."""
+"""Evaluate what a storage function must meet in a hand whose damping changes (model/README.md, section 21)."""
 
 from __future__ import annotations
 
