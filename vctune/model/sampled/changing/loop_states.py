@@ -37,7 +37,12 @@ class Pull(NamedTuple):
     motion: Vector
 
     def grown(self, i: int, j: int) -> Number:
-        """Return an entry of the growth of p^2/K in a sample, 2 p d + K d^2, of zeta and v_e."""
+        """Return an entry of the growth of p^2/K in a sample, 2 p d + K d^2, as a symmetric matrix.
+
+        Parameters
+        ----------
+        i, j : row and column: an index of zeta, or n for v_e
+        """
         d = self.motion
         found = times(times(self.stiffness, d[i]), d[j])
         for one, other in ((i, j), (j, i)):
@@ -155,6 +160,11 @@ def _states(row: Row, rows: Iterable[str]) -> list[str]:
 
 
 def states_of(device: Device, law: Law) -> list[str]:
-    """Return the names of the states zeta of a device and a law in plain numbers."""
+    """Return the names of the states zeta.
+
+    Parameters
+    ----------
+    device, law : in plain numbers
+    """
     one = Hand(device.mass, 0.0, device.mass / device.sample_time**2)
     return list(loop_states((device, law), (device, law), one, 0.0, FLOATS).names)
