@@ -84,8 +84,10 @@ def _criterion_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _hands_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the fault of a box whose only hand has no impedance. Such a hand pushes with no force, so there is no
-    feedback."""
+    """Yield the fault of a box whose only hand has no impedance.
+
+    Such a hand pushes with no force, so there is no feedback.
+    """
     numbers = (key.split(".") for key in HAND)
     if all(number_at(raw, *path, "max") == 0 for path in numbers) and not number_at(
         raw, "device", "servo", "stiffness"
