@@ -17,6 +17,7 @@ from random_servos import random_servo
 from sampled_device_oracle import Hand as Held
 from scipy.linalg import expm
 from servo_in_time import Mass, Sampled, Servo
+from servo_oracle import Follower
 from switching_hands import (
     answers,
     energy_of_cycle,
@@ -321,6 +322,16 @@ def test_published_gains_of_servos_and_of_a_flexible_handle_are_proved(name):
     design = Design(problem.device, *problem.fixed_design)
     assert problem.demands.changing is not None and problem.demands.changing.low.mass == 0
     assert prove_changing(design, problem.demands.changing).verdict is Verdict.PROVED
+
+
+def test_a_servo_whose_states_do_not_depend_on_the_hand_is_proved():
+    """Its sensor has no low-pass: the hand is in the sensed force alone."""
+    device = servo_of(Follower(0.002, 0.0035, 20.0, 1, False, None, 1, 0.0))
+    design = Design(device, Gains(0.0, 0.0), Coupling(np.inf, 2.0, 400.0))
+    hands = Hands(Hand(0.0, 0.0, 0.0), Hand(1.0, 20.0, 1000.0))
+    assert prove_changing(design, hands).verdict is Verdict.PROVED
+    weak = replace(design, coupling=Coupling(np.inf, 2.0, 4.0))
+    assert prove_changing(weak, hands).verdict is Verdict.UNDECIDED
 
 
 def test_a_hand_without_mass_supplies_energy():
