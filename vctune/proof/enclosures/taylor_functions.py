@@ -90,6 +90,22 @@ def _power(x: Taylor, table: Table) -> Taylor:
     return x.mapped((value, p * value / mid, 0.5 * p * (p - 1) * value / mid**2), third, error)
 
 
+def _like(x: Number, one: Taylor) -> Taylor:
+    """Return a matrix over the boxes of another, on which it need not depend.
+
+    Parameters
+    ----------
+    x : a `Taylor`, or an enclosure of shape (n, m) or (n, m, boxes)
+    one : the other matrix
+    """
+    if isinstance(x, Taylor):
+        return x
+    shape = (*x.mid.shape[:2], one.poly.shape[-1])
+    poly, rest = (np.zeros((len(part), *shape)) for part in (one.poly, one.rest))
+    poly[0], rest[-1] = (part.reshape(*shape[:2], -1) for part in (x.mid, x.rad))
+    return Taylor(one.rows, poly, rest)
+
+
 class _TaylorArithmetic:
     """Operations that a loop rarely needs, evaluated on all values of a number without its dependence on the rows."""
 
@@ -107,7 +123,8 @@ class _TaylorArithmetic:
 
     @staticmethod
     def matmul(a: Number, b: Number) -> Number:
-        return a.matmul(b) if isinstance(a, Taylor) else ENCLOSURES.matmul(a, b)
+        one = next((x for x in (a, b) if isinstance(x, Taylor)), None)
+        return ENCLOSURES.matmul(a, b) if one is None else _like(a, one).matmul(_like(b, one))
 
     @staticmethod
     def is_zero(x: Number) -> bool:
