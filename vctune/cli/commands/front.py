@@ -18,8 +18,9 @@ from vctune.cli.printing.options import out_option, output_options, problem_argu
 @time_limit_option(" each point")
 @output_options()
 def front(problem: Path, out: Path, jobs: int | None, executor: str, time_limit: float, style: str, quiet: bool) -> int:
-    """Find two Pareto fronts of PROBLEM. The first front is between the three terms of the error. The second front is
-    between the error and the upper edge of the stability band.
+    """Find two Pareto fronts of PROBLEM. The first front is between the three terms of the error.
+
+    The second front is between the error and the upper edge of the stability band.
 
     The command runs one sweep for each front. The first sweep varies the position gain K_p over its range, and the
     weight of the coupling's term over six decades. The second sweep varies the upper edge of the stability band up to
@@ -51,6 +52,12 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str, time_limit:
     if fronts.band is not None:
         against = f"{counts[1]} on the front of error against band"
     designs = "1 design" if counts[0] == 1 else f"{counts[0]} designs"
-    said = f"{printable(file.problem.name)}: {designs} on the front of the three terms,\n{against}"
-    answer(style, quiet, fronts.record(file.problem.name).to_json, lambda: click.echo(f"{said}; written to {folder}"))
+    lines = [f"{printable(file.problem.name)}: {designs} on the front of the three terms,", against]
+
+    def table() -> None:
+        from vctune.cli.printing.design_table import print_lines
+
+        print_lines(lines, folder, [f"open {folder / 'terms.svg'}"])
+
+    answer(style, quiet, fronts.record(file.problem.name).to_json, table)
     return ExitCode.OK if all(counts) else ExitCode.FAILED

@@ -65,8 +65,9 @@ Q has a pole."""
 
 
 def has_sharp_form(device: Device) -> bool:
-    """Return whether this form encloses a device more tightly. This form is tighter for devices with an actuator or a
-    structure, which the closed form does not cover.
+    """Return whether this form encloses a device more tightly.
+
+    This form is tighter for devices with an actuator or a structure, which the closed form does not cover.
 
     Parameters
     ----------
