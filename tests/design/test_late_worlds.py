@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import json
 import re
+import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,10 +16,13 @@ from vctune.analysis.worlds.growing_in_time import growing_in_time
 from vctune.api.exporting import export
 from vctune.api.solving import solve
 from vctune.design.verdict.judge import Status, judge
+from vctune.design.verdict.parameter_changes import parameter_changes
+from vctune.design.verdict.repair import OF_FIXED, find_repairs
 from vctune.document.reading import parse_problem, read_problem
 from vctune.document.records.certificate_json import EnvironmentRecord, HandRecord
 from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
+from vctune.model.problem import Problem
 from vctune.proof.engine.interval import Verdict
 
 DEVICE = """[device]
@@ -218,3 +223,20 @@ def test_the_exported_files_say_how_the_environments_are_stepped(tmp_path: Path)
     (assumed,) = json.loads(export(written(tmp_path), to="json").files["controller.json"])["assumed"]
     assert f"those of the box, {STEPPED}; the built-in environment is neither" in assumed
     assert "trapezoidal" not in assumed
+
+
+def test_a_relaxation_that_does_not_suffice_is_tried_once() -> None:
+    """No hands and no environments are easy enough for a velocity loop that is unstable by itself."""
+    text = DEVICE + LATE + FIXED.replace("drag = 2.15", "drag = 1e-9") + BAND
+    text = text.replace("velocity = 230.0", "velocity = 1000.0")
+    changes = parameter_changes(tomllib.loads(text), parse_problem(text, "x", "x"))
+    tried = [0]
+
+    def estimate(problem: Problem) -> bool:
+        tried[0] += 1
+        return OF_FIXED.estimate(problem)
+
+    worlds = [change for change in changes if change.path[0] in ("environment", "operator")]
+    assert all(change.eases for change in worlds) and len(worlds) > 5
+    assert not find_repairs(tomllib.loads(text), worlds, replace(OF_FIXED, estimate=estimate))
+    assert tried[0] <= len(worlds)

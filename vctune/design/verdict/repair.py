@@ -116,7 +116,7 @@ def _seems_in_use(problem: Problem) -> bool:
     return transparency_error(problem, *problem.fixed_design).tracking <= IDLE and _seems_admissible(problem)
 
 
-OF_FIXED = RepairTest(_seems_admissible, _judged, 2e-3)
+OF_FIXED = RepairTest(_seems_admissible, _judged, 2e-3, furthest_first=True)
 OF_FREE = RepairTest(_seems_solvable, _solved, 0.05, furthest_first=True)
 """Tests for problems that fix every number, and for those that leave a number free. The former are judged in a
 millisecond, so that the least change can be found closely; the latter are solved in a second. Half or twice the width
