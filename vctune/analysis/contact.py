@@ -146,8 +146,10 @@ def _stiffest_in_disc(device: Device, hands: Hands, coupling: AnyCoupling, facto
 
 
 def _angles(device: Device) -> Floats:
-    """Return angles up to Nyquist. The angles are so close that the latency turns the phase little between
-    neighbours."""
+    """Return angles up to Nyquist.
+
+    The angles are so close that the latency turns the phase little between neighbours.
+    """
     servo = device.servo
     assert servo is not None
     turns = 4 + device.sensed_latency / device.sample_time

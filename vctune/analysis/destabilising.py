@@ -272,7 +272,7 @@ def _dual(compliance: float, mobility: float, damping: float, growth: float, ome
 def _followed(unbalance: Callable[..., complex], theta: float, damping: float) -> list[tuple[float, complex]]:
     """Follow a pole from the unit circle while removing, step by step, the damper that holds it there.
 
-    Without such a damper, the path is empty. The path ends where the function can no longer follow the pole.
+    If no damper holds a pole there, the path is empty. The path ends where the function can no longer follow the pole.
     """
     pole, left, share, path = complex(theta), 1.0, FIRST, []
     for _ in range(MOST):

@@ -38,8 +38,9 @@ class Minima:
 def frequency_grid(
     omega_min: float, omega_max: float, points_per_decade: int = POINTS_PER_DECADE, widest: float = inf
 ) -> Floats:
-    """Return a logarithmic grid that contains both ends exactly. Where its steps would exceed `widest`, they equal
-    `widest`.
+    """Return a logarithmic grid that contains both ends exactly.
+
+    Where its steps would exceed `widest`, they equal `widest`.
 
     Parameters
     ----------
@@ -114,8 +115,10 @@ def local_minima(f: Callable[[Floats], Floats], grid: Floats) -> Minima:
 
 
 def _vertex(points: Floats, values: Floats, rows: NDArray[np.intp], k: NDArray[np.intp]) -> Floats:
-    """Return the minima of the parabolas through the k-th points and their neighbours. At an end, return the point
-    itself."""
+    """Return the minima of the parabolas through the k-th points and their neighbours.
+
+    At an end, return the point itself.
+    """
     middle = np.clip(k, 1, ZOOM_POINTS - 2)
     left, centre, right = (values[rows, middle + side] for side in (-1, 0, 1))
     with np.errstate(all="ignore"):

@@ -40,8 +40,9 @@ NO_LOOP = Gains(0.0, 0.0), Coupling(0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Feel:
-    """Numbers that describe how a device feels, with a design or without a loop. A number is None if it does not exist
-    or if its frequency is above Nyquist.
+    """Numbers that describe how a device feels, with a design or without a loop.
+
+    A number is None if it does not exist or if its frequency is above Nyquist.
 
     Attributes
     ----------

@@ -53,8 +53,9 @@ def needs_in_worlds(
     met: WorldsMet,
     share: float = 1.0,
 ) -> dict[str, Floats]:
-    """Return 1/ratio for each margin. At least one of the margins must be positive
-    (`model.sampled.worlds.loop_in_worlds`).
+    """Return 1/ratio for each margin.
+
+    At least one of the margins must be positive (`model.sampled.worlds.loop_in_worlds`).
 
     For the real part, the ratio is (Re Z_c + g b_1)/R. For a share of an impedance display's coupling, it is g times
     the resistance that this share and the environment give, divided by what the loop lacks. For a reactance, it is g
@@ -196,8 +197,10 @@ def shares_of_coupling(factor: float) -> tuple[float, ...]:
 
 @np.errstate(all="ignore")
 def _need(required: Floats, there: Floats) -> Floats:
-    """Return 1/ratio as a function that is continuous where R changes its sign. For a coupling with negative
-    resistance, the result is 0 or exceeds any other."""
+    """Return 1/ratio as a function that is continuous where R changes its sign.
+
+    For a coupling with negative resistance, the result is 0 or exceeds any other.
+    """
     drives = np.where(required < there, 0.0, DRIVEN * (2 + (required - there) / (np.abs(required) - there)))
     return np.where(there < 0, drives, required / np.maximum(there, 1e-300))
 

@@ -70,8 +70,9 @@ class RatioInAnyHand:
 
 
 def least_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[RatioInHand | RatioInAnyHand]:
-    """Return the local minima of the ratio in the hands of a problem. For each kind of hand, the lowest minimum comes
-    first.
+    """Return the local minima of the ratio in the hands of a problem.
+
+    For each kind of hand, the lowest minimum comes first.
 
     Parameters
     ----------

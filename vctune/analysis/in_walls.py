@@ -34,8 +34,9 @@ binding hand or angle. Twice as many lead to the same corner."""
 
 
 def corner_of(problem: Problem, gains: Gains, coupling: AnyCoupling) -> float:
-    """Return the corner, rad/s, with which the condition for walls has the greatest reserve. In hertz, the corner has
-    six digits.
+    """Return the corner, rad/s, with which the condition for walls has the greatest reserve.
+
+    In hertz, the corner has six digits.
 
     Parameters
     ----------

@@ -1,5 +1,7 @@
-"""Evaluate loops in some hands of a box at some angles, in double precision. The search for the worst hand starts from
-them."""
+"""Evaluate loops in some hands of a box at some angles, in double precision.
+
+The search for the worst hand starts from them.
+"""
 
 from __future__ import annotations
 

@@ -95,8 +95,10 @@ def growing_in_any_hand(
 def _growing_in(
     device: Device, gains: Gains, coupling: SpringDamper, hand: LosslessHand, theta: float
 ) -> GrowingEnvironment | None:
-    """Return the environment with which a loop grows in a hand. The value of the environment is 0 if the loop of K_v
-    alone grows."""
+    """Return the environment with which a loop grows in a hand.
+
+    The value of the environment is 0 if the loop of K_v alone grows.
+    """
 
     def loop(theta: complex) -> complex:
         """Return K_v F G_y."""

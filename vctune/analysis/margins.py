@@ -104,8 +104,9 @@ def unit_gain_frequencies(device: Device, gains: Gains) -> Floats:
 
 
 def unstable_poles(device: Device, gains: Gains) -> int:
-    """Return the number of poles of the closed sampled loop outside the unit circle. The function counts the turns of F
-    around 0.
+    """Return the number of poles of the closed sampled loop outside the unit circle.
+
+    The function counts the turns of F around 0.
 
     Parameters
     ----------

@@ -124,8 +124,9 @@ def unit_circle(device: Device, first: float = FIRST_ANGLE, *, position: bool) -
 
 
 def makes_no_turn(F: Pair) -> NDArray[np.bool_]:
-    """Return whether a closed loop's return difference on `unit_circle` makes no turn around 0. The last axis is the
-    angle.
+    """Return whether a closed loop's return difference on `unit_circle` makes no turn around 0.
+
+    The last axis is the angle.
 
     F is real at the last angle. The total turn is the angle from F at the first angle to the positive real axis, plus a
     full turn for each crossing of the negative real axis. Chords between neighbouring angles show these crossings.
@@ -166,8 +167,10 @@ def clearly_stable(device: Device, gains: Gains) -> bool | None:
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """The half plane open + K_v velocity + K_p position >= 0. The half plane keeps the gains inside the stability
-    boundary."""
+    """The half plane open + K_v velocity + K_p position >= 0.
+
+    The half plane keeps the gains inside the stability boundary.
+    """
 
     open: float
     velocity: float
@@ -198,8 +201,10 @@ def stability_cut(device: Device, inside: Gains, outside: Gains, level: float) -
 
 
 def _crossing(curve: Curve, theta: Floats, inside: Gains, outside: Gains) -> Gains | None:
-    """Return the gains at which the number of turns first differs from that at `inside`. Return None if it never
-    differs."""
+    """Return the gains at which the number of turns first differs from that at `inside`.
+
+    Return None if it never differs.
+    """
     low, high = 0.0, 1.0
     for _ in range(CROSSING_ROUNDS):
         t = np.linspace(low, high, CROSSING_POINTS)[:, None]

@@ -194,8 +194,11 @@ class _Answer:
 
     @property
     def rank(self) -> tuple[bool, float]:
-        """Return the sort key of an answer. Answers that meet the constraints on their grid with a stable loop come
-        first, by error; then all others, by violation."""
+        """Return the sort key of an answer.
+
+        Answers that meet the constraints on their grid with a stable loop come first, by error; then all others, by
+        violation.
+        """
         good = self.missed <= MET and self.stable
         return (not good, self.error if good else self.missed + 1e3 * (not self.stable))
 

@@ -61,8 +61,10 @@ def main() -> None:
 
 
 def execute() -> int:
-    """Run the command line and return one of the codes in `ExitCode`. KeyboardInterrupt is the only exception that it
-    raises."""
+    """Run the command line and return one of the codes in `ExitCode`.
+
+    KeyboardInterrupt is the only exception that it raises.
+    """
     try:
         code = main(standalone_mode=False)
     except InputError as error:

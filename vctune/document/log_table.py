@@ -151,8 +151,10 @@ def _is_number(text: str) -> bool:
 
 
 def _at_once(data: bytes, separator: str, columns: int, first_line: int) -> Floats | None:
-    """Return the samples of a table without faults; None if the table has a fault. The function makes no list of lines,
-    to save memory."""
+    """Return the samples of a table without faults; None if the table has a fault.
+
+    The function makes no list of lines, to save memory.
+    """
     stream = _stream(data)
     try:
         for _ in range(first_line - 1):

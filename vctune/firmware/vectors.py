@@ -45,8 +45,9 @@ class Replay:
 
 
 def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] = lambda stage: None) -> list[Replay]:
-    """Simulate a design in those experiments of its problem that the C code can render. Without any, use default
-    experiments.
+    """Simulate a design in those experiments of its problem that the C code can render.
+
+    Without any, use default experiments.
 
     Parameters
     ----------
@@ -68,7 +69,7 @@ def usual(problem: Problem) -> tuple[Experiment, ...]:
     """Return the default experiments for a problem without experiments: a spring, and a wall that saturates the motor.
 
     A servo has no mass that could set the size of the environments, and no force that could saturate. For a servo, the
-    hands set the size.
+    stiffness and damping of the hands set the size of the environments.
     """
     device, stiffest = problem.device, problem.hands.high.stiffness
     share = usual_share(device.mass, device.units) if device.kind.own_loop else stiffest / USUAL_STIFFNESS or 1.0
@@ -118,8 +119,9 @@ def vectors_text(made: list[Replay], units: Units, commanded: Commanded) -> str:
 
 
 def greatest_difference(firmware: Firmware, made: list[Replay]) -> float:
-    """Return the greatest difference between a firmware's commands and the simulated ones. The firmware runs in its
-    precision, without fused operations.
+    """Return the greatest difference between a firmware's commands and the simulated ones.
+
+    The firmware runs in its precision, without fused operations.
 
     Parameters
     ----------

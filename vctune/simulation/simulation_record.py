@@ -154,8 +154,10 @@ def _run(made: Run, curve: list[list[float]]) -> RunRecord:
 
 
 def _curve(traces: Traces, name: str, cycle: float) -> tuple[Floats, Floats]:
-    """Return position or velocity, and the force over it. If there are several cycles, the function omits the first
-    one."""
+    """Return position or velocity, and the force over it.
+
+    If there are several cycles, the function omits the first one.
+    """
     first = int(np.searchsorted(traces.time, cycle * (1 - 1e-9)))
     first = first if len(traces.time) - first > 1 else 0
     return getattr(traces, name)[first:], traces.force[first:]

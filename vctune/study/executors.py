@@ -140,8 +140,10 @@ def _context() -> BaseContext:
 
 @contextmanager
 def _for_workers() -> Iterator[None]:
-    """Give `ENVIRONMENT` to the processes that start in this block. These processes, and this process within the block,
-    ignore Ctrl-C."""
+    """Give `ENVIRONMENT` to the processes that start in this block.
+
+    These processes, and this process within the block, ignore Ctrl-C.
+    """
     before, foremost = dict(os.environ), threading.current_thread() is threading.main_thread()
     os.environ.update(ENVIRONMENT)
     handler = signal.signal(signal.SIGINT, signal.SIG_IGN) if foremost else None

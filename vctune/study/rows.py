@@ -141,8 +141,10 @@ def _opened(path: Path) -> Iterator[int]:
 
 
 def _index(path: Path, handle: int, study: Study, time_limit: float = inf) -> Rows:
-    """Find the rows of a file, and cut off a torn last line. The function ignores rows of points that failed or were
-    cut short."""
+    """Find the rows of a file, and cut off a torn last line.
+
+    The function ignores rows of points that failed or were cut short.
+    """
     rows, end = Rows(path, handle, {}), 0
     with path.open("rb") as file:
         _check_header(path, file.readline(), study)

@@ -52,8 +52,8 @@ def region(
     check --region`, and region.svg. The picture marks the best design, and also GAINS if you name a file.
 
     With the axes environment.stiffness and environment.mass, the cells contain environments. With each environment of a
-    feasible cell, the device is proved stable in every hand. With each environment of an infeasible cell, it is refuted
-    in some hand. The gains come from GAINS or, without GAINS, from the best design. The command then writes
+    feasible cell, the device is proved stable in every hand. With each environment of an infeasible cell, the device is
+    refuted in some hand. The gains come from GAINS or, without GAINS, from the best design. The command then writes
     z-width.json and z-width.svg.
 
     The exit code is 0 if feasible gains exist, 1 if vctune proves that none exist, and 3 if it proves neither. After

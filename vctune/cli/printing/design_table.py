@@ -27,8 +27,9 @@ COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undeci
 
 @contextmanager
 def page(least_width: int, folder: Path, steps: Sequence[str] = ()) -> Iterator[Console]:
-    """Print either all of the output of this block or none. The folder of the files and the next steps follow at the
-    end.
+    """Print either all of the output of this block or none.
+
+    The folder of the files and the next steps follow at the end.
 
     Parameters
     ----------
@@ -115,7 +116,7 @@ def _repairs(repairs: list[RepairRecord]) -> str:
     width = max(len(repair.needs) for repair in repairs)
     lines = []
     for repair in repairs:
-        old = "inf" if repair.old is None else text(repair.old, 12)
+        old = "true" if repair.turns_off else "inf" if repair.old is None else text(repair.old, 12)
         lines.append(
             f"  [bold]{escape(repair.needs.ljust(width))}[/bold]  instead of {old}: {escape(repair.change)}, "
             f"error {text(repair.error, 4)}"
@@ -124,8 +125,10 @@ def _repairs(repairs: list[RepairRecord]) -> str:
 
 
 def _table(record: DesignRecord, width: int) -> Table:
-    """Return the rows of a design. The name of a group stands in front of its rows or, on a narrow terminal, above
-    them."""
+    """Return the rows of a design.
+
+    The name of a group stands in front of its rows or, on a narrow terminal, above them.
+    """
     groups, short = _ordered(record), width < LEAST_WIDTH
     rows: list[tuple[str, ...]] = []
     for group, found in groups.items():

@@ -137,8 +137,10 @@ _RULES = [*RULES.values(), WARNING]
 
 
 def sarif(checks: list[Checked]) -> str:
-    """Return a SARIF 2.1.0 log with the fields that GitHub requires. It has one result for each refusal and each
-    warning."""
+    """Return a SARIF 2.1.0 log with the fields that GitHub requires.
+
+    It has one result for each refusal and each warning.
+    """
     results = []
     for checked in checks:
         if rule := RULES.get(checked.verdict):

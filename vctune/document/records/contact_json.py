@@ -1,5 +1,7 @@
-"""Define the record of the drag that a servo's latency requires. Each part of the latency requires stiffness times that
-part."""
+"""Define the record of the drag that a servo's latency requires.
+
+Each part of the latency requires stiffness times that part.
+"""
 
 from __future__ import annotations
 

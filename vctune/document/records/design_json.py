@@ -61,6 +61,11 @@ class RepairRecord(Part):
     size: Number = None
     error: Number
 
+    @property
+    def turns_off(self) -> bool:
+        """Whether the repair turns off what the file turns on; `old` and `new` are then 1 and 0."""
+        return self.needs == f"{self.key} = false"
+
 
 class AlternativeRecord(Part):
     """The error of a certified design for one stability criterion alone."""
@@ -88,8 +93,10 @@ class BoxRecord(Part):
 
 
 class OptimalityRecord(Part):
-    """The proved lower bound on the error of every feasible design. If some terms of the error are the same for all
-    designs, the bound covers only `terms`."""
+    """The proved lower bound on the error of every feasible design.
+
+    If some terms of the error are the same for all designs, the bound covers only `terms`.
+    """
 
     lower_bound: Annotated[Number, Shown("lower bound", "{verdict}, {boxes} boxes")]
     gap: Annotated[Number, Shown("gap", "%", 3, scale=100, optional=True)]

@@ -1,5 +1,7 @@
-"""Define the base class of all records. A record checks fields on reading, writes them as JSON, and shows them as
-rows."""
+"""Define the base class of all records.
+
+A record checks fields on reading, writes them as JSON, and shows them as rows.
+"""
 
 from __future__ import annotations
 

@@ -154,8 +154,9 @@ def _on(yardstick: Problem | None, own: Transparency, table: TransparencyTable) 
 
 
 def _hands(table: OperatorTable, system: UnitSystem) -> Hands:
-    """Return the hands of a table. A plain number is the least value. The greatest is then a human hand's, or the
-    number itself if it is greater.
+    """Return the hands of a table.
+
+    A plain number is the least value. The greatest is then a human hand's, or the number itself if it is greater.
 
     The hands of a rotary device have no default, so a plain number is both ends of the range.
     """

@@ -52,9 +52,16 @@ class SceneOperatorTable(Table):
         description="Time from one change of the hand to the next, s, rounded to whole samples. Default: the "
         "hand does not change.",
     )
+    changes_at: tuple[Positive, ...] = Field(
+        (),
+        strict=False,
+        description="Times at which the hand changes, increasing, s, each rounded to a whole sample. They take the "
+        "place of dwell. Default: none.",
+    )
     other_damping: NotNegative | None = Field(
         None,
-        description="Damping of the hand in every other interval, N s/m. Default: the same in all intervals.",
+        description="Damping of the hand in every other interval, N s/m. Default: the damping is the same in all "
+        "intervals.",
     )
     regrip: bool = Field(
         False,
@@ -92,7 +99,7 @@ class LimitTable(Table):
 
 
 class BaselineTable(Table):
-    """A regular PID for comparison. It has a virtual mass and damping instead of a coupling."""
+    """A regular PID for comparison. The PID has a virtual mass and damping instead of a coupling."""
 
     kp: NotNegative = Field(description="Gain on the position error, N/m.")
     ki: NotNegative = Field(0.0, description="Gain on the integral of the position error, N/(m s).")

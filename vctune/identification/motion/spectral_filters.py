@@ -1,5 +1,6 @@
-"""Filter columns in the frequency domain without phase. The same filter acts on all columns, so that none leads
-another.
+"""Filter columns in the frequency domain without phase.
+
+The same filter acts on all columns, so that none leads another.
 
 After a low-pass filter, fewer samples suffice. `stride` returns n, and every n-th sample suffices."""
 

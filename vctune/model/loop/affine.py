@@ -1,5 +1,6 @@
-"""Compute the constants of the loop at a frequency. Every response is a quotient of two numbers that are affine in the
-gains.
+"""Compute the constants of the loop at a frequency.
+
+Every response is a quotient of two numbers that are affine in the gains.
 
 See model/README.md, section 12.
 """

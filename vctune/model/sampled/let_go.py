@@ -5,9 +5,10 @@ numbers give wide enclosures. This module holds and samples x' = A x + b u exact
 
     (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = (A/2) coth(A/2),
 
-The enclosures of its numbers are hardly wider than their ranges. The states are the position of the motor, the velocity
-of the centre of mass, and the bend of the spring with its rate. In these states the resonance does not depend on the
-mass. Only the row of the position depends on the position, so the code divides this row by the integrator 2 j s.
+The enclosures of the numbers in this equation are hardly wider than their ranges. The states are the position of the
+motor, the velocity of the centre of mass, and the bend of the spring with its rate. In these states the resonance does
+not depend on the mass. Only the row of the position depends on the position, so the code divides this row by the
+integrator 2 j s.
 """
 
 from __future__ import annotations
@@ -65,8 +66,9 @@ Q has a pole."""
 
 
 def has_sharp_form(device: Device) -> bool:
-    """Return whether this form encloses a device more tightly. This form is tighter for devices with an actuator or a
-    structure, which the closed form does not cover.
+    """Return whether this form encloses a device more tightly.
+
+    This form is tighter for devices with an actuator or a structure, which the closed form does not cover.
 
     Parameters
     ----------

@@ -61,7 +61,10 @@ class Assembly:
         return len(self.states)
 
     def changed(self, time: float) -> Floats:
-        """Return e^(rates t) - 1: the change of states and given over a time, s, with command and friction held."""
+        """Return e^(rates t) - 1, the change of the states and of the given inputs over a time, s.
+
+        Command and friction are held.
+        """
         scaled = self.rates * self.units / self.units[:, None]
         return exponential_less_one(scaled * time) / self.units * self.units[:, None]
 
@@ -81,8 +84,10 @@ class Sensing:
 
 
 def sensing(scene: Scene) -> Sensing:
-    """Return the time at which the sensor takes the force. If a command arrives at this time, the force is the one just
-    before."""
+    """Return the time at which the sensor takes the force.
+
+    If a command arrives at this time, the force is the one just before.
+    """
     T, early = scene.device.sample_time, timing(scene).early
     whole, fraction = split_delay(scene.device.sensing.delay, T)
     if fraction == 0:

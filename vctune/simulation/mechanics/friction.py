@@ -116,8 +116,9 @@ def slide_step(
     theta: float,
     ops: Arithmetic,
 ) -> tuple[Slide, Number]:
-    """Advance by one step h under the force `push`. Return the new state and the step's velocity w = v + theta (v_new -
-    v).
+    """Advance by one step h under the force `push`.
+
+    Return the new state and the step's velocity w = v + theta (v_new - v).
 
     The function takes rate and damping at the predicted velocity, and w as constant over the step. The motion of the
     bristles is then exact: with y = a h, their mean deflection is phi_1 z + phi_2 h w, phi_1 = (1 - e^-y)/y, phi_2 = (1

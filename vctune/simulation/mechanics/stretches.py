@@ -1,5 +1,7 @@
-"""Integrate friction over a stretch of a sample, as a compiled function with fixed steps. This module imports
-casadi."""
+"""Integrate friction over a stretch of a sample, as a compiled function with fixed steps.
+
+This module imports casadi.
+"""
 
 from __future__ import annotations
 

@@ -1,1 +1,2 @@
-"""The sampled loop in a hand whose damping changes, and its storage functions (model/README.md, section 21)."""
+"""Model the sampled loop in a hand whose damping changes, and storage functions of this loop (model/README.md, section
+21)."""

@@ -1,7 +1,7 @@
-"""A device in a hand over a sample, as rows of named states, for hands whose damping changes between samples.
+"""Sample a device in a hand as rows of named states, for hands whose damping changes between samples.
 
-Numbers are dimensionless, in units of the sample time and of the device's mass. The hand has one damping from this
-sample on, and may have had another when the force was sampled.
+Numbers are dimensionless, in units of the sample time and of the device's mass. The damping of the hand from this
+sample on may differ from its damping when the force was sampled.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from vctune.model.sampled.changing.named_rows import COMMAND, Chain, Row, late, 
 from vctune.model.sampled.plant_in_hand import mechanism_in_hand
 
 PULL = "K x"
-"""Name of the force of the hand's spring, a state in place of the position where nothing else depends on that."""
+"""Name of the force of the hand's spring. If nothing else depends on the position, this force replaces the position as
+a state."""
 
 
 FELT = ("felt", "felt rate")
@@ -28,15 +29,15 @@ FELT = ("felt", "felt rate")
 
 
 class HeldPlant(NamedTuple):
-    """A device in a hand over a sample.
+    """A device in a hand over one sample.
 
     Attributes
     ----------
-    change : change in a sample, of states that nearly stay as they are
-    memory : next value, of the other states
-    position, velocity : as the firmware knows them
-    moved : change of the position in a sample
-    felt : sensed force; one that resists is positive
+    change : change over a sample, for the states that change little
+    memory : next value, for all other states
+    position, velocity : position and velocity that the firmware reads or estimates
+    moved : change of the position over a sample
+    felt : sensed force; a resisting force is positive
     rest : states at rest for q = 1 and v_e = 0; a state that is 0 is absent
     spring : k_eq, the sensed force at rest for q = 1
     """
@@ -54,14 +55,14 @@ class HeldPlant(NamedTuple):
 def held_plant(
     plain: Device, device: Device, stiffness: Number | None, hand: Hand, before: Number, ops: Arithmetic
 ) -> HeldPlant:
-    """Return a device with a velocity loop of its own in a hand.
+    """Return a device with a velocity loop in a hand.
 
     Parameters
     ----------
-    plain : in plain numbers
-    device : the same in any arithmetic
-    stiffness : K_p > 0, N/m; None for 0, which leaves out the position
-    hand : from this sample on
+    plain : device in plain numbers
+    device : the same device in any arithmetic
+    stiffness : K_p > 0, N/m; None for K_p = 0, so that the states do not include the position
+    hand : hand from this sample on
     before : damping of the hand when the force is sampled, N s/m
     ops : arithmetic of device and hands
     """
@@ -82,7 +83,8 @@ def held_plant(
     if estimate is not None and estimate.filter_hz is not None:
         share, _ = smoothing(device.velocity.filter_hz, device.sample_time, ops)  # type: ignore[union-attr]
         velocity = low_passed(memory, "velocity", velocity, share, estimate.filter_order)
-    felt = sensed(memory, chain, times_of, (now, older), (sensing.weights, sensing.feed), ops)
+    meeting = sensing if times_of.within is None else body  # within a sample the hand is the present one
+    felt = sensed(memory, chain, times_of, (now, older), (meeting.weights, meeting.feed), ops)
     if stiffness is None:
         del change["position"]
         return HeldPlant(change, memory, {}, velocity, travel, felt, {}, 0)
@@ -122,11 +124,11 @@ def _body(device: Device, hand: Hand, ops: Arithmetic) -> _Body:
 
 
 def _by_pull(own: _Body, unit: _Body, spring: Number) -> _Body:
-    """Return a body with the force of the hand's spring as a state; nothing depends on the position then.
+    """Return a body with the force of the hand's spring as a state. With this state, nothing depends on the position.
 
     Parameters
     ----------
-    own, unit : the body in the hand, and in a hand of stiffness 1
+    own, unit : the body in the hand, and the body in a hand of stiffness 1
     spring : K, dimensionless
     """
     chain, at = own.chain, own.chain.names.index("position")
@@ -144,7 +146,8 @@ def _by_pull(own: _Body, unit: _Body, spring: Number) -> _Body:
 def _at_rest(
     device: Device, stiffness: Number, hand: Hand, body: _Body, names: list[str], ops: Arithmetic
 ) -> tuple[Row, Number]:
-    """Return the states at rest for q = 1, and k_eq: of K_p, the structure and the spring of the hand in series."""
+    """Return the states at rest for q = 1, and k_eq, the stiffness of K_p, the structure and the hand's spring in
+    series."""
     T, m = device.sample_time, device.mass
     unit = T * T / m
     k, k_p = hand.stiffness * unit, stiffness * unit
@@ -153,7 +156,7 @@ def _at_rest(
         rest = {"position": kappa}
     else:
         k_s = mechanism(device, device.structure, ops).stiffness * unit
-        share = 1 / (1 + k / k_s)  # of the hand's spring and the structure's in series, over the hand's
+        share = 1 / (1 + k / k_s)  # stiffness of the hand's spring and the structure's in series, divided by the hand's
         kappa = k_p / (k * share + k_p)
         rest = {"position": kappa, "bend": kappa * share * (k / k_s)}
         kappa = kappa * share

@@ -1,8 +1,8 @@
-"""A servo in a hand over a sample, as rows of named states, for hands whose damping changes between samples.
+"""Sample a servo in a hand as rows of named states, for hands whose damping changes between samples.
 
-The position is no state: it follows from q and from the motion that is still to come,
+The position is not a state. It follows from q and from the motion that earlier commands will still cause,
 
-    x = q - lag of the states - commands on their way.
+    x = q - lag of the states - delayed commands.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ MOVED = ("moved", "moving")
 
 
 def held_servo(plain: Device, device: Device, hand: Hand, before: Number, ops: Arithmetic) -> HeldPlant:
-    """Return a servo in a hand; its command is v_e.
+    """Return a servo in a hand. The servo's command is v_e.
 
     Parameters
     ----------
-    plain : a servo in plain numbers
-    device : the same in any arithmetic
-    hand : from this sample on
+    plain : servo in plain numbers
+    device : the same servo in any arithmetic
+    hand : hand from this sample on
     before : damping of the hand when the force is sampled, N s/m
     ops : arithmetic of device and hands
     """
@@ -47,7 +47,7 @@ def held_servo(plain: Device, device: Device, hand: Hand, before: Number, ops: A
         held = late(memory, "commanded", {COMMAND: 1}, 1)
         command = total([(0.5, command), (0.5, held)])
     now, older = (late(memory, "sent", command, times_of.whole + ago) for ago in (0, 1))
-    chain, weights, feed = _chain(device, hand, before, ops)
+    chain, weights, feed = _chain(device, hand, before if times_of.within is None else hand.damping, ops)
     change = dict(zip(chain.names, chain.over(1, times_of.older, now, older, ops), strict=True))
     felt = sensed(memory, chain, times_of, (now, older), (weights, feed), ops)
     if (share := device.sensing.filter_coefficient) is not None:
@@ -67,7 +67,7 @@ def held_servo(plain: Device, device: Device, hand: Hand, before: Number, ops: A
 
 
 def _chain(device: Device, hand: Hand, before: Number, ops: Arithmetic) -> tuple[Chain, Row, Number]:
-    """Return position, servo and sensor, and the shares of states and command in what the sensor gives out.
+    """Return position, servo and sensor, and the shares of states and command in the sensor's output.
 
     Dimensionless with m = 1 kg.
     """
@@ -96,7 +96,7 @@ def _chain(device: Device, hand: Hand, before: Number, ops: Arithmetic) -> tuple
 
 
 def _coming(device: Device, at: Timing, ops: Arithmetic) -> Row:
-    """Return q - x: the motion that the states and the commands on their way still cause."""
+    """Return q - x, the motion that the states and the delayed commands will still cause."""
     servo = device.servo
     assert servo is not None
     corner = 2 * ops.pi * (servo.bandwidth_hz * device.sample_time)

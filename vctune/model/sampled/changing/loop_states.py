@@ -1,9 +1,9 @@
-"""The sampled loop in a hand whose damping changes, as states (model/README.md, section 21).
+"""Write the sampled loop in a hand whose damping changes in state-space form (model/README.md, section 21).
 
 All numbers are dimensionless, in units of the sample time T and of the device's mass m. The states are those of the
-device in the hand, the commands and the sensed forces on their way, the memory of the firmware's filters, the position
-q that v_e has reached, and the coupling's g. With v_e = 0 the loop rests wherever q is. The states zeta, less those of
-that rest, do without q.
+device in the hand, the delayed commands and sensed forces, the memory of the firmware's filters, the position q that
+v_e has reached, and the coupling's g. With v_e = 0 the loop can rest at any q. The states zeta are the deviations of
+the other states from this rest, and do not include q.
 """
 
 from __future__ import annotations
@@ -25,19 +25,25 @@ DESIRED, REACHED, COUPLED = "v_e", "q", "g"
 
 
 class Pull(NamedTuple):
-    """The hand's spring where the first state is its force p, which grows by K times the motion d: p^2/K.
+    """The hand's spring in a loop whose first state is the spring's force p. Over a sample, p grows by K times the
+    motion d.
 
     Attributes
     ----------
     stiffness : K
-    motion : d, of zeta and v_e
+    motion : d, as a row over zeta and v_e
     """
 
     stiffness: Number
     motion: Vector
 
     def grown(self, i: int, j: int) -> Number:
-        """Return an entry of the growth of p^2/K in a sample, 2 p d + K d^2, of zeta and v_e."""
+        """Return an entry of the quadratic form 2 p d + K d^2 in zeta and v_e, by which p^2/K grows over a sample.
+
+        Parameters
+        ----------
+        i, j : row and column of the entry
+        """
         d = self.motion
         found = times(times(self.stiffness, d[i]), d[j])
         for one, other in ((i, j), (j, i)):
@@ -51,12 +57,12 @@ class LoopStates(NamedTuple):
     Attributes
     ----------
     names : names of zeta
-    staying : number of the first states that nearly stay as they are in a sample
-    change : zeta[k+1]; for the first states, less zeta[k]
+    staying : number of leading states that change little over a sample
+    change : zeta[k+1]; for the leading states, zeta[k+1] - zeta[k]
     push, seen : n numbers each
-    direct : response of y to v_e at once
+    direct : immediate response of y to v_e
     spring : k_eq, of all springs in series
-    pull : the hand's spring, where its force is the first state; None if the loop holds the position
+    pull : the hand's spring, if its force is the first state; None if the loop holds the position
     """
 
     names: tuple[str, ...]
@@ -70,7 +76,7 @@ class LoopStates(NamedTuple):
 
 
 class Law(NamedTuple):
-    """What runs on a device, in any arithmetic.
+    """The law that runs on a device, in any arithmetic.
 
     Attributes
     ----------
@@ -89,10 +95,10 @@ def loop_states(
 
     Parameters
     ----------
-    plain : device and law in plain numbers, which decide the states
-    exact : the same in any arithmetic
-    hand : from this sample to the next
-    sensed : damping of the hand when the force is sampled, which may be another one, N s/m
+    plain : device and law in plain numbers; they determine the states
+    exact : the same device and law in any arithmetic
+    hand : hand from this sample to the next
+    sensed : damping of the hand when the force is sampled, which may differ, N s/m
     ops : arithmetic of exact and hand
 
     Returns
@@ -140,7 +146,7 @@ def _loop(held: HeldPlant, memory: dict[str, Row], command: Row, y: Row, hand: H
 
 
 def _used(rows: dict[str, Row], y: Row) -> tuple[str, ...]:
-    """Return the states that y depends on, in their order."""
+    """Return the states on which y depends, in their order."""
     found, ahead = set[str](), _states(y, rows)
     while ahead:
         name = ahead.pop()
@@ -155,6 +161,11 @@ def _states(row: Row, rows: Iterable[str]) -> list[str]:
 
 
 def states_of(device: Device, law: Law) -> list[str]:
-    """Return the names of the states zeta of a device and a law in plain numbers."""
+    """Return the names of the states zeta of a loop.
+
+    Parameters
+    ----------
+    device, law : device and law in plain numbers
+    """
     one = Hand(device.mass, 0.0, device.mass / device.sample_time**2)
     return list(loop_states((device, law), (device, law), one, 0.0, FLOATS).names)

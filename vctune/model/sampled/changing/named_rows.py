@@ -1,6 +1,6 @@
-"""Weighted sums of named states and inputs, in any arithmetic, and the exact motion of a chain of states in a sample.
+"""Compute weighted sums of named states and inputs in any arithmetic, and the exact motion of a chain of states.
 
-The module `vctune.analysis.responses.states` has the same sums in floats, in SI units. Here all numbers are
+The module `vctune.analysis.responses.states` has the same sums in floats and SI units. In this module all numbers are
 dimensionless, with T = 1.
 """
 
@@ -18,11 +18,11 @@ from vctune.model.sampled.velocity_loop import split_delay
 Row = dict[str, Number]
 """A weighted sum of states and inputs: coefficients by name."""
 COMMAND = "command"
-"""The present command in a row."""
+"""Name of the present command in a row."""
 
 
 def total(terms: Iterable[tuple[Number, Mapping[str, Number]]]) -> Row:
-    """Return a weighted sum of rows; the integer 1 as a weight leaves a row as it is."""
+    """Return a weighted sum of rows. A weight that is the integer 1 adds no product."""
     found: Row = {}
     for weight, row in terms:
         for name, x in row.items():
@@ -33,12 +33,12 @@ def total(terms: Iterable[tuple[Number, Mapping[str, Number]]]) -> Row:
 
 
 def substituted(row: Row, name: str, by: Row) -> Row:
-    """Return a row with one state or input replaced by a sum.
+    """Return a row after replacing one state or input by a sum.
 
     Parameters
     ----------
     row : the sum
-    name : what is replaced
+    name : name of the state or input to replace
     by : the sum that replaces it
     """
     rest = {other: x for other, x in row.items() if other != name}
@@ -46,7 +46,7 @@ def substituted(row: Row, name: str, by: Row) -> Row:
 
 
 def late(memory: dict[str, Row], name: str, row: Row, samples: int) -> Row:
-    """Return a row some samples later, and add the states that store it.
+    """Return a row delayed by some samples, and add the states that store the row.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def late(memory: dict[str, Row], name: str, row: Row, samples: int) -> Row:
 
 
 def low_passed(memory: dict[str, Row], name: str, row: Row, share: Number, order: int) -> Row:
-    """Return a row behind the firmware's low-passes y += a (x - y), and add their states.
+    """Return a row after the firmware's low-passes y += a (x - y), and add the states of the low-passes.
 
     Parameters
     ----------
@@ -79,14 +79,14 @@ def low_passed(memory: dict[str, Row], name: str, row: Row, share: Number, order
 
 
 class Timing(NamedTuple):
-    """When commands act and when the force is sampled.
+    """The times at which commands act and at which the sensor samples the force.
 
     Attributes
     ----------
     whole, sensed : whole samples in the delay of the command and in that of the sensor
-    older : share of a sample in which the command before acts; None if it does not act
-    within : share of a sample at whose end the sensor samples; None for the end of the sample
-    carried : whether the command before acts at that time
+    older : share of a sample in which the previous command acts; None if it does not act
+    within : time within a sample at which the sensor samples; None for the end of the sample
+    carried : whether the previous command acts at that time
     """
 
     whole: int
@@ -101,8 +101,8 @@ def timing(plain: Device, device: Device) -> Timing:
 
     Parameters
     ----------
-    plain : in plain numbers, which decide the whole samples
-    device : the same in any arithmetic
+    plain : device in plain numbers, which determine the whole samples
+    device : the same device in any arithmetic
     """
     T = plain.sample_time
     (whole, rest), (sensed, left) = (split_delay(delay, T) for delay in (plain.latency, plain.sensing.delay))
@@ -136,7 +136,7 @@ class Chain(NamedTuple):
 
         Parameters
         ----------
-        share : of the sample; the integer 1 for all of it
+        share : share of the sample; the integer 1 for the whole sample
         older : part of the sample in which the older input acts; None if it does not act
         now, before : the newer and the older input
         ops : arithmetic of the chain
@@ -157,13 +157,13 @@ class Chain(NamedTuple):
 def sensed(
     memory: dict[str, Row], chain: Chain, at: Timing, inputs: tuple[Row, Row], felt: tuple[Row, Number], ops: Arithmetic
 ) -> Row:
-    """Return a sum of a chain's states and of the command that acts on it, as the sensor samples it.
+    """Return the sensor's sample of a sum of a chain's states and of the command that acts on the chain.
 
     Parameters
     ----------
-    memory : next value of each state; the function adds what the sensor delays
-    chain : of a sample
-    at : timing
+    memory : next value of each state; the function adds states for the sensor's delay
+    chain : the chain of states
+    at : timing of commands and sensor
     inputs : the newer and the older command of a sample
     felt : the sum of the states, and the weight of the command that acts
     ops : arithmetic of the chain

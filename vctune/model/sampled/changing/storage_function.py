@@ -1,5 +1,5 @@
-"""What a storage function of the states of the sampled loop in a hand whose damping changes must meet
-(model/README.md, section 21)."""
+"""State the condition on a storage function of the sampled loop in a hand whose damping changes (model/README.md,
+section 21)."""
 
 from __future__ import annotations
 
@@ -14,18 +14,20 @@ from vctune.model.numbers.matrices import Matrix, Vector, add, blocked, nothing,
 from vctune.model.sampled.changing.loop_states import LoopStates
 
 TERMS = ("1", "mu", "nu", "sigma", "beta")
-"""The functions of a hand of which a storage function is made, each between -1 and 1 in a box."""
+"""Names of the functions of a hand that weight the matrices of a storage function. Each lies between -1 and 1 in a
+box."""
 
 
 @dataclass(frozen=True, slots=True)
 class Storage:
     """A storage function k_eq q^2 + zeta' Y zeta, Y = Y_0 + mu Y_1 + nu Y_2 + sigma Y_3 + beta Y_4.
 
-    With K_p = 0 the first of zeta is the force p of the hand's spring, and the first entry of Y stands for p^2/K.
+    With K_p = 0, the first state of zeta is the force p of the hand's spring, and the first entry of Y stands for
+    p^2/K.
 
     Attributes
     ----------
-    hands : box of hands to which its functions refer
+    hands : box of hands on which mu, nu, sigma and beta are defined
     terms : the symmetric matrices Y_0 to Y_4, dimensionless, as decimals
     """
 
@@ -34,20 +36,20 @@ class Storage:
 
 
 def moved_mass(device: Device) -> Number:
-    """Return the mass that the hand moves at once, kg."""
+    """Return the mass of the device that moves rigidly with the hand, kg."""
     return device.mass if device.structure is None else device.structure.handle_mass
 
 
 def weights(hands: Hands, mass: Number, hand: Hand, number: Callable[[float], Number]) -> Vector:
     """Return the functions `TERMS` of a hand.
 
-    mu, sigma and beta are the mass, the stiffness and the damping from -1 to 1 in their ranges. nu is 0 at both ends of
-    the masses; with 1 and mu it makes 1/(m + M), m the mass that the hand moves.
+    mu, sigma and beta are mass, stiffness and damping, scaled from their ranges to -1 to 1. nu is 0 at both ends of the
+    range of masses. 1/(m + M), where m moves rigidly with the hand, is a linear combination of 1, mu and nu.
 
     Parameters
     ----------
     hands : box, in plain numbers
-    mass : of the device, see `moved_mass`
+    mass : mass of the device, see `moved_mass`
     hand : its damping is that of the last sample
     number : a plain number in the arithmetic of mass and hand
 
@@ -70,15 +72,16 @@ def weights(hands: Hands, mass: Number, hand: Hand, number: Callable[[float], Nu
 
 
 def room_of_storage(loop: LoopStates, Y: Matrix, more: Matrix, ops: Arithmetic) -> Matrix:
-    """Return the matrix that is positive definite where the storage grows by less than 2 v_e y in every sample.
+    """Return a matrix. If it is positive definite, the storage grows by less than 2 v_e y in every sample.
 
-    The part of q is k_eq q^2 and drops out: its growth is k_eq (2 q + v_e) v_e, of which y has 2 k_eq q v_e.
+    The term k_eq q^2 of the storage grows by k_eq (2 q + v_e) v_e. The part 2 k_eq q v_e cancels against the same part
+    of 2 v_e y, so q drops out.
 
     Parameters
     ----------
     loop : n states
-    Y : for the damping from now on, symmetric, n x n
-    more : what Y had more for the damping when the force was sampled
+    Y : matrix of the storage for the damping from now on, symmetric, n x n
+    more : the matrix for the damping when the force was sampled, minus Y
     ops : arithmetic of both
 
     Returns
