@@ -132,7 +132,9 @@ def print_comparison(found: ComparisonRecord) -> None:
     table = Table(box=None, pad_edge=False, show_header=True)
     for heading in ("", "A", "B", "") if narrow else ("", "", "A", "B", ""):
         to: JustifyMethod = "right" if heading in ("A", "B") else "left"
-        table.add_column(heading, no_wrap=not narrow, justify=to, overflow="fold", min_width=LEAST[heading])
+        table.add_column(
+            heading, no_wrap=not narrow, justify=to, overflow="fold", min_width=LEAST[heading] if narrow else None
+        )
     group = ""
     for row in _compared(found):
         if narrow:
