@@ -1,4 +1,4 @@
-"""`vctune compare`."""
+"""Define `vctune compare`."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ def compare(a: Path, b: Path, style: str, quiet: bool) -> int:
     """Show the differences between A and B.
 
     A and B are design.json files or problem files, which vctune solves first. The command prints the keys in which the
-    problems differ, with every default filled in. It then prints gains, error and its terms, verdicts and margins of
-    both designs. It writes no files.
+    problems differ, with every default filled in. Then the command prints the gains, the error and its terms, the
+    verdicts and the margins of both designs. The command writes no files.
     """
     from vctune.api.comparing import compare as set_side_by_side
     from vctune.cli.printing.output import answer

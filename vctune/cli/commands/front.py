@@ -1,4 +1,4 @@
-"""`vctune front`."""
+"""Define `vctune front`."""
 
 from __future__ import annotations
 
@@ -11,19 +11,21 @@ import click
 from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limit_option, worker_options
 
 
-@click.command(short_help="Draw the trade-offs between the terms of the error, and between error and band.")
+@click.command(short_help="Draw the trade-offs between the error's terms, and between error and band.")
 @problem_argument
 @out_option("NAME/front/")
 @worker_options
 @time_limit_option(" each point")
 @output_options()
 def front(problem: Path, out: Path, jobs: int | None, executor: str, time_limit: float, style: str, quiet: bool) -> int:
-    """Find two Pareto fronts of PROBLEM: that of the three terms of the error, and that of the error and the band.
+    """Find two Pareto fronts of PROBLEM. The first is between the three terms of the error, the second between the
+    error and the upper edge of the stability band.
 
-    The command runs two sweeps. The first varies K_p over its range and the coupling's weight over six decades. The
-    second varies the upper edge of the stability band up to the Nyquist frequency. With the criterion "hands" the
-    command omits the second sweep, because there is no band. It writes terms.csv and band.csv, with their pictures, to
-    OUT/NAME/front/. If it is interrupted, the same command continues where it stopped.
+    The command runs one sweep for each front. The first sweep varies K_p over its range, and the weight of the
+    coupling's term over six decades. The second sweep varies the upper edge of the stability band up to the Nyquist
+    frequency. With the criterion "hands", the command omits the second sweep, because this criterion has no band. The
+    command writes terms.csv and band.csv, with their pictures, to OUT/NAME/front/. To continue an interrupted command,
+    run it again.
     """
     from vctune import read_problem
     from vctune.api.bounding import require_free

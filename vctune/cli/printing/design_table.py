@@ -22,16 +22,17 @@ if TYPE_CHECKING:
     from vctune.model.numbers.units import Units
 
 LEAST_WIDTH = 80
-"""Number of columns below which the groups of a design's table get lines of their own."""
+"""Width of the terminal, in characters, below which each group heading of a design's table gets a line of its own."""
 WIDE = 120
 WIDEST = 1000
-"""Width of tables that must not be wrapped."""
+"""Width, in characters, of tables that must not be wrapped."""
 COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undecided": "yellow"}
 
 
 @contextmanager
 def page(least_width: int, folder: Path, steps: Sequence[str] = ()) -> Iterator[Console]:
-    """Print in this block everything or nothing; the place of the files and the next steps follow at the end.
+    """Print either all of the output of this block or none. The folder of the files and the next steps follow at the
+    end.
 
     Parameters
     ----------
@@ -58,7 +59,7 @@ def page(least_width: int, folder: Path, steps: Sequence[str] = ()) -> Iterator[
 def _linked(path: Path, console: Console) -> str:
     """Return a path as a link (OSC 8) if the terminal can open it; otherwise its text.
 
-    A notebook asks for colours like a terminal, but would show the link's control characters.
+    A notebook accepts colours like a terminal, but would show the control characters of a link.
     """
     text = escape(str(path))
     return f"[link={path.resolve().as_uri()}]{text}[/link]" if console.file.isatty() else text
@@ -70,12 +71,12 @@ def _with_links(step: str, console: Console) -> str:
 
 
 def _write(console: Console, text: str) -> None:
-    """Write a text without the blanks that a table leaves at the ends of lines."""
+    """Write a text without the blanks at the ends of lines, which a table leaves."""
     console.file.write("".join(f"{line.rstrip()}\n" for line in text.splitlines()))
 
 
 def print_design(record: DesignRecord, folder: Path, steps: Sequence[str] = (), *, verbose: bool = False) -> None:
-    """Print the proved claims of a design, its gains, what limits it, and where its files are.
+    """Print the proved claims of a design, its gains, the active constraints, and the folder of its files.
 
     Parameters
     ----------
@@ -84,7 +85,7 @@ def print_design(record: DesignRecord, folder: Path, steps: Sequence[str] = (), 
     steps : next steps for the user
     verbose : whether to print the parts that the search omitted
     """
-    narrow = Console().is_terminal  # lines of a terminal end at words; those of a file are as long as they are
+    narrow = Console().is_terminal  # a terminal's lines wrap at words; a file's lines do not wrap
     with page(0 if narrow else WIDE, folder, steps) as console:
 
         def say(text: str) -> None:
@@ -113,7 +114,7 @@ def print_design(record: DesignRecord, folder: Path, steps: Sequence[str] = (), 
 
 
 def print_simulation(record: SimulationRecord, folder: Path) -> None:
-    """Print the measures of a simulation and where the files are.
+    """Print the measures of a simulation and the folder of its files.
 
     Parameters
     ----------
@@ -177,7 +178,7 @@ def _least(least: LeastVirtualRecord, units: Units) -> str:
 
 
 def _repairs(repairs: list[RepairRecord]) -> str:
-    """Return one line for each repair: the new text in the file, the old value, its meaning, and the resulting
+    """Return one line for each repair: the new text in the file, the old value, the meaning, and the resulting
     error."""
     width = max(len(repair.needs) for repair in repairs)
     lines = []
@@ -191,7 +192,8 @@ def _repairs(repairs: list[RepairRecord]) -> str:
 
 
 def _table(record: DesignRecord, width: int) -> Table:
-    """Return the rows of a design, with the name of their group in front or, on a narrow terminal, above them."""
+    """Return the rows of a design. The name of a group stands in front of its rows or, on a narrow terminal, above
+    them."""
     groups, short = _ordered(record), width < LEAST_WIDTH
     rows: list[tuple[str, ...]] = []
     for group, found in groups.items():
@@ -201,7 +203,7 @@ def _table(record: DesignRecord, width: int) -> Table:
             rows += [(group if number == 0 else "", *row) for number, row in enumerate(found)]
     table = Table(show_header=False, box=None, pad_edge=False)
     for column, style in enumerate(("", "bold") if short else ("dim", "", "bold")):
-        # numbers are never cut; the columns after them wrap
+        # the table never cuts numbers; the columns after them wrap
         least = max((len(row[column]) for row in rows), default=0)
         table.add_column(style=style, no_wrap=True, min_width=least, justify="right" if style == "bold" else "left")
     table.add_column(overflow="fold")
@@ -222,7 +224,7 @@ def _ordered(record: DesignRecord) -> dict[str, list[tuple[str, str, str]]]:
 
 
 def print_sweep(found: SweepRecord, folder: Path) -> None:
-    """Print the results of a sweep and where the files are.
+    """Print the results of a sweep and the folder of its files.
 
     Parameters
     ----------
@@ -247,7 +249,7 @@ def _design_line(row: Cells) -> str:
 
 
 def _yardstick_line(found: SweepRecord) -> str:
-    """Return the yardstick of a sweep's errors as a line."""
+    """Return a line on the yardstick of a sweep's errors."""
     on, unit = found.yardstick, found.units["reference_impedance"]
     shared = f"{text(on.band_hz)} Hz with Z_0 = {text(on.reference_impedance)} {unit}"
     if not on.varied:
@@ -265,7 +267,7 @@ def _corner_line(corner: CornerRecord) -> str:
 
 
 def print_comparison(found: ComparisonRecord) -> None:
-    """Print two designs side by side: the keys of the problems that differ, then both results.
+    """Print two designs side by side: first the keys in which the problems differ, then both results.
 
     Parameters
     ----------

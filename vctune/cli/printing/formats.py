@@ -38,7 +38,8 @@ def text(checks: list[Checked]) -> str:
 
 
 def as_json(checks: list[Checked]) -> str:
-    """Return a list with one object for each check: of design.json, of a region, or of the reason for neither."""
+    """Return a list with one object for each check: the object of design.json, that of a region, or the reason why
+    there is neither."""
     return json.dumps([check_object(checked) for checked in checks], indent=2, allow_nan=False)
 
 
@@ -134,7 +135,7 @@ _RULES = [*RULES.values(), WARNING]
 
 
 def sarif(checks: list[Checked]) -> str:
-    """Return a SARIF 2.1.0 log with the fields that GitHub requires, with one result for each refusal and each
+    """Return a SARIF 2.1.0 log with the fields that GitHub requires. It has one result for each refusal and each
     warning."""
     results = []
     for checked in checks:
