@@ -24,7 +24,7 @@ from vctune.identification.known import (
 from vctune.identification.motion.friction_fit import FrictionFound
 from vctune.identification.readable import readable
 from vctune.identification.record_study import RecordStudy, record_study
-from vctune.identification.remarks import what_is_not_told
+from vctune.identification.remarks import LEAST_RADII, remarks_on_gaps
 from vctune.identification.response.periodic_study import behind_force
 from vctune.identification.response.unmodelled import distances, envelope
 from vctune.identification.servo.servo_study import likelier_order
@@ -33,8 +33,6 @@ from vctune.model.device import Device
 from vctune.model.parts import PARTS, Servo
 
 Progress = Callable[[str], None]
-LEAST_LINES = 2
-"""Least number of frequencies from which radii can be interpolated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +112,7 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
         friction=_friction(studies),
         force_noise=next((s.motion.force_noise for s in studies if s.motion and s.motion.force_noise), None),
         records=tuple(studies),
-        remarks=(*said, *what_is_not_told(studies, bounds, known)),
+        remarks=(*said, *remarks_on_gaps(studies, bounds, known)),
     )
 
 
@@ -162,7 +160,7 @@ def _unmodelled(
         if study.servo is not None and not study.servo.told
     ]
     hertz, needed = (np.concatenate([each[i] for each in pairs] or [np.zeros(0)]) for i in (0, 1))
-    if hertz.size < LEAST_LINES:
+    if hertz.size < LEAST_RADII:
         return ()
     order = np.argsort(hertz, kind="stable")
     return envelope(hertz[order], needed[order])
