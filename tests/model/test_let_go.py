@@ -11,7 +11,7 @@ from vctune.model.device import Device
 from vctune.model.hands import LeastOperator
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import Actuator, ForceSensor, Structure, VelocityEstimate
-from vctune.model.sampled.let_go import prefers_this_form, plant_let_go, return_difference
+from vctune.model.sampled.let_go import plant_let_go, prefers_this_form, return_difference
 from vctune.model.sampled.velocity_loop import sampled_plant, split_delay
 from vctune.proof.enclosures.array_intervals import Enclosure, between, decimal
 from vctune.proof.enclosures.jets import ENCLOSURES, Jet, variables

@@ -20,7 +20,7 @@ from vctune.document.text.digest import problem_digest
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Demands
-from vctune.model.sampled.changing_hand import STAYING, loop_states
+from vctune.model.sampled.changing.loop_states import Law, loop_states
 from vctune.model.sampled.hand_loop import loop_in_hand, offered, required_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.certificate import certify
@@ -111,9 +111,10 @@ def test_the_states_are_the_loop_of_every_other_proof():
     for delay in (0.0, 3e-4, 1e-3, 2.3e-3):
         device, hand = replace(design.device, delay=delay), Hand(0.2, 5.0, 800.0)
         delays = delays_of(device)
-        states = loop_states(device, design.gains, design.series, hand, hand.damping, delays, FLOATS)
+        plain = device, Law(design.gains, design.series)
+        states = loop_states(plain, plain, hand, hand.damping, FLOATS)
         n = len(states.push)
-        step = np.array(states.change, float) + np.diag(np.arange(n) < STAYING)
+        step = np.array(states.change, float) + np.diag(np.arange(n) < states.staying)
         for theta in (0.01, 0.3, 2.0, 3.0):
             z = np.exp(1j * theta)
             moved = np.linalg.solve(z * np.eye(n) - step, np.array(states.push, float))

@@ -22,16 +22,16 @@ from vctune.model.sampled.hand_loop import offered
 from vctune.model.sampled.servo_in_hand import Demand, demand_of
 
 LOWEST = 1e-3
-"""Least angle omega T above 0, rad. Below it, the constraint equals the constraint at rest to 1e-6. Half or twice this
-angle changes no printed digit."""
+"""Least angle omega T above 0, rad. Below it, the constraint equals the constraint at rest to 1e-6. Starting at half or
+twice this angle changes no printed digit."""
 PER_DECADE = 120
 """Number of angles per decade. Neighbours are 2 % apart; near Nyquist, a latency of ten samples gets eight angles to
-each turn. Half this number may skip the hardest frequency of a contact. Twice this number takes twice as long."""
+each turn. Half as many angles may skip the hardest frequency of a contact. Twice as many take twice as long."""
 
 
 HALVINGS = 40
-"""Number of halvings of a range of stiffnesses. This number gives twelve digits. Half this number gives six, and twice
-this number reaches rounding errors."""
+"""Number of halvings of a range of stiffnesses. They give twelve digits. Half as many halvings give six digits, and
+twice as many reach rounding errors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +146,10 @@ def _stiffest_in_disc(device: Device, hands: Hands, coupling: AnyCoupling, facto
 
 
 def _angles(device: Device) -> Floats:
-    """Return angles up to Nyquist. They are so close that the latency turns the phase little between neighbours."""
+    """Return angles up to Nyquist.
+
+    The angles are so close that the latency turns the phase little between neighbours.
+    """
     servo = device.servo
     assert servo is not None
     turns = 4 + device.sensed_latency / device.sample_time

@@ -27,15 +27,15 @@ from vctune.model.sampled.impedance_display import firmware_filter, spring_dampe
 from vctune.model.transparency import Terms, log_quadrature, loop_terms, squared_terms
 
 END_DECADES = 5
-"""Number of decades beyond every corner of the device to which the grid of an endless band extends. There, a value that
-approaches its limit like omega^2 or faster equals the limit to 1e-8. With half this number, the difference would be
-1e-4, which would affect a search. Twice this number only makes the grid longer."""
+"""Number of decades beyond every corner of the device to which the grid of an endless band extends. At the end of the
+grid, a value that approaches its limit like omega^2 or faster equals the limit to 1e-8. With half as many decades, the
+difference would be 1e-4, which would affect a search. Twice as many decades only make the grid longer."""
 RIPPLE_POINTS = 6
-"""Number of grid points for each turn of e^{-2j omega tau}. Half this number may miss one of two neighbouring extrema.
-Twice this number doubles the grid for bands far above 1/tau."""
+"""Number of grid points for each turn of e^{-2j omega tau}. Half as many grid points may miss one of two neighbouring
+extrema. Twice as many double the length of the grid for bands far above 1/tau."""
 QUADRATURE_TOLERANCE = 1e-9
 """Relative change of the mean squares at which the code stops doubling the panels. The error of Gauss's rule falls so
-fast that the last change far exceeds the error. Half or twice this threshold gives the same number of panels."""
+fast that the last change far exceeds the error. Half or twice this threshold leads to the same number of panels."""
 
 
 def response(device: Device, gains: Gains, omega: Floats) -> LoopResponse:

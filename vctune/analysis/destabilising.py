@@ -40,8 +40,8 @@ FIRST, LAST = 0.125, 1e-4
 """Shares of the damper that the code removes in one step: the first share, and the least one. With half or twice these
 shares, the code follows the same poles."""
 FARTHEST = 0.2
-"""Greatest move of a pole in one step, relative to the pole's angle. Half this move takes more steps; twice this move
-may lead to another pole."""
+"""Greatest move of a pole in one step, relative to the pole's angle. Steps of half this size are more numerous; steps
+of twice this size may lead to another pole."""
 MOST = 64
 """Greatest number of steps along which the code follows a pole. Most poles take eight. With half or twice this number,
 the code follows the same poles."""
@@ -49,8 +49,9 @@ GROWTH = 1e-10
 """Growth per radian above which a motion counts as growing. This threshold exceeds the rounding error of Newton's
 method. Half or twice this threshold gives the same growth."""
 STEPS, CONVERGED, DIFFERENCE = 8, 1e-12, 1e-6
-"""Number of Newton's steps, the relative step that ends them, and the relative difference for the derivative. This
-difference gives the derivative to 1e-10. With half or twice as many steps, the code follows the same poles."""
+"""Number of Newton's steps, the relative step that ends them, and the relative difference for the derivative. The
+difference gives the derivative with an error of 1e-10. With half or twice as many steps, the code follows the same
+poles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,8 +130,8 @@ def growing_in_worlds(
     """
     T, low = device.sample_time, worlds.low
     theta = min(max(omega * T, LEAST), pi - NYQUIST)
-    plant, at = plant_in_hand(device, hand, delays_of(device), FLOATS), _warped(theta, T).real
-    met = -reaction(device, gains, coupling, hand, theta).imag
+    alone, at = impedance_met(device, gains, coupling, hand), _warped(theta, T).real
+    met = -alone(theta).imag
     heavier = met * at >= low.mass * at * at - low.stiffness
     mass = (met + low.stiffness / at) / at if heavier else low.mass
     stiffness = low.stiffness if heavier else (low.mass * at - met) * at
@@ -139,8 +140,7 @@ def growing_in_worlds(
 
     def unbalance(theta: complex, *, damping: float) -> complex:
         omega = _warped(theta, T)
-        alone = _seen(plant, gains, theta) + _coupling(coupling, omega) + low.damping
-        return alone + damping + 1j * (mass * omega - stiffness / omega)
+        return alone(theta) + low.damping + damping + 1j * (mass * omega - stiffness / omega)
 
     found = _outwards(unbalance, theta)
     if found is None:
@@ -183,6 +183,19 @@ def reaction_in(
         return _seen(plant, gains, theta) + _coupling(coupling, _warped(theta, device.sample_time)) / factor
 
     return at
+
+
+def impedance_met(
+    device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, factor: float = 1.0
+) -> Callable[[complex], complex]:
+    """Return the impedance that an environment meets, a function of the angle: Z_c/factor + Z_seen, or its dual.
+
+    Parameters
+    ----------
+    device, gains, coupling, hand, factor : as of `reaction`
+    """
+    alone = reaction_in(device, gains, coupling, hand, factor)
+    return (lambda theta: 1 / alone(theta)) if device.kind.inverse else alone
 
 
 def growing_with(
@@ -259,7 +272,7 @@ def _dual(compliance: float, mobility: float, damping: float, growth: float, ome
 def _followed(unbalance: Callable[..., complex], theta: float, damping: float) -> list[tuple[float, complex]]:
     """Follow a pole from the unit circle while removing, step by step, the damper that holds it there.
 
-    Without such a damper, the path is empty. The path ends where the function can no longer follow the pole.
+    If no damper holds a pole there, the path is empty. The path ends where the function can no longer follow the pole.
     """
     pole, left, share, path = complex(theta), 1.0, FIRST, []
     for _ in range(MOST):

@@ -15,15 +15,15 @@ from vctune.running import check_time
 Floats = NDArray[np.float64]
 
 POINTS_PER_DECADE = 60
-"""Points per decade of the grid; neighbours are 4 % apart. Half this number would merge two minima within 8 % of each
-other. Twice this number doubles the evaluations each time vctune judges a design."""
+"""Points per decade of the grid; neighbours are 4 % apart. Half as many points would merge two minima within 8 % of
+each other. Twice as many points double the evaluations each time vctune judges a design."""
 ZOOMS = 3
-"""Number of rounds with a finer grid. Each round narrows an interval by a factor of 8. Half this number leaves an
-interval 23 times as wide, and gives the frequency only to 1e-5. Twice this number narrows the interval below what
+"""Number of rounds with a finer grid. Each round narrows an interval by a factor of 8. Half as many rounds leave an
+interval 23 times as wide, and give the frequency only to 1e-5. Twice as many rounds narrow the interval below what
 rounding permits for a minimum."""
 ZOOM_POINTS = 17
-"""Number of points of a finer grid, including both ends. Half this number narrows an interval 4 times in each round,
-and twice this number 16 times."""
+"""Number of points of a finer grid, including both ends. Half as many points narrow an interval 4 times in each round,
+and twice as many points 16 times."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +38,9 @@ class Minima:
 def frequency_grid(
     omega_min: float, omega_max: float, points_per_decade: int = POINTS_PER_DECADE, widest: float = inf
 ) -> Floats:
-    """Return a logarithmic grid that contains both ends exactly. Where its steps would exceed `widest`, they equal
-    `widest`.
+    """Return a logarithmic grid that contains both ends exactly.
+
+    Where its steps would exceed `widest`, they equal `widest`.
 
     Parameters
     ----------
@@ -66,9 +67,9 @@ def frequency_grid(
 def local_minima(f: Callable[[Floats], Floats], grid: Floats) -> Minima:
     """Find the local minima of f over the grid's span, ends included.
 
-    The function refines all local minima of the grid together. It makes `ZOOMS` rounds with a finer grid between the
-    neighbours of a minimum, and then takes the vertex of the parabola through the last points. For a smooth f the
-    frequency is correct to about 1e-7, and the value to 1e-14 of its variation.
+    The function refines all local minima of the grid together. The refinement makes `ZOOMS` rounds with a finer grid
+    between the neighbours of a minimum, and then takes the vertex of the parabola through the last points. For a smooth
+    f the frequency is correct to about 1e-7, and the value to 1e-14 of its variation.
 
     Parameters
     ----------
@@ -114,8 +115,10 @@ def local_minima(f: Callable[[Floats], Floats], grid: Floats) -> Minima:
 
 
 def _vertex(points: Floats, values: Floats, rows: NDArray[np.intp], k: NDArray[np.intp]) -> Floats:
-    """Return the minima of the parabolas through the k-th points and their neighbours. At an end, return the point
-    itself."""
+    """Return the minima of the parabolas through the k-th points and their neighbours.
+
+    At an end, return the point itself.
+    """
     middle = np.clip(k, 1, ZOOM_POINTS - 2)
     left, centre, right = (values[rows, middle + side] for side in (-1, 0, 1))
     with np.errstate(all="ignore"):

@@ -18,7 +18,14 @@ from vctune.model.gains import AnyCoupling, Coupling, Gains, series_coupling
 from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.sampled.hand_loop import AnyLoopInHand, loop_in_hand, offered, required_in_hand, seen_in_hand
+from vctune.model.sampled.hand_loop import (
+    AnyLoopInHand,
+    loop_in_hand,
+    met_in_hand,
+    offered,
+    required_in_hand,
+    seen_in_hand,
+)
 from vctune.model.sampled.plant_in_hand import ServoInHand, delays_of, plant_in_hand
 from vctune.model.sampled.several_devices import as_one
 from vctune.model.sampled.worlds.late_sides import open_sides
@@ -29,8 +36,8 @@ from vctune.running import check_time
 
 ROUNDS = 22
 """Number of refinement steps. Each step moves to the best neighbour or halves the distance, down to 1e-4 of the first
-distance. The square of this distance affects the ratio. Half this number reaches 1e-2, and the prover would then have
-to find the rest."""
+distance. The square of this distance affects the ratio. Half as many steps reach 1e-2, and the prover would then have
+to find the exact hand."""
 DRIVEN = 1e6
 """Value of 1/ratio above which a coupling supplies energy where it must absorb energy. Half or twice this value gives
 the same designs."""
@@ -38,13 +45,22 @@ the same designs."""
 
 @np.errstate(all="ignore")
 def needs_in_worlds(
-    loop: AnyLoopInHand, device: Device, gains: Gains, coupling: Coupling, theta: Floats, met: WorldsMet
+    loop: AnyLoopInHand,
+    device: Device,
+    gains: Gains,
+    coupling: AnyCoupling,
+    theta: Floats,
+    met: WorldsMet,
+    share: float = 1.0,
 ) -> dict[str, Floats]:
-    """Return 1/ratio for each margin. At least one of the margins must be positive
-    (`model.sampled.worlds.loop_in_worlds`).
+    """Return 1/ratio for each margin.
 
-    For the real part, the ratio is (Re Z_c + g b_1)/R. For a reactance, it is g times the exponential of its relative
-    reserve. In either case a ratio of g suffices, and a greater ratio leaves a reserve.
+    At least one of the margins must be positive (`model.sampled.worlds.loop_in_worlds`).
+
+    For the real part, the ratio is (Re Z_c + g b_1)/R. For a share of an impedance display's coupling, it is g times
+    the resistance that this share and the environment give, divided by what the loop lacks. For a reactance, it is g
+    times the exponential of its relative reserve. In either case a ratio of g suffices, and a greater ratio leaves a
+    reserve.
 
     Parameters
     ----------
@@ -53,12 +69,15 @@ def needs_in_worlds(
     gains, coupling : a design with plain numbers or arrays that broadcast against the loop
     theta : omega T, rad
     met : the environments and g
+    share : share of the coupling of an impedance display
     """
-    factor, worlds, T = met.factor, met.worlds, device.sample_time
-    seen, at = seen_in_hand(loop, gains), offered_at(coupling, T, theta, FLOATS)
-    found = disjuncts(at, worlds, T, seen, factor, theta, FLOATS)
-    needs = {"resistive": _need(seen.lost / seen.size, at.resistance + factor * worlds.low.damping)}
-    for name in posed(worlds, factor)[1:]:
+    factor, worlds, T, inverse = met.factor, met.worlds, device.sample_time, device.kind.inverse
+    at, seen = met_in_hand(loop, device, gains, coupling, share, theta, FLOATS)
+    reserve = 1.0 if inverse else factor
+    found = disjuncts(at, worlds, T, seen, reserve, theta, FLOATS)
+    need = _need(seen.lost / seen.size, at.resistance + reserve * worlds.low.damping)
+    needs = {"resistive": need * (reserve / factor)}
+    for name in posed(worlds, factor, inverse=inverse)[1:]:
         needs[name] = np.exp(-room_of(getattr(found, name), np.abs)) / factor
     return needs
 
@@ -81,8 +100,9 @@ def needs_in_hands(
     if met is not None and not met.worlds.lossless:
         return _need_in_time(loop, device, gains, series_coupling(coupling), theta, met)
     if met is not None:
-        needs = needs_in_worlds(loop, device, gains, series_coupling(coupling), theta, met)
-        return np.minimum.reduce(np.broadcast_arrays(*needs.values()))
+        shares = shares_of_coupling(met.factor) if device.kind.inverse else (1.0,)
+        each = (needs_in_worlds(loop, device, gains, coupling, theta, met, share) for share in shares)
+        return np.maximum.reduce([np.minimum.reduce(np.broadcast_arrays(*needs.values())) for needs in each])
     found = required_in_hand(loop, gains)
     with np.errstate(all="ignore"):
         return _need(np.asarray(found.lost / found.size), offered(coupling, device, theta, FLOATS))
@@ -177,8 +197,10 @@ def shares_of_coupling(factor: float) -> tuple[float, ...]:
 
 @np.errstate(all="ignore")
 def _need(required: Floats, there: Floats) -> Floats:
-    """Return 1/ratio as a function that is continuous where R changes its sign. For a coupling with negative
-    resistance, the result is 0 or exceeds any other."""
+    """Return 1/ratio as a function that is continuous where R changes its sign.
+
+    For a coupling with negative resistance, the result is 0 or exceeds any other.
+    """
     drives = np.where(required < there, 0.0, DRIVEN * (2 + (required - there) / (np.abs(required) - there)))
     return np.where(there < 0, drives, required / np.maximum(there, 1e-300))
 

@@ -27,15 +27,15 @@ from vctune.model.sampled.several_devices import alike
 from vctune.model.worlds import WorldsMet
 
 SEARCHED = 6
-"""Number of local minima over the angle that the code refines. Half this number still finds the worst hand of every
-reference problem."""
+"""Number of local minima over the angle that the code refines. With half as many minima, the code still finds the worst
+hand of every reference problem."""
 SHARP = 0.03
 """Damping ratio below which the code also evaluates the angles where a hand resonates with the device, because a grid
 would miss them. Half or twice this ratio gives the same design for a display with hardly any damping."""
 
 TOGETHER = 32
-"""Number of devices that the code evaluates together. Their arrays fit into the processor's cache. Half or twice this
-number takes the same time."""
+"""Number of devices that the code evaluates together. The arrays of so many devices fit into the processor's cache.
+Half or twice as many devices take the same time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,8 +70,9 @@ class RatioInAnyHand:
 
 
 def least_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[RatioInHand | RatioInAnyHand]:
-    """Return the local minima of the ratio in the hands of a problem. For each kind of hand, the lowest minimum comes
-    first.
+    """Return the local minima of the ratio in the hands of a problem.
+
+    For each kind of hand, the lowest minimum comes first.
 
     Parameters
     ----------

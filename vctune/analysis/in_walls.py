@@ -20,22 +20,23 @@ HIGHEST = 1 - 1e-5
 rounding to six digits cannot reach 1. With half the distance from 1, rounding might reach 1. Twice the distance serves
 as well."""
 LOWEST = 1e-4
-"""Least corner that the search evaluates, in units of 2/T. It is below the frequencies of all hands. Ten times this
-corner or a tenth of it leads to the same result."""
+"""Least corner that the search evaluates, in units of 2/T. This corner is below the frequencies of all hands. Ten times
+this corner or a tenth of it leads to the same result."""
 CORNERS = 17
 """Number of corners that the search evaluates first, evenly spaced on a log scale, because the reserve may have two
-maxima. Half or twice this number gives the same corner."""
+maxima. Half or twice as many corners lead to the same result."""
 FINER = 3
-"""Number of times that the search then quarters the spacing around the best corner, down to 1 %. Half this number finds
-corners with 1 % less reserve. Twice this number finds the same corner."""
+"""Number of times that the search then quarters the spacing around the best corner, down to 1 %. Half as many steps
+find corners with 1 % less reserve. Twice as many steps find the same corner."""
 SHARES, PER_DECADE = (0.0, 0.1, 1.0), 16
-"""Shares of hands, and number of angles per decade, that the search evaluates. Half as many miss the binding hand or
-angle. Twice as many lead to the same corner."""
+"""Shares of hands, and number of angles per decade, that the search evaluates. Half as many hands and angles miss the
+binding hand or angle. Twice as many lead to the same corner."""
 
 
 def corner_of(problem: Problem, gains: Gains, coupling: AnyCoupling) -> float:
-    """Return the corner, rad/s, with which the condition for walls has the greatest reserve. In hertz, the corner has
-    six digits.
+    """Return the corner, rad/s, with which the condition for walls has the greatest reserve.
+
+    In hertz, the corner has six digits.
 
     Parameters
     ----------

@@ -1,5 +1,7 @@
-"""Evaluate loops in some hands of a box at some angles, in double precision. The search for the worst hand starts from
-them."""
+"""Evaluate loops in some hands of a box at some angles, in double precision.
+
+The search for the worst hand starts from them.
+"""
 
 from __future__ import annotations
 
@@ -26,11 +28,11 @@ required resistance changes quickly. Half or twice as many shares lead to the sa
 time."""
 LOWEST, PER_DECADE = 1e-4, 24
 """Least angle omega T above 0, and number of angles per decade. Values below the least angle equal their limit to 1e-8.
-Half as many angles may miss one of two neighbouring extrema. Twice as many take twice the time."""
+Half as many angles may miss one of two neighbouring extrema. Twice as many angles take twice the time."""
 SOFT = np.geomspace(1e-12, 1.0, 97)
-"""Shares of the range of stiffness that the search evaluates at angle 0. There, a soft spring and a late loop require
-drag. They require the most at a stiffness of about K_p, which is small in slow loops. Half or twice as many shares lead
-to the same hand after refinement."""
+"""Shares of the range of stiffness that the search evaluates at angle 0. At this angle, a late loop in a soft spring
+requires drag. The required drag is greatest for a stiffness of about K_p, which is small in slow loops. Half or twice
+as many shares lead to the same hand after refinement."""
 
 
 @dataclass(frozen=True, slots=True)

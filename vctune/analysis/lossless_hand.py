@@ -1,9 +1,9 @@
 """Find the lossless hand in which a refused impedance display grows (model/README.md, section 15).
 
 The disc of any hand is a sum of discs, one for each alias of the frequency. At the worst point of the sum, each of
-these discs is at its edge. This requires a certain reactance of the hand at each alias. By Foster's theorem, a mass or
-a spring with resonators can have these reactances at any number of aliases. In this hand, the search for the
-environment with which the exact sampled loop grows is the same as in a hand of a box.
+these discs is at its edge. To reach all these edges, the hand must have a certain reactance at each alias. By Foster's
+theorem, a mass or a spring with resonators can have these reactances at any number of aliases. In this hand, the search
+for the environment with which the exact sampled loop grows is the same as in a hand of a box.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ DETUNED = (0.1, 1e-2, 1e-3, 1e-4)
 and a motion grows more slowly. With half as many distances, the growth found is up to eight times slower. With twice as
 many, the search finds a hand for one more design in 60."""
 SUMMED = 250
-"""Number of aliases on either side that the code sums for the hand's response; the rest is below 1e-5. Half or twice
-this number gives the same growth to four digits."""
+"""Number of aliases on either side that the code sums for the hand's response; the rest is below 1e-5. Half or twice as
+many aliases give the same growth to four digits."""
 FROM_ENDS = (0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3)
 """Distances, rad, from 0 Hz and from Nyquist at which the code searches for a hand, because nothing grows at these
-ends. The first success ends the search. Half or twice as many distances find hands for the same designs, with a sixth
-to six times the growth."""
+ends. The search ends at the first success. Half or twice as many distances find hands for the same designs, with a
+sixth to six times the growth."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,10 @@ def growing_in_any_hand(
 def _growing_in(
     device: Device, gains: Gains, coupling: SpringDamper, hand: LosslessHand, theta: float
 ) -> GrowingEnvironment | None:
-    """Return the environment with which a loop grows in a hand. Its value is 0 if the loop of K_v alone grows."""
+    """Return the environment with which a loop grows in a hand.
+
+    The value of the environment is 0 if the loop of K_v alone grows.
+    """
 
     def loop(theta: complex) -> complex:
         """Return K_v F G_y."""

@@ -17,14 +17,14 @@ from vctune.model.gains import Gains
 from vctune.model.numbers.pair import Pair
 
 BISECTIONS = 40
-"""Number of bisections of an interval of the grid. They narrow it to 1e-12, which the output does not show. Half this
-number would reach 1e-6, which the output would show. Twice this number reaches rounding errors."""
+"""Number of bisections of an interval of the grid. The bisections narrow an interval to 1e-12, which the output does
+not show. Half as many bisections would reach 1e-6, which the output would show. Twice as many reach rounding errors."""
 MARGIN_POINTS_PER_DECADE = 100
-"""Number of points per decade of the grid for crossings. Half this number may miss two crossings within 5 %. Twice this
-number takes twice the time."""
+"""Number of points per decade of the grid for crossings. Half as many points may miss two crossings within 5 %. Twice
+as many points take twice the time."""
 DECADES_BELOW_NYQUIST = 7
 """Number of decades below Nyquist that the code searches. Only a loop with a bandwidth of a millionth of its sampling
-rate has a crossover that far below. Half this number misses crossovers of slow loops. Twice this number brings
+rate has a crossover that far below. Half as many decades miss crossovers of slow loops. Twice as many decades bring
 nothing."""
 STEPS, FARTHEST = 16, 32
 """Number of steps in which the code increases the delay to its estimated margin, and the multiple of this margin at
@@ -32,12 +32,12 @@ which it stops. With half as many steps, the code may skip an unstable interval 
 as many take twice the time."""
 NEWTON_STEPS = 8
 """Number of Newton's steps. After ten bisections, quadratic convergence takes three steps. The other steps serve a
-double crossing, where convergence is linear. Half this number suffices for a simple crossing. Twice this number reaches
-rounding errors."""
+double crossing, where convergence is linear. Half as many steps suffice for a simple crossing. Twice as many steps
+reach rounding errors."""
 DIFFERENCE = 1e-6
 """Step of the central differences in Newton's method, in log omega and in delay over sample time. The differences have
-an error of 1e-12 and a rounding error of 1e-10. These errors slow the method down but do not change its limit. Half or
-twice this step does not change the limit either."""
+an error of 1e-12 and a rounding error of 1e-10. Errors of this size slow the method down but do not change its limit.
+Half or twice this step does not change the limit either."""
 FARTHEST_CORRECTION = 0.05
 """Greatest share of the delay by which Newton's method may correct a bisection. The bisection is correct to 1e-4 of the
 estimate. A larger correction means that the method has found another crossing. Half or twice this share gives the same
@@ -104,8 +104,9 @@ def unit_gain_frequencies(device: Device, gains: Gains) -> Floats:
 
 
 def unstable_poles(device: Device, gains: Gains) -> int:
-    """Return the number of poles of the closed sampled loop outside the unit circle. The function counts the turns of F
-    around 0.
+    """Return the number of poles of the closed sampled loop outside the unit circle.
+
+    The function counts the turns of F around 0.
 
     Parameters
     ----------

@@ -87,8 +87,8 @@ def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
 def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
     """Return the contribution of each part to the phase of q = F_s G_he, with G_he = P_hu C_0/(1 + P_mu C_f).
 
-    The feedback, 1/(1 + P_mu C_f), compensates most of the lag within the loop. It does not compensate the lag of the
-    force sensor.
+    The feedback, 1/(1 + P_mu C_f), compensates most of the lag within the loop. The feedback does not compensate the
+    lag of the force sensor.
 
     Parameters
     ----------

@@ -16,8 +16,8 @@ finest relative spacing. Half or twice this range leads to the same decisions, b
 place between the two. A grid half as fine may miss a resonance between two frequencies; the proof would then find it. A
 grid twice as fine takes twice the time in this range."""
 NARROWER = 6.0
-"""Number of points that a drawn curve has within the width of a resonance. With half this number, the curve shows
-corners. Twice this number doubles the length of the file."""
+"""Number of points that a drawn curve has within the width of a resonance. With half as many points, the curve shows
+corners. Twice as many points double the length of the file."""
 
 
 def with_resonance(device: Device, grid: Floats) -> Floats:

@@ -70,8 +70,9 @@ def sensitivity_of(device: Device, gains: Gains) -> Callable[[Floats], Floats]:
 
 
 def pulse_transfer(device: Device, omega: Floats, *, position: bool) -> tuple[Complex, Complex]:
-    """Return G_v and G_x, from the held force to velocity and position, at omega > 0. G_x is 0 if the loop does not
-    contain the position.
+    """Return G_v and G_x, from the held force to velocity and position, at omega > 0.
+
+    G_x is 0 if the loop does not contain the position.
 
     Parameters
     ----------

@@ -29,20 +29,20 @@ same side as the curve, unless the curve is too close to 0 (`TOO_CLOSE`). A loop
 little lag to turn. With half as many angles, the proof must decide more loops. Twice as many double the time of a
 scan."""
 TOO_CLOSE = 0.03
-"""Least |F| with which the code relies on the grid. It is slightly less than the distance of neighbouring angles. With
-half this value, chords may pass 0 on the wrong side. With twice this value, the proof must decide more loops. Neither
-makes a verdict wrong."""
+"""Least |F| with which the code relies on the grid. This value is slightly less than the distance of neighbouring
+angles. With half this value, chords may pass 0 on the wrong side. With twice this value, the proof must decide more
+loops. Neither makes a verdict wrong."""
 LARGEST_TURN = 1.0
-"""Greatest turn between neighbouring angles with which the code relies on the grid, rad. It is well below half a turn,
-at which the direction would be ambiguous. Half this value leaves more loops to the proof, and twice this value
+"""Greatest turn between neighbouring angles with which the code relies on the grid, rad. This turn is well below half a
+turn, at which the direction would be ambiguous. Half this value leaves more loops to the proof, and twice this value
 fewer."""
 CROSSING_POINTS, CROSSING_ROUNDS = 33, 3
-"""Number of points, and number of rounds, in the search along a segment of gains for a pole's crossing. They locate the
-crossing to 1/32768 of the segment. A cut need not be closer, because several cuts follow. Half as many points reach
-1/4096, and twice as many 1/262144."""
+"""Number of points, and number of rounds, in the search along a segment of gains for a pole's crossing. The search
+locates the crossing to 1/32768 of the segment. A cut need not be closer, because several cuts follow. Half as many
+points reach 1/4096, and twice as many 1/262144."""
 DIFFERENCE = 1e-4
-"""Relative step of the central difference in theta that gives the direction of a cut. Its error is 1e-8, its rounding
-error 1e-12. Half or twice this step gives the same direction."""
+"""Relative step of the central difference in theta that gives the direction of a cut. The difference has an error of
+1e-8 and a rounding error of 1e-12. Half or twice this step gives the same direction."""
 
 Curve = Callable[[Floats, Floats, Floats], Complex]
 """The function F(theta, K_v, K_p) = 1 + loop gain, affine in the gains; theta is omega T, rad."""
@@ -124,8 +124,9 @@ def unit_circle(device: Device, first: float = FIRST_ANGLE, *, position: bool) -
 
 
 def makes_no_turn(F: Pair) -> NDArray[np.bool_]:
-    """Return whether a closed loop's return difference on `unit_circle` makes no turn around 0. The last axis is the
-    angle.
+    """Return whether a closed loop's return difference on `unit_circle` makes no turn around 0.
+
+    The last axis is the angle.
 
     F is real at the last angle. The total turn is the angle from F at the first angle to the positive real axis, plus a
     full turn for each crossing of the negative real axis. Chords between neighbouring angles show these crossings.
@@ -166,7 +167,10 @@ def clearly_stable(device: Device, gains: Gains) -> bool | None:
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """The half plane open + K_v velocity + K_p position >= 0. It keeps the gains inside the stability boundary."""
+    """The half plane open + K_v velocity + K_p position >= 0.
+
+    The half plane keeps the gains inside the stability boundary.
+    """
 
     open: float
     velocity: float
@@ -197,8 +201,10 @@ def stability_cut(device: Device, inside: Gains, outside: Gains, level: float) -
 
 
 def _crossing(curve: Curve, theta: Floats, inside: Gains, outside: Gains) -> Gains | None:
-    """Return the gains at which the number of turns first differs from that at `inside`. Return None if it never
-    differs."""
+    """Return the gains at which the number of turns first differs from that at `inside`.
+
+    Return None if it never differs.
+    """
     low, high = 0.0, 1.0
     for _ in range(CROSSING_ROUNDS):
         t = np.linspace(low, high, CROSSING_POINTS)[:, None]

@@ -13,7 +13,7 @@ from vctune.model.problem import Problem
 from vctune.model.transparency import log_quadrature, loop_terms
 
 NODES = 64
-"""Number of frequencies that `tracking_terms` evaluates. With half this number, the drawn line is the same."""
+"""Number of frequencies that `tracking_terms` evaluates. With half as many frequencies, the drawn line is the same."""
 
 
 def tracking_terms(problem: Problem, gains: Gains) -> Floats:

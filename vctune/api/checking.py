@@ -178,8 +178,10 @@ def write_lost(checked: Checked, again: Recheck, folder: Path) -> None:
 
 
 def remove_lost(folder: Path) -> list[str]:
-    """Remove the lost.json and lost.svg of an earlier check if this check has no losses. Return the names of the
-    removed files."""
+    """Remove the lost.json and lost.svg of an earlier check if this check has no losses.
+
+    Return the names of the removed files.
+    """
     gone = [path for name in LOST if (path := folder / name).exists()]
     for path in gone:
         path.unlink()

@@ -62,8 +62,10 @@ def compare(
 
 
 def _designed(source: Any, base: Problem | None, progress: Progress) -> tuple[DesignRecord, Problem]:
-    """Return a design with its problem. If the problem states no band and no Z_0, the function uses those of the
-    base."""
+    """Return a design with its problem.
+
+    If the problem states no band and no Z_0, the function uses those of the base.
+    """
     known = known_record(source)
     if known is not None:
         return known, parse_problem(known.problem.text, known.problem.name, known.problem.name)
@@ -99,8 +101,10 @@ def _side(source: Any, record: DesignRecord, problem: Problem, yardsticks: Seque
 
 
 def _measured(record: DesignRecord, problem: Problem, yardstick: Transparency) -> MeasuredRecord | None:
-    """Return a design's error on a yardstick. Return None without a design, or if the yardstick is impossible for the
-    device."""
+    """Return a design's error on a yardstick.
+
+    Return None without a design, or if the yardstick is impossible for the device.
+    """
     if record.design is None or yardstick.band.max > problem.nyquist:
         return None
     posed = pose(replace(problem, transparency=yardstick)).problem

@@ -58,8 +58,10 @@ class Simulation:
 
     @property
     def agrees(self) -> bool:
-        """Whether the commands of a compiled controller equal the design's, except for rounding. True without a
-        controller."""
+        """Whether the commands of a compiled controller equal the design's, except for rounding.
+
+        True without a controller.
+        """
         return all(one.difference is None or one.difference.passes for one in self.experiments)
 
     @property
@@ -202,8 +204,9 @@ def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
 
 
 def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
-    """Write simulation.json, traces.npz and their figure. If the folder holds the simulated design, write its report
-    again.
+    """Write simulation.json, traces.npz and their figure.
+
+    If the folder holds the simulated design, write its report again.
 
     Parameters
     ----------

@@ -125,8 +125,10 @@ def _same(one: Path, other: Path) -> bool:
 
 
 def _from(folder: Path, source: Path) -> str:
-    """Return the relative path from a folder to a file, with slashes. If the two are on different drives, return the
-    absolute path."""
+    """Return the relative path from a folder to a file, with slashes.
+
+    If the two are on different drives, return the absolute path.
+    """
     try:
         return Path(os.path.relpath(source, folder.resolve())).as_posix()
     except ValueError:

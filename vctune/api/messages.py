@@ -1,5 +1,7 @@
-"""Provide versions, probable mistakes and schemas for the commands. This module imports heavy packages only when it
-needs them."""
+"""Provide versions, probable mistakes and schemas for the commands.
+
+This module imports heavy packages only when it needs them.
+"""
 
 from __future__ import annotations
 

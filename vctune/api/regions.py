@@ -163,7 +163,7 @@ def region(
 
 def _best(file: ProblemFile, solved: Solved | None) -> Design:
     if solved is None or solved.judgement is None:
-        message = f"has no design whose environments could be looked at: {solved.reason if solved else 'none given'}"
+        message = f"has no design that could render environments: {solved.reason if solved else 'none given'}"
         raise InputError.of(file.source, "no-design", message)
     return solved.judgement.gains, solved.judgement.coupling
 

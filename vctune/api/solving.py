@@ -26,8 +26,9 @@ def solve(
     time_limit: float = inf,
     progress: Progress = lambda stage: None,
 ) -> Solved:
-    """Find the most transparent feasible design and prove it. If the problem fixes every number, judge the fixed
-    design.
+    """Find the most transparent feasible design and prove it.
+
+    If the problem fixes every number, judge the fixed design.
 
     Parameters
     ----------

@@ -227,8 +227,10 @@ def _write(swept: Swept, folder: Path) -> None:
 
 
 def _write_fronts(fronts: Fronts, edge: float, folder: Path) -> None:
-    """Write the fronts as tables and pictures. The picture of error and band marks the upper edge of the transparency
-    band, Hz."""
+    """Write the fronts as tables and pictures.
+
+    The picture of error and band marks the upper edge of the transparency band, Hz.
+    """
     from vctune.report.figures.sweep_figures import band_figure, terms_figure
     from vctune.report.page.page import figure_file
 

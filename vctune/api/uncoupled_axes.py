@@ -145,8 +145,9 @@ def claim_axes(axes: AxesFile, out: Path) -> None:
 
 
 def write_axes(axes: AxesFile, designs: list[AxisDesign], out: Path, *, reported: bool) -> dict[Path, Path]:
-    """Write the design of each axis into the axis's folder. Write a page with one line for each axis into the problem's
-    folder.
+    """Write the design of each axis into the axis's folder.
+
+    Write a page with one line for each axis into the problem's folder.
 
     Parameters
     ----------

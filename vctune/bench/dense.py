@@ -26,7 +26,7 @@ from vctune.interrupt import interrupt_deferred
 from vctune.model.gains import AnyCoupling, Gains
 
 PANELS = 16
-"""Number of panels of the objective's quadrature. This number gives nine digits on the reference problems."""
+"""Number of panels of the objective's quadrature. These panels give nine digits on the reference problems."""
 MISSED = 1e3
 SETTINGS: dict[str, Any] = {**OPTIONS, "ipopt.max_iter": 500}
 

@@ -1,5 +1,7 @@
-"""Make random devices over ten decades of mass, damping, sample time, delay, bounds and bands. A seed reproduces each
-device."""
+"""Make random devices over ten decades of mass, damping, sample time, delay, bounds and bands.
+
+A seed reproduces each device.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +17,9 @@ MOST_DELAY = 150.0
 
 
 def device(seed: int, number: int) -> tuple[dict[str, Any], Problem]:
-    """Return the device with a given number in the series of a seed, as a document and as a problem. The function
-    replaces an invalid problem by another draw.
+    """Return the device with a given number in the series of a seed, as a document and as a problem.
+
+    The function replaces an invalid problem by another draw.
 
     Parameters
     ----------

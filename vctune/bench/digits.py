@@ -152,8 +152,10 @@ def _value(poly: list[Any], z: Any) -> Any:
 
 
 def _all_inside(poly: list[Any]) -> bool:
-    """Return whether every root lies inside the unit circle, by Jury's table. Each row of the table is one shorter than
-    the row above."""
+    """Return whether every root lies inside the unit circle, by Jury's table.
+
+    Each row of the table is one shorter than the row above.
+    """
     while poly and poly[-1] == 0:
         poly = poly[:-1]
     while len(poly) > 1:

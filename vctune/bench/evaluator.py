@@ -22,7 +22,7 @@ from vctune.model.problem import Problem
 Floats = NDArray[np.float64]
 
 POINTS = 20_001
-"""Number of frequencies in each band. It is odd, as Simpson's rule requires."""
+"""Number of frequencies in each band. The number is odd, as Simpson's rule requires."""
 ENDLESS = 1e-6
 """Factor that stands for 0 as the lower end of a band, relative to the other frequencies. Its reciprocal stands for
 inf."""
@@ -370,7 +370,7 @@ def squared_error(problem: Problem, case: Case, omega: Any) -> Any:
 def violation(problem: Problem, case: Case, extra: Sequence[float] = ()) -> float:
     """Return the logarithm of one case's greatest violation of the constraints on Re Z_c/R and |S|.
 
-    The function evaluates dense grids and the extra frequencies. It returns 0 if the case meets both constraints.
+    The function evaluates dense grids and the extra frequencies. The result is 0 if the case meets both constraints.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """List the reference problems, for any passive hand on a band.
 
-They cover free and fixed loops, both holds, delays, K_p = 0, active bounds, and a problem with two basins.
+The problems cover free and fixed loops, both holds, delays, K_p = 0, active bounds, and a problem with two basins.
 """
 
 from __future__ import annotations

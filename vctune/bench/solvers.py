@@ -31,8 +31,8 @@ GRID = 2000
 GRIDS = (8, 32, 128, 512)
 """Numbers of frequencies of the coarser grids for IPOPT."""
 RESERVE = 1e-5
-"""Relative tightening of the other solvers' constraints on `GRID`. It is about the size of the violation between two
-grid points."""
+"""Relative tightening of the other solvers' constraints on `GRID`. The tightening is about the size of the violation
+between two grid points."""
 MET = 1e-6
 """Greatest violation on the grid with which the benchmark accepts another solver's answer."""
 REPEATS, SLOW = 5, 1.0
@@ -194,8 +194,11 @@ class _Answer:
 
     @property
     def rank(self) -> tuple[bool, float]:
-        """Return the sort key of an answer. Answers that meet the constraints on their grid with a stable loop come
-        first, by error; then all others, by violation."""
+        """Return the sort key of an answer.
+
+        Answers that meet the constraints on their grid with a stable loop come first, by error; then all others, by
+        violation.
+        """
         good = self.missed <= MET and self.stable
         return (not good, self.error if good else self.missed + 1e3 * (not self.stable))
 
@@ -263,4 +266,4 @@ def panels(rows: list[Row]) -> list[Panel]:
             series.append(Series(solver, [row.seconds for row in own], [row.gap for row in own]))
         drawn.append(Panel(title, "processor time, s", "gap to the best proved error", series, LEAST_GAP))
     missed = [Series(name, [r.seconds for r in own], [r.violation for r in own]) for name, own in by_solver.items()]
-    return [*drawn, Panel("all", "processor time, s", "greatest violation of a demand, relative", missed, LEAST_GAP)]
+    return [*drawn, Panel("all", "processor time, s", "greatest relative violation of a constraint", missed, LEAST_GAP)]

@@ -130,8 +130,9 @@ def examined(seed: int, number: int) -> Row:
 
 
 def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
-    """Check a certified design with 50 digits. Return the contradiction ("" if there is none), and the largest relative
-    error of the floats.
+    """Check a certified design with 50 digits.
+
+    Return the contradiction ("" if there is none), and the largest relative error of the floats.
 
     Parameters
     ----------

@@ -84,8 +84,9 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
 
 
 def drawn(seed: int, number: int) -> tuple[dict[str, Any], Problem]:
-    """Return the device with a given number in the series of a seed, as a document and as a problem. The combinations
-    of uncertain numbers take turns.
+    """Return the device with a given number in the series of a seed, as a document and as a problem.
+
+    The combinations of uncertain numbers take turns.
 
     Parameters
     ----------

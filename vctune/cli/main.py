@@ -1,4 +1,4 @@
-"""Define the `vctune` command. It turns each error into a clear line on stderr and a documented exit code."""
+"""Define the `vctune` command. The command turns each error into a clear line on stderr and a documented exit code."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ COMMANDS = (
 
 
 class _Commands(click.Group):
-    """The group of all commands. It imports a command only to run or list it."""
+    """The group of all commands. The group imports a command only to run or list it."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
@@ -61,8 +61,10 @@ def main() -> None:
 
 
 def execute() -> int:
-    """Run the command line and return one of the codes in `ExitCode`. KeyboardInterrupt is the only exception that it
-    raises."""
+    """Run the command line and return one of the codes in `ExitCode`.
+
+    KeyboardInterrupt is the only exception that it raises.
+    """
     try:
         code = main(standalone_mode=False)
     except InputError as error:

@@ -140,11 +140,11 @@ def with_corner(posed: Posed, corner: float) -> Posed:
 
 
 def by_resistance(posed: Posed) -> Posed:
-    """Return a posed problem in which the real part alone has to suffice with environments late or by Euler's rules.
+    """Return a posed problem in which the real part alone has to suffice with every environment of its box.
 
     Parameters
     ----------
-    posed : with such environments
+    posed : prepared problem with a box of environments
     """
     return _in_worlds(posed, resistive=True)
 

@@ -55,8 +55,9 @@ def numbers_text(kind: Display, gains: Gains, coupling: AnyCoupling) -> str:
 
 
 def numbers_in(text: str, kind: Display) -> dict[str, float]:
-    """Return the numbers that `numbers_text` wrote, by their keys. The result is empty if they do not fit the kind of
-    display.
+    """Return the numbers that `numbers_text` wrote, by their keys.
+
+    The result is empty if they do not fit the kind of display.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from vctune.document.schema.validation import MAX_MISTAKES, shown
 from vctune.document.text.errors import InputError, Mistake
 
 MAX_BYTES = 400_000_000
-"""Greatest size of a log, bytes. It is four times the size of a log of a million samples with ten columns."""
+"""Greatest size of a log, bytes. The limit is four times the size of a log of a million samples with ten columns."""
 GZIP, ZIP, OLE = b"\x1f\x8b", b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 """First bytes of gzipped files, of new workbooks, and of old workbooks."""
 SEPARATORS = (",", ";", "\t")
@@ -151,8 +151,10 @@ def _is_number(text: str) -> bool:
 
 
 def _at_once(data: bytes, separator: str, columns: int, first_line: int) -> Floats | None:
-    """Return the samples of a table without faults; None if the table has a fault. The function makes no list of lines,
-    to save memory."""
+    """Return the samples of a table without faults; None if the table has a fault.
+
+    The function makes no list of lines, to save memory.
+    """
     stream = _stream(data)
     try:
         for _ in range(first_line - 1):

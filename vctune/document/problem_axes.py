@@ -1,5 +1,7 @@
-"""Read problem files with several uncoupled axes. Each [[axis]] states a problem: the tables of the file, with its own
-keys in place of theirs."""
+"""Read problem files with several uncoupled axes.
+
+Each [[axis]] states a problem: the tables of the file, with its own keys in place of theirs.
+"""
 
 from __future__ import annotations
 
@@ -138,8 +140,9 @@ def axes_file(text: str, path: Path) -> AxesFile | None:
 
 
 def merged(shared: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the shared tables with the tables of an axis merged into them. Tables merge key by key; the axis replaces
-    all other values.
+    """Return the shared tables with the tables of an axis merged into them.
+
+    Tables merge key by key; the axis replaces all other values.
 
     Parameters
     ----------

@@ -56,8 +56,9 @@ class ProblemFile:
         return problem_digest(self.problem)
 
     def line_of(self, path: KeyPath) -> int:
-        """Return the line of a key. If the text lacks the key, return the line of the innermost table that should
-        contain it.
+        """Return the line of a key.
+
+        If the text lacks the key, return the line of the innermost table that should contain it.
 
         Parameters
         ----------
@@ -233,8 +234,10 @@ GAINS_DOCUMENTS: dict[DisplayName, type[GainsDocument | SpringGainsDocument | Se
 
 
 def _kind_of(raw: dict[str, Any]) -> Display:
-    """Return the kind of display of a gains file. The kind follows from the keys of [coupling] and from the presence of
-    [gains]."""
+    """Return the kind of display of a gains file.
+
+    The kind follows from the keys of [coupling] and from the presence of [gains].
+    """
     coupling, origin = raw.get("coupling"), raw.get("design")
     if isinstance(coupling, dict) and "stiffness" in coupling:
         return IMPEDANCE

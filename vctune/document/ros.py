@@ -136,8 +136,10 @@ def read_admittance(path: Path) -> AdmittanceFile:
 def _controllers(
     value: Any, place: tuple[str, ...], table: str = "admittance"
 ) -> Iterator[tuple[tuple[str, ...], Mapping[str, Any]]]:
-    """Yield the place and the parameters of every controller that states a given table. The table may be nested at any
-    depth."""
+    """Yield the place and the parameters of every controller that states a given table.
+
+    The table may be nested at any depth.
+    """
     if not isinstance(value, Mapping) or len(place) > len(AXES):
         return
     for key, entry in value.items():

@@ -118,8 +118,10 @@ def names_and_numbers(made: Firmware) -> dict[str, Any]:
 
 
 def _start_head(made: Firmware) -> str:
-    """Return the head of the function vctune_start. Only a differenced velocity needs the start position of the
-    motor."""
+    """Return the head of the function vctune_start.
+
+    Only a differenced velocity needs the start position of the motor.
+    """
     first = "vctune_real position, " if made.parts.difference else ""
     last = ", vctune_real limit" if limiting(made) else ""
     indent = " " * len("vctune_state vctune_start(")

@@ -123,8 +123,9 @@ def judged(problem: Problem, design: tuple[Gains, AnyCoupling], corner: float | 
 
 
 def controller_coefficients(coefficients: dict[str, float], command: Commanded) -> dict[str, float]:
-    """Return the coefficients that a firmware has as constants. Coefficients of environment and limit are not
-    constants.
+    """Return the coefficients that a firmware has as constants.
+
+    Coefficients of environment and limit are not constants.
 
     Parameters
     ----------

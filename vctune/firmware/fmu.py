@@ -126,7 +126,7 @@ def _reals(made: Firmware) -> list[tuple[str, str, str, str]]:
 
 
 def _guid(made: Firmware) -> str:
-    """Return the FMU's identifier. It depends only on design, precision and version."""
+    """Return the FMU's identifier. The identifier depends only on design, precision and version."""
     known = f"{made.design_sha256} {made.precision} {__version__}"
     return f"{{{UUID(bytes=sha256(known.encode()).digest()[:16])}}}"
 

@@ -24,7 +24,7 @@ def statement(made: Firmware) -> list[str]:
     made : the design as firmware
     """
     doubt = [] if certified(made) else [not_proved(made), ""]
-    proved = f"Proved: {made.record.promise}." if made.record.promise else "Nothing is promised of this design."
+    proved = f"Proved: {made.record.promise}." if made.record.promise else "vctune proved nothing about this design."
     single = "Proved again with the constants below, rounded to single precision, and with their sample time."
     return [
         *doubt,

@@ -45,8 +45,9 @@ class Replay:
 
 
 def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] = lambda stage: None) -> list[Replay]:
-    """Simulate a design in those experiments of its problem that the C code can render. Without any, use default
-    experiments.
+    """Simulate a design in those experiments of its problem that the C code can render.
+
+    Without any, use default experiments.
 
     Parameters
     ----------
@@ -118,8 +119,9 @@ def vectors_text(made: list[Replay], units: Units, commanded: Commanded) -> str:
 
 
 def greatest_difference(firmware: Firmware, made: list[Replay]) -> float:
-    """Return the greatest difference between a firmware's commands and the simulated ones. The firmware runs in its
-    precision, without fused operations.
+    """Return the greatest difference between a firmware's commands and the simulated ones.
+
+    The firmware runs in its precision, without fused operations.
 
     Parameters
     ----------

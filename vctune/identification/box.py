@@ -10,7 +10,7 @@ from vctune.document.text.codes import Note
 from vctune.identification.motion.covariance import joint_factor
 
 MASS_FLOOR = 0.01
-"""Least relative half-width of a mass. It allows for changes of the device from one day to the next."""
+"""Least relative half-width of a mass. This floor allows for changes of the device from one day to the next."""
 DELAY_FLOOR = 0.1
 """Least half-width of a delay, in sample times."""
 WIDEST = 0.99

@@ -129,5 +129,5 @@ def _noise(found: Identified) -> float:
 def _reasons(found: Identified) -> tuple[str, ...]:
     said = [f"{each.key}: within {each.share:.0%}, by {each.limit}" for each in found.bounds if each.share > 0.05]
     if not found.unmodelled:
-        said.append(coded("resonances and what is not modelled: nothing is known of them yet", "remark-slow-motion"))
+        said.append(coded("resonances and unmodelled dynamics: the logs do not show them", "remark-slow-motion"))
     return tuple(said)

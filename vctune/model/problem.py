@@ -162,14 +162,14 @@ class Uncertainty:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """A design problem, and the experiments in which to simulate its design. The design does not depend on the
-    experiments.
+    """A design problem, and the experiments in which to simulate its design.
+
+    The design does not depend on the experiments.
 
     See design/README.md, section 1; document/README.md, section 1.
 
-    Without `uncertainty`, the constraints hold for the nominal device; with it, for every device of the box. Without
-    `worlds`, they hold with every environment that is passive in its discrete form; with it, with every environment of
-    the box.
+    The constraints hold for the nominal device or, with `uncertainty`, for every device of its box. They hold with
+    every environment that is passive in its discrete form or, with `worlds`, with every environment of that box.
     """
 
     name: str

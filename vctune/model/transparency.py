@@ -39,8 +39,8 @@ TERMS: tuple[TermName, ...] = ("admittance", "tracking", "coupling")
 class LoopTerms(NamedTuple):
     """The squares of the two terms that do not contain the coupling, those of G_hh and of 1 - G_he, with Z_0 = 1.
 
-    An impedance display has the dual terms. They contain 1/G_hh, the impedance in free motion, and 1 - A H/N, the
-    relative error of the handle's force against the commanded force.
+    An impedance display has the dual terms. The dual terms contain 1/G_hh, the impedance in free motion, and 1 - A H/N,
+    the relative error of the handle's force against the commanded force.
     """
 
     admittance: Number

@@ -15,11 +15,11 @@ from vctune.simulation.run import Traces
 TURNING_POINT = 0.1
 """Share of the travel at each end that counts as a turning point; also the share of the greatest speed that counts as
 near zero. The hand gains speed within the first 6 % of the travel (`vctune.simulation.mechanics.intended_motion.RAMP`).
-Half this share would still measure a part of it. Twice this share would drop a part of the stroke. Both change the
-ripple only slightly."""
+With half this share, the ripple would include a part of these 6 %. With twice this share, it would miss a part of the
+stroke. Either share changes the ripple only slightly."""
 N_POSITIONS = 400
-"""Number of positions at which the code compares loading and unloading. This is more than a figure shows. Half this
-number still follows the curves; twice this number adds nothing."""
+"""Number of positions at which the code compares loading and unloading. A figure shows fewer positions. Half as many
+positions still follow the curves; twice as many add nothing."""
 SATURATED = 1 - 1e-9
 """Share of the limit above which a force counts as at the limit. It allows for rounding. Half or twice the allowance
 gives the same samples."""

@@ -32,9 +32,9 @@ from vctune.simulation.two_runs import Run, Simulated
 from vctune.version import __version__
 
 TOLERANCE = 1.5e-3
-"""Share of the plotted range by which a thinned curve may differ from the original. It is less than the width of a
-line. Half this share gives more points in simulation.json and the same picture. With twice this share, corners begin to
-show in print."""
+"""Share of the plotted range by which a thinned curve may differ from the original. This share is less than the width
+of a line. Half this share would give more points in simulation.json and the same picture. With twice this share,
+corners begin to show in print."""
 
 
 def simulation_record(
@@ -154,8 +154,10 @@ def _run(made: Run, curve: list[list[float]]) -> RunRecord:
 
 
 def _curve(traces: Traces, name: str, cycle: float) -> tuple[Floats, Floats]:
-    """Return position or velocity, and the force over it. If there are several cycles, the function omits the first
-    one."""
+    """Return position or velocity, and the force over it.
+
+    If there are several cycles, the function omits the first one.
+    """
     first = int(np.searchsorted(traces.time, cycle * (1 - 1e-9)))
     first = first if len(traces.time) - first > 1 else 0
     return getattr(traces, name)[first:], traces.force[first:]

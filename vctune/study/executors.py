@@ -1,7 +1,7 @@
 """Provide workers as a `concurrent.futures.Executor`: processes on this machine, or a Dask cluster.
 
-Workers end when the process that started them ends, even if that process is killed. They ignore Ctrl-C, which that
-process handles.
+Workers end when the process that started them ends, even if that process is killed. Workers ignore Ctrl-C, which the
+process that started them handles.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from vctune.version import __version__
 
 PENDING_PER_WORKER = 3
 """Number of points that the sweep hands out for each worker in advance, so that no worker waits for its next point.
-Solving a point takes at least tens of milliseconds; handing it out takes one. With half this number, a worker on
-another machine may have to wait. Twice this number brings nothing."""
+Solving a point takes at least tens of milliseconds; handing it out takes one. With half as many points, a worker on
+another machine may have to wait. Twice as many points bring nothing."""
 CONNECT_SECONDS = 5
 ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
@@ -140,8 +140,10 @@ def _context() -> BaseContext:
 
 @contextmanager
 def _for_workers() -> Iterator[None]:
-    """Give `ENVIRONMENT` to the processes that start in this block. They, and this process within the block, ignore
-    Ctrl-C."""
+    """Give `ENVIRONMENT` to the processes that start in this block.
+
+    These processes, and this process within the block, ignore Ctrl-C.
+    """
     before, foremost = dict(os.environ), threading.current_thread() is threading.main_thread()
     os.environ.update(ENVIRONMENT)
     handler = signal.signal(signal.SIGINT, signal.SIG_IGN) if foremost else None

@@ -94,8 +94,10 @@ def terms_front(table: Table) -> Table:
 
 
 def band_front(table: Table) -> Table:
-    """Return the designs for which no other design is better in both error and upper band edge. The error grows with
-    the edge."""
+    """Return the designs for which no other design is better in both error and upper band edge.
+
+    The error grows with the edge.
+    """
     edge = table.axes["stability.band_hz[1]"]
     return _front(table, np.column_stack([-edge, table.numbers["error"]]), by=1)
 

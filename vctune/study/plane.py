@@ -52,8 +52,10 @@ class Plane:
         return index is not None and index not in self.axes and not self.ranges[index].fixed
 
     def coarsest_squares(self) -> Squares:
-        """Return the plane as `COARSEST` by `COARSEST` cells. If it includes the line K_p = 0, return this line in as
-        many pieces."""
+        """Return the plane as `COARSEST` by `COARSEST` cells.
+
+        If it includes the line K_p = 0, return this line in as many pieces.
+        """
         side, count = len(self.edges[0]) - 1, COARSEST
         marks = np.arange(0, side, side // count)
         i, j = (m.ravel() for m in np.meshgrid(marks, marks, indexing="ij"))
@@ -66,13 +68,17 @@ class Plane:
         return squares
 
     def has_line(self, place: int) -> bool:
-        """Return whether the axis x or y (0 or 1) is a K_p that starts at 0. The plane then has a separate line without
-        an integrator."""
+        """Return whether the axis x or y (0 or 1) is a K_p that starts at 0.
+
+        The plane then has a separate line without an integrator.
+        """
         return self.keys[self.axes[place]] == "gains.position" and bool(self.edges[place][0] == 0)
 
     def cells(self, squares: Squares) -> Cells:
-        """Return the cells as boxes of all variables. Variables that are not axes get the full width of their
-        ranges."""
+        """Return the cells as boxes of all variables.
+
+        Variables that are not axes get the full width of their ranges.
+        """
         low = np.repeat([[bounds.min] for bounds in self.ranges], squares.shape[1], axis=1)
         high = np.repeat([[bounds.max] for bounds in self.ranges], squares.shape[1], axis=1)
         for place, axis in enumerate(self.axes):
@@ -105,8 +111,12 @@ def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
         found.append(
             Mistake("no-plane", "uncertainty", "a region is proved for one device; leave the table out of this problem")
         )
-    if problem.worlds is not None:
-        said = "a region is proved with every passive environment alone; leave the table out of this problem"
+    worlds = problem.worlds
+    if worlds is not None and (worlds.walls or not worlds.lossless or problem.device.kind.inverse):
+        said = (
+            "a region of gains is proved for linear environments by the trapezoidal rule, on time, on an admittance "
+            "display or a servo; state such a table, or leave it out of this problem"
+        )
         found.append(Mistake("no-plane", "environment", said))
     if x == y:
         found.append(Mistake("no-plane", x, "is both axes of the plane; choose another for x or y"))

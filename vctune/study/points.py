@@ -33,8 +33,9 @@ def axis_values(axis: Axis) -> Values:
 
 
 def latin_hypercube(axes: tuple[Axis, ...], n: int, seed: int) -> Iterator[Values]:
-    """Yield n points of a Latin hypercube. On every axis, each of n equal parts of the range contains exactly one
-    point.
+    """Yield n points of a Latin hypercube.
+
+    On every axis, each of n equal parts of the range contains exactly one point.
 
     For a list, each element occurs equally often, give or take one.
 

@@ -1,7 +1,7 @@
 """Store the rows of a study in a file that only grows, with one line of JSON for each finished point.
 
-The first line names the study. The operating system receives each row in one write. A killed run therefore leaves
-complete lines and at most one torn last line. vctune drops this line when it opens the file again. A user may
+The first line of the file names the study. The operating system receives each row in one write. A killed run therefore
+leaves complete lines and at most one torn last line. vctune drops this line when it opens the file again. A user may
 concatenate files of one study.
 """
 
@@ -141,8 +141,10 @@ def _opened(path: Path) -> Iterator[int]:
 
 
 def _index(path: Path, handle: int, study: Study, time_limit: float = inf) -> Rows:
-    """Find the rows of a file, and cut off a torn last line. The function ignores rows of points that failed or were
-    cut short."""
+    """Find the rows of a file, and cut off a torn last line.
+
+    The function ignores rows of points that failed or were cut short.
+    """
     rows, end = Rows(path, handle, {}), 0
     with path.open("rb") as file:
         _check_header(path, file.readline(), study)

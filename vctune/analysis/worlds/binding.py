@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from math import inf, pi, tan
 
-from vctune.analysis.destabilising import reaction
+from vctune.analysis.destabilising import impedance_met, reaction
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
@@ -40,9 +40,11 @@ def binding_world(
     theta = omega * device.sample_time
     if not LEAST < theta < pi - LEAST:
         return None
-    met, u = -reaction(device, gains, coupling, hand, theta, factor).imag, 2 / device.sample_time * tan(theta / 2)
-    if device.kind.inverse:  # the reaction is an admittance, as are 1/(mass s) and s/stiffness
+    u = 2 / device.sample_time * tan(theta / 2)
+    if device.kind.inverse and worlds is None:  # the reaction is an admittance, as are 1/(mass s) and s/stiffness
+        met = -reaction(device, gains, coupling, hand, theta, factor).imag
         return World(0.0, 0.0, u / met) if met > 0 else World(-1 / (met * u), 0.0, 0.0) if met < 0 else None
+    met = -impedance_met(device, gains, coupling, hand, factor)(theta).imag
     low, high = (worlds.low, worlds.high) if worlds else (World(0.0, 0.0, 0.0), World(inf, inf, inf))
     mass = (met + low.stiffness / u) / u
     if mass >= low.mass:

@@ -15,7 +15,7 @@ from math import inf, pi
 
 import numpy as np
 
-from vctune.analysis.destabilising import GrowingEnvironment, reaction_in, zero_near
+from vctune.analysis.destabilising import GrowingEnvironment, impedance_met, zero_near
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
@@ -58,7 +58,7 @@ def growing_in_time(
         None if no member is found to grow.
     """
     T = device.sample_time
-    theta, alone = min(max(omega * T, LEAST_ANGLE), pi - LEAST_ANGLE), reaction_in(device, gains, coupling, hand)
+    theta, alone = min(max(omega * T, LEAST_ANGLE), pi - LEAST_ANGLE), impedance_met(device, gains, coupling, hand)
 
     def unbalance(pole_angle: complex, *, member: Member) -> complex:
         return alone(pole_angle) + complex(np.array(member) @ environment_factors(pole_angle, T, worlds))

@@ -40,6 +40,9 @@ def bound(
 ) -> int:
     """Prove a lower bound on the error of every feasible design of PROBLEM.
 
+    The error is the distance of a design from a perfectly transparent device. A design is feasible if it meets all
+    constraints of PROBLEM.
+
     DESIGN is a design.json of the problem. Without DESIGN, vctune solves the problem first. The command adds the bound
     to design.json and to the report.
 
@@ -66,7 +69,7 @@ def bound(
             bounded = search(file, known, gap=gap, jobs=jobs, stopped=stopped, progress=progress)
             write_bounded(bounded, path)
             if bounded.optimality is None and bounded.status is not Status.INFEASIBLE:
-                warn("time-limit", "the search had no time: nothing is proved of other designs")
+                warn("time-limit", "the search had no time: vctune proved nothing about other designs")
         progress("drawing the report")
         try:
             check_time()

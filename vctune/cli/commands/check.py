@@ -111,9 +111,9 @@ def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, s
     folder = out / folder_name(checked.name)
     if again.lost and not again.cut:
         write_lost(checked, again, folder)
-        click.echo(f"what was lost is listed and drawn in {folder}: {', '.join(LOST)}", err=True)
+        click.echo(f"the lost cells and gain sets are listed and drawn in {folder}: {', '.join(LOST)}", err=True)
     elif not again.cut and (gone := remove_lost(folder)):
-        click.echo(f"nothing is lost any more: removed {', '.join(gone)} from {folder}", err=True)
+        click.echo(f"everything is proved again: removed {', '.join(gone)} from {folder}", err=True)
     return [checked, *(check_files(files, progress) if len(files) > 1 else [])]
 
 

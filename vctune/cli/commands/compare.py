@@ -16,9 +16,9 @@ from vctune.cli.printing.options import output_options
 def compare(a: Path, b: Path, style: str, quiet: bool) -> int:
     """Show the differences between A and B.
 
-    A and B are design.json files or problem files, which vctune solves first. The command prints the keys in which the
-    problems differ, with every default filled in. Then the command prints the gains, the error and its terms, the
-    verdicts and the margins of both designs. The command writes no files.
+    A and B are design.json files or problem files. If you name a problem file, vctune first solves the problem. The
+    command prints the keys in which the problems differ, with every default filled in. Then the command prints the
+    gains, the error and its terms, the verdicts and the margins of both designs. The command writes no files.
     """
     from vctune.api.comparing import compare as set_side_by_side
     from vctune.cli.printing.output import answer

@@ -18,14 +18,15 @@ from vctune.cli.printing.options import out_option, output_options, problem_argu
 @time_limit_option(" each point")
 @output_options()
 def front(problem: Path, out: Path, jobs: int | None, executor: str, time_limit: float, style: str, quiet: bool) -> int:
-    """Find two Pareto fronts of PROBLEM. The first is between the three terms of the error, the second between the
-    error and the upper edge of the stability band.
+    """Find two Pareto fronts of PROBLEM. The first front is between the three terms of the error.
 
-    The command runs one sweep for each front. The first sweep varies K_p over its range, and the weight of the
-    coupling's term over six decades. The second sweep varies the upper edge of the stability band up to the Nyquist
-    frequency. With the criterion "hands", the command omits the second sweep, because this criterion has no band. The
-    command writes terms.csv and band.csv, with their pictures, to OUT/NAME/front/. To continue an interrupted command,
-    run it again.
+    The second front is between the error and the upper edge of the stability band.
+
+    The command runs one sweep for each front. The first sweep varies the position gain K_p over its range, and the
+    weight of the coupling's term over six decades. The second sweep varies the upper edge of the stability band up to
+    the Nyquist frequency. With the criterion "hands", the command omits the second sweep, because this criterion has no
+    band. The command writes terms.csv and band.csv, with their pictures, to OUT/NAME/front/. To continue an interrupted
+    command, run it again.
     """
     from vctune import read_problem
     from vctune.api.bounding import require_free
@@ -47,7 +48,7 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str, time_limit:
     with resumable():
         fronts = find(file, folder=folder, jobs=jobs, executor=executor, time_limit=time_limit, bar=bar)
     counts = [len(table.status) for table in (fronts.terms, fronts.band) if table is not None]
-    against = "none of error against band, for hands are met at every frequency"
+    against = "no front of error against band, because the problem's criterion has no band"
     if fronts.band is not None:
         against = f"{counts[1]} on the front of error against band"
     designs = "1 design" if counts[0] == 1 else f"{counts[0]} designs"

@@ -46,14 +46,14 @@ def region(
 ) -> int:
     """Find all gains of PROBLEM that meet its constraints.
 
-    The command divides the plane of two variables into cells. It proves each cell feasible throughout or infeasible
+    The command divides the plane of two variables into cells. vctune proves each cell feasible throughout or infeasible
     throughout, or leaves it undecided at the given resolution. If the coupling is free, a point is feasible if some
     coupling within its bounds meets the constraints. The command writes OUT/NAME/region.json, a baseline for `vctune
     check --region`, and region.svg. The picture marks the best design, and also GAINS if you name a file.
 
     With the axes environment.stiffness and environment.mass, the cells contain environments. With each environment of a
-    feasible cell, the device is proved stable in every hand. With each environment of an infeasible cell, it is refuted
-    in some hand. The gains come from GAINS or, without GAINS, from the best design. The command then writes
+    feasible cell, the device is proved stable in every hand. With each environment of an infeasible cell, the device is
+    refuted in some hand. The gains come from GAINS or, without GAINS, from the best design. The command then writes
     z-width.json and z-width.svg.
 
     The exit code is 0 if feasible gains exist, 1 if vctune proves that none exist, and 3 if it proves neither. After
@@ -102,10 +102,10 @@ def region(
         else:
             warn("interrupted", f"{holds} the interrupt{earlier}")
     if not drawn:
-        warn("time-limit", "there was no time for the picture; with more of it `vctune region` draws one")
+        warn("time-limit", "there was no time for the picture; a longer --time-limit leaves time to draw it")
     lines = [f"{kind:10} {100 * share:7.2f} %" for kind, share in found.areas.items()]
     if interrupted:
-        lines[-1] += f"  {'out of time' if late else 'interrupted'}: some of it was not looked at"
+        lines[-1] += f"  {'out of time' if late else 'interrupted'}: the search did not examine the whole plane"
     lines.append(f"of the plane {x} by {y}; written to {folder}")
     answer(style, quiet, found.record, lambda: click.echo("\n".join(lines)))
     return ExitCode.UNDECIDED if interrupted else of_status(found.status)

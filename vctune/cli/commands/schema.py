@@ -16,7 +16,7 @@ def schema(kind: str) -> None:
     """Print the JSON Schema of a KIND of document. Without KIND, print the schema of the problem file.
 
     Editors use the schema of the problem file to complete keys. vctune reads the kinds problem, gains, study and log.
-    It writes the kinds design, region, rows (each line of rows.jsonl), simulation and identification. Commands with
+    vctune writes the kinds design, region, rows (each line of rows.jsonl), simulation and identification. Commands with
     --format json print the kinds check, sweep, front, comparison, export, report, bench, explanation and example.
     """
     import json

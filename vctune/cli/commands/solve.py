@@ -47,6 +47,9 @@ def solve(
 ) -> int:
     """Find the most transparent gains of PROBLEM and prove them stable.
 
+    A transparent device feels light and renders the virtual environment exactly. The error is the distance from this
+    ideal.
+
     PROBLEM is a TOML file, or - for standard input. Most problems need only mass, damping and sample_time in [device].
     If PROBLEM has several [[axis]] tables, the command solves each axis and writes the files of an axis to
     OUT/NAME/AXIS/. The exit code is then the code of the worst result.

@@ -31,8 +31,9 @@ COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undeci
 
 @contextmanager
 def page(least_width: int, folder: Path, steps: Sequence[str] = ()) -> Iterator[Console]:
-    """Print either all of the output of this block or none. The folder of the files and the next steps follow at the
-    end.
+    """Print either all of the output of this block or none.
+
+    The folder of the files and the next steps follow at the end.
 
     Parameters
     ----------
@@ -106,7 +107,7 @@ def print_design(record: DesignRecord, folder: Path, steps: Sequence[str] = (), 
             say("any one of these alone would do:")
             say(_repairs(record.repairs))
         elif record.repairs is not None:
-            say("no change of one number was found that would do")
+            say("vctune found no change of one number that makes the problem feasible")
         for warning in record.warnings:
             say(f"[yellow]warning:[/yellow] {escape(warning)}")
         for line in record.left_out if verbose else ():
@@ -163,8 +164,8 @@ def _apart(difference: DifferenceRecord, unit: str) -> str:
 
 def _quiet(stiffness: float, coupling: SpringRecord, units: Units) -> str:
     return (
-        f"the encoder's quanta keep no stiffness up to {stiffness:.4g} {units.stiffness} in motion (Abbott and "
-        f"Okamura), the coupling has {coupling.stiffness:.4g} {units.stiffness}"
+        f"the encoder's resolution alone sustains no limit cycle up to {stiffness:.4g} {units.stiffness} (Abbott and "
+        f"Okamura); the coupling has {coupling.stiffness:.4g} {units.stiffness}"
     )
 
 
@@ -192,8 +193,10 @@ def _repairs(repairs: list[RepairRecord]) -> str:
 
 
 def _table(record: DesignRecord, width: int) -> Table:
-    """Return the rows of a design. The name of a group stands in front of its rows or, on a narrow terminal, above
-    them."""
+    """Return the rows of a design.
+
+    The name of a group stands in front of its rows or, on a narrow terminal, above them.
+    """
     groups, short = _ordered(record), width < LEAST_WIDTH
     rows: list[tuple[str, ...]] = []
     for group, found in groups.items():

@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 
 
 def after_design(record: DesignRecord, folder: Path, problem: Path) -> list[str]:
-    """Return the next steps. For a design: view it, export it, check its gains in CI. Without a design: repair the
-    problem.
+    """Return the next steps.
+
+    For a design: view it, export it, check its gains in CI. Without a design: repair the problem.
 
     Parameters
     ----------

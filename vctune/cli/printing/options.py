@@ -121,8 +121,8 @@ def worker_options(command: Any) -> Any:
             default="processes",
             show_default=True,
             metavar="processes|serial|dask|dask:ADDRESS",
-            help="Place where the points are solved: worker processes, this process, a new Dask cluster on this "
-            "machine, or a running cluster.",
+            help="Workers that solve the points: processes of this machine, only this process, a new Dask cluster on "
+            "this machine, or a running Dask cluster.",
         ),
         click.option("--jobs", type=click.IntRange(1, 512), help="Number of workers.  [default: number of cores]"),
     ):

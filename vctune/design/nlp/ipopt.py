@@ -38,7 +38,7 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Problem
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import AnyLoopInHand, LoopInHand, loop_in_hand, required_in_hand, seen_in_hand
-from vctune.model.sampled.impedance_display import Required, firmware_filter
+from vctune.model.sampled.impedance_display import ForceInHand, Required, firmware_filter
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.sampled.worlds.late_sides import open_sides
 from vctune.model.sampled.worlds.loop_in_late_worlds import HalfPlane
@@ -202,10 +202,11 @@ def _parameters(
     if working_set.in_hand:
         spare, points = max(tightening, TIGHTENING_IN_HANDS), working_set.in_hand
         factor = posed.problem.stability.safety_factor * exp(spare)
-        numbers["in_hand"] = _in_hands(points) | {"factor": np.full(len(points), factor)}
+        numbers["in_hand"] = _in_hands(points, worlds=structure.worlds) | {"factor": np.full(len(points), factor)}
         if (met := posed.problem.worlds_met) is not None:
+            inverse, in_time = structure.kind.inverse, structure.in_time
             numbers["in_hand"] |= (
-                _in_worlds(len(points), met, spare) if met.worlds.lossless else _in_time(points, met, spare)
+                _in_time(points, met, spare) if in_time else _in_worlds(len(points), met, spare, inverse=inverse)
             )
         if structure.walls:
             numbers["in_hand"] |= _in_walls(points)
@@ -266,9 +267,10 @@ def _firmware_filter(device: Device, omega: Any) -> dict[str, Any]:
     return {"low_pass_re": low_pass.re, "low_pass_im": low_pass.im}
 
 
-def _in_hands(points: Sequence[ConstraintPoint]) -> dict[str, Any]:
-    """Return the loop in hands by the names of `IN_HAND`. Omega is dimensionless, so that theta = omega."""
-    found = [_HELD[at.device.kind.name](at) for at in points]
+def _in_hands(points: Sequence[ConstraintPoint], *, worlds: bool) -> dict[str, Any]:
+    """Return the loop in hands by the names of `in_hand_layout`. Omega is dimensionless, so that theta = omega."""
+    held = _HELD | ({"impedance": _force_in_worlds} if worlds else {})
+    found = [held[at.device.kind.name](at) for at in points]
     return {name: np.array([each[name] for each in found]).T for name in found[0]}
 
 
@@ -276,10 +278,14 @@ def _in_hands(points: Sequence[ConstraintPoint]) -> dict[str, Any]:
 def _loop_in_hand(at: ConstraintPoint) -> dict[str, Any]:
     theta = min(at.omega, pi)
     loop = _loop_at(at, theta)
-    assert isinstance(loop, LoopInHand)
+    assert isinstance(loop, LoopInHand | ForceInHand)
     parts = zip(loop._fields, loop, strict=True)
     sides = {f"{name}_{side}": float(getattr(part, side)) for name, part in parts for side in ("even", "odd")}
     return {"theta": theta, **sides}
+
+
+def _force_in_worlds(at: ConstraintPoint) -> dict[str, Any]:
+    return _loop_in_hand(at) | _firmware_filter(at.device, min(at.omega, pi))
 
 
 def _force_in_hand(at: ConstraintPoint) -> dict[str, Any]:
@@ -298,9 +304,9 @@ def _command_in_hand(at: ConstraintPoint) -> dict[str, Any]:
     return {"theta": theta, "required": found.lost / found.size, "swing": seen.swing / seen.size}
 
 
-def _in_worlds(count: int, met: WorldsMet, spare: float) -> dict[str, Any]:
+def _in_worlds(count: int, met: WorldsMet, spare: float, *, inverse: bool) -> dict[str, Any]:
     """Return the environments of some points by the names of `WORLDS_IN_HAND`. An infinite limit becomes 0."""
-    ends, names = {"low": met.worlds.low, "high": met.worlds.high}, posed_in(met.worlds, met.factor)
+    ends, names = {"low": met.worlds.low, "high": met.worlds.high}, posed_in(met.worlds, met.factor, inverse=inverse)
     numbers = {f"environment_{end}_{name}": x for end, world in ends.items() for name, x in asdict(world).items()}
     numbers = {name: x if x < inf else 0.0 for name, x in numbers.items()} | {"reserve": met.factor, "spare": spare}
     numbers |= {f"by_{name}": 1.0 * (name in names) for name in Disjuncts._fields}

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache, reduce
-from math import inf, log, pi
+from math import inf, pi
 from typing import Any
 
 import casadi as ca
@@ -35,8 +35,8 @@ from vctune.model.loop.llewellyn import modulus_excess
 from vctune.model.loop.loop import loop_response
 from vctune.model.numbers.arithmetic import Arithmetic, Number, by_conjugate
 from vctune.model.numbers.pair import EvenOdd, Pair
-from vctune.model.sampled.hand_loop import LoopInHand, required_in_hand, seen_in_hand
-from vctune.model.sampled.impedance_display import offered_by_spring, spring_damper_admittance
+from vctune.model.sampled.hand_loop import LoopInHand, required_in_hand, seen_by_tool, seen_in_hand
+from vctune.model.sampled.impedance_display import ForceInHand, offered_by_spring, spring_damper_admittance
 from vctune.model.sampled.velocity_loop import return_difference, sensitivity_abs2
 from vctune.model.sampled.worlds.late_sides import SIDES
 from vctune.model.sampled.worlds.loop_in_late_worlds import HalfPlane
@@ -253,9 +253,11 @@ def _demanded_in_hand(
 ) -> Number:
     if corner is not None:
         return _margin_with_walls(held, gains, coupling, corner)
-    if structure.shares:
+    if structure.in_time:
         return _margin_in_time(structure, held, gains, coupling)
-    return (_margin_in_worlds if structure.worlds else _margin_in_hand)(held, gains, coupling)
+    if structure.worlds:
+        return reduce(ca.fmin, [_margin_in_worlds(held, gains, coupling, share) for share in structure.shares])
+    return _margin_in_hand(held, gains, coupling)
 
 
 ALIKE = 4
@@ -274,17 +276,26 @@ def _margin_in_time(structure: NlpStructure, held: dict[str, ca.SX], gains: Gain
     return reduce(ca.fmin, each)
 
 
-def _margin_in_worlds(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
-    """Return a smooth lower bound of the greatest of the margins, one of which must be positive."""
-    low, high, seen = *_box_of(held), _seen(held, gains)
-    theta, factor = held["theta"], held["reserve"]
-    at = offered_at(series_coupling(coupling), 1.0, theta, SYMBOLS)
+def _margin_in_worlds(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, share: float = 1.0) -> Number:
+    """Return a smooth lower bound of the greatest of the margins, one of which must be positive.
+
+    The share of the coupling is that of an impedance display; all others are covered together.
+    """
+    low, high = _box_of(held)
+    theta, factor, raised = held["theta"], held["reserve"], held["factor"]
+    if isinstance(coupling, SpringDamper):
+        spring = offered_by_spring(coupling, 1.0, _low_pass(held), theta, SYMBOLS)
+        at, seen = seen_by_tool(ForceInHand(*_parts(held, ForceInHand)), gains, spring, share).apart
+        factor, raised = ca.SX(1), raised / factor
+    else:
+        at, seen = offered_at(series_coupling(coupling), 1.0, theta, SYMBOLS), _seen(held, gains)
     found = disjuncts(at, Worlds(low, high), 1.0, seen, factor, theta, SYMBOLS)
-    offered, wanted = at.resistance + factor * low.damping, held["factor"] * (seen.lost / seen.size)
+    offered, wanted = at.resistance + factor * low.damping, raised * (seen.lost / seen.size)
     margins = {"resistive": ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)}
     for name in found._fields[1:]:
         margins[name] = room_of(getattr(found, name), ca.fabs) - held["spare"]
-    return _greatest([margins[name] - UNPOSED * (1 - held[f"by_{name}"]) for name in margins])
+    alike = 1 + ca.fmax(held["by_above"], held["by_below"])
+    return _greatest([margins[name] - UNPOSED * (1 - held[f"by_{name}"]) for name in margins], alike)
 
 
 ENDLESS = 1e12
@@ -305,11 +316,11 @@ def _margin_with_walls(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupli
     return held["walled"] * _greatest(rooms) + (1 - held["walled"]) * linear
 
 
-def _greatest(margins: list[Number], alike: int = 2) -> Number:
+def _greatest(margins: list[Number], alike: Number = 2) -> Number:
     """Return a smooth lower bound of the greatest of some margins, of which at most so many are alike."""
     greatest = reduce(ca.fmax, margins)
     others = sum(ca.exp((margin - greatest) / BLUNT) for margin in margins)
-    return greatest + BLUNT * (ca.log(others) - log(alike))
+    return greatest + BLUNT * (ca.log(others) - ca.log(alike))
 
 
 def _box_of(held: dict[str, ca.SX]) -> tuple[World, World]:
@@ -325,9 +336,13 @@ def _seen(held: dict[str, ca.SX], gains: Gains) -> Seen:
 
 def _loop(held: dict[str, ca.SX]) -> LoopInHand:
     """Return a velocity loop in a hand."""
+    return LoopInHand(*_parts(held, LoopInHand))
+
+
+def _parts(held: dict[str, ca.SX], loop: type[LoopInHand | ForceInHand]) -> list[EvenOdd]:
+    """Return the parts of a loop in a hand, in the order of its fields."""
     sine = ca.sin(held["theta"] / 2)
-    parts = (EvenOdd(held[f"{part}_even"], held[f"{part}_odd"], sine * sine) for part in LoopInHand._fields)
-    return LoopInHand(*parts)
+    return [EvenOdd(held[f"{part}_even"], held[f"{part}_odd"], sine * sine) for part in loop._fields]
 
 
 def _required_of_loop(held: dict[str, ca.SX], gains: Gains) -> Number:

@@ -19,6 +19,7 @@ from vctune.model.loop.device_response import DeviceResponse, DriveResponse, Spr
 from vctune.model.loop.filters import FilterResponse
 from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.hand_loop import LoopInHand
+from vctune.model.sampled.impedance_display import ForceInHand
 from vctune.model.sampled.velocity_loop import SampledPlant
 from vctune.model.sampled.worlds.late_sides import SIDES
 from vctune.model.sampled.worlds.loop_in_late_worlds import HalfPlane
@@ -42,6 +43,10 @@ FIRMWARE_FILTER: Layout = {"low_pass_re": 1, "low_pass_im": 1}
 """F, the firmware's low-passes, through which the coupling of an impedance display acts."""
 FORCE_IN_HAND: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER, "lost": 2, "size": 3}
 """The loop of an impedance display, in one hand or in any: R/s^2 = (l_0 + l_1 K_v)/(q_0 + q_1 K_v + q_2 K_v^2)."""
+FORCE_IN_WORLDS: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER} | {
+    f"{part}_{side}": 1 for part in ForceInHand._fields for side in ("even", "odd")
+}
+"""The loop of an impedance display in one hand, from which a box of environments takes the reactance, too."""
 COMMAND_IN_HAND: Layout = {"theta": 1, "factor": 1, "required": 1, "swing": 1}
 """R and -s Im Z_seen of a servo in a hand. Neither depends on a gain."""
 IN_HAND: dict[DisplayName, Layout] = {
@@ -68,8 +73,9 @@ STABILITY_CUT: Layout = {"open": 1, "velocity": 1, "position": 1}
 def in_hand_layout(structure: NlpStructure) -> Layout:
     """Return the layout of a loop in a hand."""
     worlds, walls = WORLDS_IN_HAND if structure.worlds else {}, WALLS_IN_HAND if structure.walls else {}
-    worlds = SIDES_IN_HAND if structure.shares else worlds
-    return IN_HAND[structure.kind.name] | worlds | walls
+    worlds = SIDES_IN_HAND if structure.in_time else worlds
+    loop = FORCE_IN_WORLDS if structure.worlds and structure.kind.inverse else IN_HAND[structure.kind.name]
+    return loop | worlds | walls
 
 
 def common_layout(structure: NlpStructure) -> Layout:

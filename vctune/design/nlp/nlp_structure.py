@@ -40,7 +40,8 @@ class NlpStructure:
     rigid : whether b_c is infinite
     worlds : whether the environments form a box
     walls : whether the environments include walls, so that the corner of the multiplier is a number of the design
-    shares : of the coupling at which environments that run late or by Euler's rules are looked at; empty without them
+    in_time : whether the environments run late or by Euler's rules
+    shares : shares of the coupling that are looked at, each by itself
     free : (index among a design's numbers, whether it may be 0) for each free variable
     integrator : whether the law has its term K_p/s
     terms : terms of the error with a positive weight
@@ -60,6 +61,7 @@ class NlpStructure:
     rigid: bool
     worlds: bool
     walls: bool
+    in_time: bool
     shares: tuple[float, ...]
     free: tuple[tuple[int, bool], ...]
     integrator: bool
@@ -108,6 +110,7 @@ def nlp_structure(
     problem, weights = posed.problem, posed.problem.transparency.weights
     estimate = problem.device.velocity or VelocityEstimate()
     in_time = problem.worlds is not None and not problem.worlds.lossless
+    inverse = problem.worlds is not None and problem.device.kind.inverse
     steps = CAPACITY_STEPS if problem.worlds is None else (*CAPACITY_STEPS[:-1], IN_WORLDS)
     ratio, sensitivity, stability, *others = (
         -(-used // step) * step for used, step in zip(working_set.sizes(), steps, strict=True)
@@ -119,7 +122,8 @@ def nlp_structure(
         rigid=problem.bounds.damping.min == inf,
         worlds=problem.worlds is not None,
         walls=problem.worlds is not None and problem.worlds.walls,
-        shares=shares_of_coupling(problem.stability.safety_factor) if in_time else (),
+        in_time=in_time,
+        shares=shares_of_coupling(problem.stability.safety_factor) if in_time or inverse else (1.0,),
         free=tuple((coordinate.index, coordinate.scale > 0) for coordinate in free),
         integrator=integrator,
         terms=tuple(term for term in TERMS if getattr(weights, term) > 0),

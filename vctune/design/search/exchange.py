@@ -82,7 +82,8 @@ def polish(
     """Improve a start to a local optimum of the semi-infinite problem; return None if nothing feasible is found.
 
     With environments late or by Euler's rules the real part alone has to suffice at first. Their polygons are thin,
-    and an exchange that begins between them finds no way out.
+    and an exchange that begins between them finds no way out. On an impedance display with other environments the
+    real part alone is tried, too: the smoothed choice between margins gives away half a percent of the coupling.
 
     Parameters
     ----------
@@ -108,7 +109,12 @@ def polish(
     again = partial(_exchanged, scanned=scanned, tightening=tightening, witnesses=witnesses, demands=demands)
     worlds = posed.problem.worlds
     if worlds is None or worlds.lossless or worlds.ahead:
-        return again(posed, start, incumbent=incumbent)
+        found = again(posed, start, incumbent=incumbent)
+        if worlds is None or not posed.problem.device.kind.inverse:
+            return found
+        least = incumbent if found is None else min(found.error, incumbent)
+        first = again(by_resistance(posed), start, incumbent=least)
+        return first if found is None or (first is not None and first.error < found.error) else found
     first = again(by_resistance(posed), start, incumbent=inf)
     if first is None:
         return again(posed, start, incumbent=incumbent)

@@ -34,8 +34,10 @@ class PerturbationRecord(Part):
 
 
 class DeviceRecord(Part):
-    """The numbers of a device that may be uncertain. The numbers of its parts are listed by their keys. A servo has
-    only numbers of parts."""
+    """The numbers of a device that may be uncertain.
+
+    The numbers of its parts are listed by their keys. A servo has only numbers of parts.
+    """
 
     mass: Annotated[float, Shown("mass", of="mass")] = 0.0
     damping: Annotated[float, Shown("damping", of="damping")] = 0.0
@@ -76,8 +78,10 @@ class HandRecord(Part):
 
 
 class EnvironmentRecord(Part):
-    """An environment with which a design grows in a hand. It is stepped by the trapezoidal rule unless `rule` states
-    another one."""
+    """An environment with which a design grows in a hand.
+
+    The firmware integrates it by the trapezoidal rule unless `rule` states another one.
+    """
 
     hand: HandRecord
     kind: Literal["spring", "mass"]
@@ -204,8 +208,10 @@ class WorldRecord(Part):
 
 
 class WallsRecord(DisplayPart):
-    """The claim about every wall in a box of environments. The linear environments of the box have a claim of their
-    own."""
+    """The claim about every wall in a box of environments.
+
+    The linear environments of the box have a claim of their own.
+    """
 
     verdict: Annotated[Proof, Shown("every wall", "by the multiplier with its corner at {corner_hz} Hz")]
     corner_hz: float

@@ -31,8 +31,10 @@ class SideRecord(Part):
 
 
 class DifferenceRecord(Part):
-    """A key with different values in the two problems. A value is null if the file does not state it; a range is a
-    pair."""
+    """A key with different values in the two problems.
+
+    A value is null if the file does not state it; a range is a pair.
+    """
 
     key: str
     a: Any

@@ -1,5 +1,7 @@
-"""Define the record of the drag that a servo's latency requires. Each part of the latency requires stiffness times that
-part."""
+"""Define the record of the drag that a servo's latency requires.
+
+Each part of the latency requires stiffness times that part.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +62,7 @@ class ContactRecord(Part):
         worst = f"at {text(self.drag_alone_hz)} Hz in the hand of {self.drag_alone_hand.in_words(units)}"
         bears = f", {self.stiffest_contact_verdict} with this coupling"
         if self.stiffest_contact is None:
-            bears = "the hands without stiffness ask for more than this coupling offers"
+            bears = "already the hands without stiffness require more than this coupling offers"
         return {
             "latency L": f" = {parts}",
             "least drag at rest": f" for {contacts}: {self.rule}",
@@ -76,7 +78,7 @@ class ContactRecord(Part):
         if isclose(self.rest_drag, of_springs, rel_tol=1e-6):
             return rule
         less = self.rest_drag < of_springs
-        return f"{rule} {'less what damping every hand has' if less else 'and what is unmodelled'}"
+        return f"{rule} {'less the damping of every hand' if less else 'and the part of unmodelled dynamics'}"
 
     def example(self) -> tuple[float, float] | None:
         """Return a round share of the latency, at most a quarter, and the drag at rest after removing this share.

@@ -83,8 +83,10 @@ class BoxRecord(Part):
 
 
 class OptimalityRecord(Part):
-    """The proved lower bound on the error of every feasible design. If some terms of the error are the same for all
-    designs, the bound covers only `terms`."""
+    """The proved lower bound on the error of every feasible design.
+
+    If some terms of the error are the same for all designs, the bound covers only `terms`.
+    """
 
     lower_bound: Annotated[Number, Shown("lower bound", "{verdict}, {boxes} boxes")]
     gap: Annotated[Number, Shown("gap", "%", 3, scale=100, optional=True)]
@@ -193,7 +195,7 @@ class DesignRecord(Document):
         """The proved claim of the design in words; empty if it is not certified."""
         if self.certificate is None or self.status != "certified":
             return ""
-        known = " without what is not modelled" if self.uncertainty is not None and self.uncertainty.unmodelled else ""
+        known = " without unmodelled dynamics" if self.uncertainty is not None and self.uncertainty.unmodelled else ""
         hands = [f"stable{known} {self.certificate.hands.promise(self.units)}"] if self.certificate.hands else []
         band = self.certificate.band_hz
         place = (

@@ -78,8 +78,10 @@ class SpringRecord(Part):
 
 
 def of_spring(value: Any) -> str:
-    """Return the tag of a coupling, given as tables or as a record. Only the coupling of an impedance display has a
-    stiffness."""
+    """Return the tag of a coupling, given as tables or as a record.
+
+    Only the coupling of an impedance display has a stiffness.
+    """
     stiff = "stiffness" in value if isinstance(value, dict) else isinstance(value, SpringRecord)
     return "<spring>" if stiff else "<mass>"
 

@@ -232,7 +232,7 @@ def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -
                 '# "both" proves every human hand too; over so many uncertain numbers that may take many minutes'
             )
         if heading == "[operator]" and line == heading:
-            lines.append(f"# assumed: vctune's hand, {GRIP:g} m from the axis; write whose it is")
+            lines.append(f"# assumed: vctune's hand, {GRIP:g} m from the axis; write the numbers of your users' hands")
         if heading == "[[experiment]]" and line == heading:
             whose = "those of a linear device, times inertia" if record.rotary else "vctune's defaults"
             lines.append(f"# Friction and noise as they were found; hand and motion are {whose}.")

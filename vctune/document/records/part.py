@@ -1,4 +1,7 @@
-"""Define the base class of all records. It checks fields on reading, writes them as JSON, and shows them as rows."""
+"""Define the base class of all records.
+
+A record checks fields on reading, writes them as JSON, and shows them as rows.
+"""
 
 from __future__ import annotations
 
@@ -73,7 +76,8 @@ Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
 
 class Part(BaseModel):
-    """Part of a record. It keeps unknown keys, which other versions may have written. It does not write unset keys."""
+    """Part of a record. A part keeps unknown keys, which other versions may have written, and does not write unset
+    keys."""
 
     model_config = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False, defer_build=True)
 

@@ -8,7 +8,8 @@ runs out of phase. The transparency band is [0.00025, 0.015]/tau. The stability 
 of
 the sampling rate if there is no delay. Z_0 = 2 pi f m at the transparency band's middle f, K_v <= 2 Z, and K_p <= 2
 Z/tau.
-The least K_v is 1e-8 m/T. This is below 1e-5 Z for any supported delay, so it needs no dependence on the delay.
+The least K_v is 1e-8 m/T. This value is below 1e-5 Z for any supported delay, so the default need not depend on the
+delay.
 """
 
 from __future__ import annotations
@@ -153,8 +154,9 @@ def _on(yardstick: Problem | None, own: Transparency, table: TransparencyTable) 
 
 
 def _hands(table: OperatorTable, system: UnitSystem) -> Hands:
-    """Return the hands of a table. A plain number is the least value. The greatest is then a human hand's, or the
-    number itself if it is greater.
+    """Return the hands of a table.
+
+    A plain number is the least value. The greatest is then a human hand's, or the number itself if it is greater.
 
     The hands of a rotary device have no default, so a plain number is both ends of the range.
     """

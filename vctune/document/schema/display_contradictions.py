@@ -18,7 +18,6 @@ OF_ADMITTANCE: dict[tuple[str, ...], str] = {
     ("coupling", "drag"): "its coupling is coupling.damping beside coupling.stiffness",
     ("stability", "band_hz"): "its demands are proved at every frequency up to the Nyquist frequency",
     ("stability", "changing"): "a hand whose damping changes is proved on a velocity loop alone",
-    ("environment",): "its demands are proved of every passive environment alone, not of a box of them",
     ("uncertainty", "unmodelled"): "its demands are not proved of a response that is not known",
 }
 """Keys that do not apply to an impedance display, each with the reason."""
@@ -86,8 +85,10 @@ def _criterion_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _hands_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the fault of a box whose only hand has no impedance. Such a hand pushes with no force, so there is no
-    feedback."""
+    """Yield the fault of a box whose only hand has no impedance.
+
+    Such a hand pushes with no force, so there is no feedback.
+    """
     numbers = (key.split(".") for key in HAND)
     if all(number_at(raw, *path, "max") == 0 for path in numbers) and not number_at(
         raw, "device", "servo", "stiffness"

@@ -54,7 +54,8 @@ class SceneOperatorTable(Table):
     )
     other_damping: NotNegative | None = Field(
         None,
-        description="Damping of the hand in every other interval, N s/m. Default: the same in all intervals.",
+        description="Damping of the hand in every other interval, N s/m. Default: the damping is the same in all "
+        "intervals.",
     )
     regrip: bool = Field(
         False,

@@ -48,8 +48,10 @@ def doubts(problem: Problem) -> Iterator[Note]:
 
 
 def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | None:
-    """Return words on a number of an environment that is outside a problem's box, and its key. Return None if all are
-    inside."""
+    """Return words on a number of an environment that is outside a problem's box, and its key.
+
+    Return None if all are inside.
+    """
     worlds, units = problem.worlds, problem.units
     if worlds is None:
         return None

@@ -1,5 +1,7 @@
-"""Define the schema of the study file: the types of its tables. `vctune.document.study_axes` reads the values of an
-axis."""
+"""Define the schema of the study file: the types of its tables.
+
+`vctune.document.study_axes` reads the values of an axis.
+"""
 
 from __future__ import annotations
 

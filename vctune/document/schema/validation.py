@@ -281,8 +281,9 @@ def _with(raw: Any, path: KeyPath) -> Any:
 
 
 def _unknown(model: type[BaseModel], path: KeyPath, has_a_meaning: Callable[[str], bool]) -> str:
-    """Return the message on an unknown key. It names the key that was probably intended, or the table to which the key
-    belongs.
+    """Return the message on an unknown key.
+
+    It names the key that was probably intended, or the table to which the key belongs.
 
     Parameters
     ----------

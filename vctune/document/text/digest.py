@@ -1,5 +1,7 @@
-"""Compute digests of the meaning of a document. Documents that differ only in spelling have equal digests; documents
-with different numbers have different digests."""
+"""Compute digests of the meaning of a document.
+
+Documents that differ only in spelling have equal digests; documents with different numbers have different digests.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Define the errors in the user's input. Their texts tell the user how to correct them."""
+"""Define the errors in the user's input. The text of an error tells the user how to correct it."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class Mistake:
 def printable(text: str) -> str:
     """Return a text with all unprintable characters escaped.
 
-    The result stays on one line and fits into any document. It cannot control a terminal or change the direction of
-    text.
+    The result stays on one line and fits into any document. The result cannot control a terminal or change the
+    direction of text.
     """
     return "".join(char if is_plain(char) else _escaped(ord(char)) for char in text)
 

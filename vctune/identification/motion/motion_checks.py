@@ -18,7 +18,7 @@ from vctune.identification.motion.signals import Signals, acceleration, speed, w
 from vctune.identification.motion.spectral_filters import filtered, smooth, spectrum, stride
 
 BLOCKS = 400
-"""Number of resamplings. With half or twice this number, a deviation changes by 5 %."""
+"""Number of resamplings. With half or twice as many resamplings, a deviation changes by 5 %."""
 SEED = 1
 
 

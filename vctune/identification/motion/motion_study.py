@@ -216,7 +216,9 @@ def _swapped(signals: Signals, delays: Mapping[str, float]) -> float | None:
 
 
 def force_noise(hand: Floats) -> float:
-    """Return the standard deviation of a force sample from the third difference. A hand moves too slowly to contribute
-    to it."""
+    """Return the standard deviation of a force sample from the third difference.
+
+    A hand moves too slowly to contribute to it.
+    """
     third = np.diff(hand, 3)
     return float(1.4826 * np.median(np.abs(third)) / sqrt(20))

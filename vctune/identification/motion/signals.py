@@ -131,8 +131,10 @@ def speed(position: Spectrum, cutoff_hz: float) -> Floats:
 
 
 def cutoffs(signals: Signals) -> list[float]:
-    """Return the cut-offs, Hz, at which the encoder's noise does not spoil the acceleration. The highest comes
-    first."""
+    """Return the cut-offs, Hz, at which the encoder's noise does not spoil the acceleration.
+
+    The highest comes first.
+    """
     T, found = signals.sample_time, []
     for halvings in range(7):
         cutoff = HIGHEST / T / 2**halvings

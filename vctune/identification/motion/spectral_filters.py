@@ -1,5 +1,6 @@
-"""Filter columns in the frequency domain without phase. The same filter acts on all columns, so that none leads
-another.
+"""Filter columns in the frequency domain without phase.
+
+The same filter acts on all columns, so that none leads another.
 
 After a low-pass filter, fewer samples suffice. `stride` returns n, and every n-th sample suffices."""
 
@@ -22,15 +23,15 @@ Complex = NDArray[np.complex128]
 Response = Callable[[Floats], Any]
 """A frequency response, real or complex, as a function of omega, rad/s."""
 HIGHEST = 0.08
-"""Greatest cut-off as a share of the sampling rate. Its low-pass reduces the Nyquist frequency to 1e-6; twice this
-cut-off would reduce it only to 1 %."""
+"""Greatest cut-off as a share of the sampling rate. A low-pass with this cut-off reduces the Nyquist frequency to 1e-6.
+A low-pass with twice this cut-off would reduce it only to 1 %."""
 REACH = 1.1
 """Reach of the kernel in units of 1/cut-off. Beyond it the kernel is less than 1e-14 of its height."""
 LONGEST = 64
 """Greatest permitted stride."""
 BEHIND = 1 << 16
-"""Number of zeros after a long column. They must outlast the kernel of the lowest cut-off, the longest delay and the
-ringing of an actuator together."""
+"""Number of zeros after a long column. The zeros must outlast the kernel of the lowest cut-off, the longest delay and
+the ringing of an actuator together."""
 
 
 @dataclass(frozen=True, slots=True)

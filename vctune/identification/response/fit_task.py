@@ -46,7 +46,7 @@ class FitTask:
     aliased: Complex | float = 1.0
 
     def numbers(self, at: Floats) -> dict[str, float]:
-        """Return the numbers at a point of the search."""
+        """Return the numbers of the candidate that a point of the search stands for."""
         named = zip(self.candidate.names, at, strict=True)
         return {name: float(np.exp(value)) if name in SCALED else float(value) for name, value in named}
 

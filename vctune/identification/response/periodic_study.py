@@ -107,8 +107,9 @@ def _bandwidth(lag: float, sigma: float) -> tuple[float, float]:
 def behind_force(
     study: PeriodicStudy, T: float, device: Device, bounds: Sequence[Bounded]
 ) -> tuple[Device, list[Bounded]]:
-    """Return device and box without the parts before the recorded force. A measured force comes after the actuator and
-    the delay.
+    """Return device and box without the parts before the recorded force.
+
+    A measured force comes after the actuator and the delay.
 
     Parameters
     ----------

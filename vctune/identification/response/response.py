@@ -21,7 +21,7 @@ EXCITED = 0.05
 ABOVE_NOISE = 5.0
 """Least amplitude of an excited line, in standard deviations of the line's mean."""
 FINER = 32
-"""Number of points per sample for the direction of motion. With half or twice this number, the lines change by a
+"""Number of points per sample for the direction of motion. With half or twice as many points, the lines change by a
 thousandth."""
 MOST_POINTS = 1 << 21
 """Greatest number of points in half a period. A very long period has fewer points per sample."""

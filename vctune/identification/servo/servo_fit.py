@@ -107,8 +107,10 @@ class ServoFit:
 
 @dataclass(frozen=True, slots=True)
 class _Task:
-    """The least-squares problem of the whitened steps. Its unknowns are the latency in samples, and the log of
-    bandwidth times sample time."""
+    """The least-squares problem of the whitened steps.
+
+    The unknowns are the latency in samples, and the log of bandwidth times sample time.
+    """
 
     seen: ServoLog
     order: int
@@ -291,8 +293,9 @@ def _share(left: Floats, position: Floats, span: int) -> float:
 
 
 def _profile(task: _Task, at: Floats, sigma: Floats, inflation: float) -> tuple[Interval, Interval]:
-    """Return intervals of delay and bandwidth. An interval ends where the least chi2 at a given bandwidth exceeds its
-    limit.
+    """Return intervals of delay and bandwidth.
+
+    An interval ends where the least chi2 at a given bandwidth exceeds its limit.
 
     For a short lag, chi2 is not a parabola. A standard deviation would then give wrong ends for the bandwidth.
     """

@@ -2,8 +2,8 @@
 
 The steps of the position have a banded covariance. An encoder's noise r affects two successive steps. A command arrives
 early or late by a random time with deviation q. A velocity command thereby shifts the position permanently by q times
-the jump of the velocity. A position command shifts the position by q times the speed, for that sample only. The servo's
-lag spreads both effects.
+the jump of the velocity. A position command shifts the position by q times the speed, for that sample only. The lag of
+the servo spreads these shifts over several samples.
 """
 
 from __future__ import annotations
@@ -105,8 +105,9 @@ def likeliest(
 
 
 def jitter(left: Floats, encoder: float, lag: float, exposed: Floats, *, is_position: bool) -> float:
-    """Return the standard deviation of a link's delay, s. Return 0 if it is less than three of its own deviations from
-    0.
+    """Return the standard deviation of a link's delay, s.
+
+    Return 0 if it is less than three of its own deviations from 0.
 
     The lag of the servo spreads the effect of a late command, so the function sums over several lags.
 

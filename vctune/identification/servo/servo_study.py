@@ -1,5 +1,7 @@
-"""Study a recording of a servo. The study fits both orders, compares them, and tests whether the servo yields to a
-force."""
+"""Study a recording of a servo.
+
+The study fits both orders, compares them, and tests whether the servo yields to a force.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,7 @@ wrong."""
 CLEAR = 4.0
 """Significance, in standard deviations, with which a gain differs from 1 or a servo yields."""
 YIELDS = 0.005
-"""Share of the motion that follows the force above which the yielding matters."""
+"""A servo's yielding to the force matters if it causes more than this share of the motion."""
 LATENCY, JITTER = Note("limit-latency", "a delay and a lag are alike in this motion"), Note("limit-jitter", "jitter")
 
 
@@ -110,8 +112,9 @@ class ServoStudy:
 
 
 def likelier_order(studies: Sequence[ServoStudy]) -> int:
-    """Return the order that is likelier over all recordings. The weight of a recording is smaller if its residuals are
-    correlated.
+    """Return the order that is likelier over all recordings.
+
+    The weight of a recording is smaller if its residuals are correlated.
 
     Parameters
     ----------

@@ -1,5 +1,6 @@
-"""Compute the constants of the loop at a frequency. Every response is a quotient of two numbers that are affine in the
-gains.
+"""Compute the constants of the loop at a frequency.
+
+Every response is a quotient of two numbers that are affine in the gains.
 
 See model/README.md, section 12.
 """
@@ -60,10 +61,10 @@ class LoopConstants:
 
 
 def loop_constants(at: DeviceResponse) -> LoopConstants:
-    """Return the constants of a device's loop at omega > 0. They do not depend on the gains.
+    """Return the constants of a device's loop at omega > 0. The constants do not depend on the gains.
 
-    In C_0, the coefficient of K_p is the coefficient of K_v turned by a right angle. This also holds in W and D if the
-    firmware measures the velocity.
+    In C_0, the coefficient of K_p is the coefficient of K_v turned by a right angle. The coefficients in W and D have
+    the same relation if the firmware measures the velocity.
     """
     if at.follows:
         return _following(at)
@@ -105,7 +106,7 @@ def loop_constants(at: DeviceResponse) -> LoopConstants:
 
 
 def _following(at: DeviceResponse) -> LoopConstants:
-    """Return the constants of a servo. They do not contain the gains."""
+    """Return the constants of a servo. These constants do not contain the gains."""
     drive = Pair(at.drive.re, -(at.omega * at.drive.lag))
     heard = drive if at.sensor is None else Pair(at.sensor.re, -(at.omega * at.sensor.lag)) * drive
     one, none = Pair(1, 0 * at.omega), Pair(0, 0 * at.omega)

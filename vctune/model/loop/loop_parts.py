@@ -15,8 +15,10 @@ from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
 
 @dataclass(frozen=True, slots=True)
 class _Scale:
-    """The scale (omega or 1), and omega divided by the scale. None stands for a factor 1, so that the code omits the
-    product."""
+    """The scale (omega or 1), and omega divided by the scale.
+
+    None stands for a factor 1, so that the code omits the product.
+    """
 
     own: Number | None
     lacking: Number | None

@@ -35,7 +35,7 @@ class Arithmetic(Protocol):
 
     def sqrt(self, x: Number) -> Number: ...
     def modulus(self, re: Number, im: Number) -> Number:
-        """Return |re + j im|. Its derivatives are bounded by those of both parts, even at 0.
+        """Return |re + j im|. The derivatives of both parts bound the derivative of the result, even at 0.
 
         Parameters
         ----------

@@ -6,8 +6,9 @@ from math import inf, pi
 
 
 def hertz(omega: float) -> float:
-    """Return an angular frequency in hertz. If a file stated the frequency as a short decimal, the result is this
-    decimal.
+    """Return an angular frequency in hertz.
+
+    If a file stated the frequency as a short decimal, the result is this decimal.
 
     Parameters
     ----------

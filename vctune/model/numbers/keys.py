@@ -1,5 +1,7 @@
-"""Define the keys of the design variables in a problem file. This module imports little, so that the command line
-starts fast."""
+"""Define the keys of the design variables in a problem file.
+
+This module imports little, so that the command line starts fast.
+"""
 
 from __future__ import annotations
 

@@ -39,8 +39,9 @@ class Block:
     ops: ArrayArithmetic
 
     def mapped(self, entries: Number, other: Block) -> Block:
-        """Return a block with other entries. An entry is 0 by structure if it is 0 by structure in this block and in
-        another.
+        """Return a block with other entries.
+
+        An entry is 0 by structure if it is 0 by structure in this block and in another.
 
         Parameters
         ----------

@@ -7,8 +7,8 @@ point independently, so that
     G_y = sum over n of 4 s^2/(omega_n T)^2 A(j omega_n) e^{-j (theta + omega_n delay)} (1 + u_n)/(2b),   |u_n| <= 1,
 
 also lies in a disc, with centre c and radius r. Without an actuator both sums have a closed form. A delay that is not a
-whole number of samples rotates the aliases relative to each other. It therefore raises R by more than its length
-suggests. The image of the disc under G/(1 + K_v F G) gives
+whole number of samples rotates the aliases relative to each other. Such a delay therefore raises R by more than its
+length suggests. The image of the disc under G/(1 + K_v F G) gives
 
     R/s^2 = [r - Re c - (|c|^2 - r^2) K_v Re F]/s^2 / (1 + 2 K_v Re(F c) + K_v^2 |F|^2 (|c|^2 - r^2)).
 """
@@ -260,7 +260,8 @@ def _first_alias(device: Device, theta: Number, ops: Arithmetic) -> tuple[_First
 def _beyond_the_last(device: Device, ops: Arithmetic) -> tuple[Number, Number]:
     """Return bounds of |C'| and of R' over all aliases after the last that is summed.
 
-    Their weights sum to at most 2/(pi^2 N). A, rho and the bound of |C| decrease from the first of these aliases on.
+    The weights of these aliases sum to at most 2/(pi^2 N). A, rho and the bound of |C| decrease from the first of these
+    aliases on.
     """
     omega = (2 * ALIASES + 1) * ops.pi / device.sample_time
     weight = 2 / (ops.pi * ops.pi * ALIASES)

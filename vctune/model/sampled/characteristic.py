@@ -15,7 +15,7 @@ from vctune.model.sampled.velocity_loop import Polynomial, SampledPlant
 def characteristic_polynomial(plant: SampledPlant, gains: Gains) -> list[Number]:
     """Return the coefficients of the sampled loop's characteristic polynomial, highest power of z first.
 
-    These equal the coefficients of F as a polynomial in w = 1/z, lowest power of w first.
+    The coefficients equal those of F as a polynomial in w = 1/z, lowest power of w first.
 
     Parameters
     ----------

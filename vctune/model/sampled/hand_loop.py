@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from vctune.model.coupling import sampled_resistance
 from vctune.model.device import Device
-from vctune.model.gains import AnyCoupling, Gains, SpringDamper
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import Vector, nothing
 from vctune.model.numbers.pair import EvenOdd
@@ -28,7 +28,8 @@ from vctune.model.sampled.circle import Circle, OfParts, circle
 from vctune.model.sampled.impedance_display import ForceInHand, Offered, Required, firmware_filter, offered_by_spring
 from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand, ServoInHand, equations, numerators
 from vctune.model.sampled.servo_in_hand import blur_of, seen_of_servo
-from vctune.model.sampled.worlds.loop_in_worlds import Seen
+from vctune.model.sampled.worlds.loop_in_worlds import Offered as OfferedBySeries
+from vctune.model.sampled.worlds.loop_in_worlds import Seen, offered_at
 
 
 class LoopInHand(NamedTuple):
@@ -187,8 +188,8 @@ def _next_to_rest(
     """Return F and the sensed force divided by rho, as numbers even + j turned odd.
 
     Near theta = 0, K = 0 and K_p = 0, both vanish with rho. The function replaces the unknown x_1, the position, by rho
-    x_1. This divides the position's column of the equations by rho, whose terms contain the factors 2 s and K of the
-    column.
+    x_1. The substitution divides the position's column of the equations by rho, whose terms contain the factors 2 s and
+    K of the column.
     """
     at, turned, half = circle(theta, ops), rest.turned, rest.rho / 2
     square = turned * turned
@@ -311,6 +312,82 @@ def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> Seen:
         return Seen(required.lost, 0.5 * loop.seen.even, 1)
     F, P = loop.closed(gains), loop.numerator(gains)
     return Seen(required.lost, 0.5 * (P.even * F.even + F.square * (P.odd * F.odd)), required.size)
+
+
+class SeenByTool(NamedTuple):
+    """The impedance of an impedance display in a hand that its virtual tool meets, coupling included.
+
+    It is 1/(y/Z_c + G) = (given - lost)/size - j swing/(s size), with a share y of the coupling's admittance.
+
+    Attributes
+    ----------
+    given, lost : shares of the coupling and of the loop in the real part
+    swing : minus the imaginary part; it is > 0 for a spring
+    size : > 0 unless the loop has a pole with the tool held
+    """
+
+    given: Number
+    lost: Number
+    swing: Number
+    size: Number
+
+    @property
+    def whole(self) -> Seen:
+        """The impedance as that of one loop."""
+        return Seen(self.lost - self.given, self.swing, self.size)
+
+    @property
+    def apart(self) -> tuple[OfferedBySeries, Seen]:
+        """The resistance that the coupling gives, and the rest of the impedance."""
+        return OfferedBySeries(self.given / self.size, 0.0), Seen(self.lost, self.swing, self.size)
+
+
+def seen_by_tool(loop: ForceInHand, gains: Gains, at: Offered, share: Number) -> SeenByTool:
+    """Return the impedance that the virtual tool of an impedance display meets (model/README.md, section 18).
+
+    With j s Z_c = C and G = s P/(2 j F) it is j F C/(s (C P/2 - y F)). The numerator and the denominator are regular at
+    theta = 0, and the latter is the return difference of the loop with the tool held.
+
+    Parameters
+    ----------
+    loop : loop in a hand, at one or several angles
+    gains : gains in numbers of the loop's arithmetic
+    at : response of the coupling
+    share : y, from 1/g to 1
+    """
+    alone, F, P = seen_in_hand(loop, gains), loop.closed(gains), loop.numerator(gains)
+    held = EvenOdd(at.spring, at.above, F.square) * P.scaled(0.5) + F.scaled(-share)
+    return SeenByTool(
+        given=share * (at.above * alone.size),
+        lost=alone.lost * at.below,
+        swing=share * (at.spring * alone.size) - alone.swing * at.below,
+        size=held.abs2(),
+    )
+
+
+def met_in_hand(
+    loop: AnyLoopInHand,
+    device: Device,
+    gains: Gains,
+    coupling: AnyCoupling,
+    share: float,
+    theta: Number,
+    ops: Arithmetic,
+) -> tuple[OfferedBySeries, Seen]:
+    """Return the two parts of the impedance that an environment meets: that of the coupling, and that of the loop.
+
+    Parameters
+    ----------
+    loop : loop in a hand
+    device : device that runs the coupling
+    gains, coupling : design in numbers of the arithmetic
+    share : share of the coupling of an impedance display; others offer the whole
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of the other arguments
+    """
+    if isinstance(coupling, SpringDamper) and isinstance(loop, ForceInHand):
+        return seen_by_tool(loop, gains, offered_at_spring(coupling, device, theta, ops), share).apart
+    return offered_at(series_coupling(coupling), device.sample_time, theta, ops), seen_in_hand(loop, gains)
 
 
 def offered(coupling: AnyCoupling, device: Device, theta: Number, ops: Arithmetic) -> Number:

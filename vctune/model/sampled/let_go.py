@@ -87,8 +87,8 @@ def prefers_this_form(device: Device) -> bool:
 def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, fractional: bool) -> PlantLetGo:
     """Sample a device without a hand exactly, in the form of this module (model/README.md, section 14).
 
-    The result includes the structure's load. It excludes the force sensor, because no loop without a hand contains the
-    sensor.
+    The result includes the structure's load. The result excludes the force sensor, because no loop without a hand
+    contains the sensor.
 
     Parameters
     ----------

@@ -129,8 +129,10 @@ class PlantInHand:
 
     @property
     def poles(self) -> int:
-        """Return the number of poles of F without those of the delays. If no pole is unstable, this number determines
-        how often F encircles 0."""
+        """Return the number of poles of F without those of the delays.
+
+        If no pole is unstable, this number determines how often F encircles 0.
+        """
         return len(self.push) + (0 if self.meets_position else self.order)
 
 

@@ -5,9 +5,9 @@ With w = z^-1 and d = 1 - w, the pulse transfer functions from the held command 
 
     G_v = w^N (V_0 + w V_1)/O,   G_x = w^N (P_0 + w P_1)/(d O)
 
-with polynomials that are homogeneous in d and w, O = sum c_k d^k w^(n-k). They have the same coefficients as
-polynomials of z - 1, and nothing cancels near z = 1. The firmware estimates the velocity as L G_v or L d G_x/T, with
-the low-pass L = a^r/(d + a w)^r. So the loop's return difference, cleared of its denominators, is
+with polynomials that are homogeneous in d and w, O = sum c_k d^k w^(n-k). As polynomials of z - 1, they have the same
+coefficients, and no terms cancel near z = 1. The firmware estimates the velocity as L G_v or L d G_x/T, with the
+low-pass L = a^r/(d + a w)^r. So the loop's return difference, cleared of its denominators, is
 
     F = d O (d + a w)^r + K_v V d + K_p P (d + a w)^r,
 

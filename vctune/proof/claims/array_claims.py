@@ -26,7 +26,7 @@ from vctune.model.problem import Demands
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import NextToRest, loop_in_hand, required_in_hand, room
 from vctune.model.sampled.impedance_display import Required
-from vctune.model.sampled.let_go import Plant, prefers_this_form, plant_let_go, return_difference
+from vctune.model.sampled.let_go import Plant, plant_let_go, prefers_this_form, return_difference
 from vctune.model.sampled.plant_in_hand import (
     AnyPlantInHand,
     Delays,

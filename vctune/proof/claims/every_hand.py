@@ -596,8 +596,10 @@ def _fails_at(design: Design, demands: Demands, hand: Hand | None, theta: float,
             at, sides = arb.pi(), sides_at_nyquist(demands.worlds, rigid=design.series.rigid)
         found = margins_in_late_worlds(plant, exact, at, ball(share), worlds, sides, BALLS)
         return all(bool(each < 0) for each in found)
-    found = margins_in_worlds(plant, exact, at, WorldsMet(demands.worlds.converted(ball), factor), BALLS)
-    return all(bool(sum_of(getattr(found, name)) < 0) for name in posed(demands.worlds, demands.factor))
+    met, inverse = WorldsMet(demands.worlds.converted(ball), factor), design.device.kind.inverse
+    found = margins_in_worlds(plant, exact, at, met, BALLS, ball(share))
+    names = posed(demands.worlds, demands.factor, inverse=inverse)
+    return all(bool(sum_of(getattr(found, name)) < 0) for name in names)
 
 
 def _ends(

@@ -24,6 +24,7 @@ from vctune.model.sampled.hand_loop import (
     required_in_hand,
     required_in_limp_hand,
     room,
+    seen_by_tool,
     seen_in_hand,
     seen_in_limp_hand,
 )
@@ -34,11 +35,10 @@ from vctune.model.sampled.velocity_loop import difference_slope
 from vctune.model.sampled.worlds.loop_in_late_worlds import half_planes
 from vctune.model.sampled.worlds.loop_in_walls import Strip, strip_in_walls
 from vctune.model.sampled.worlds.loop_in_worlds import (
+    UNCOUPLED,
     Disjuncts,
-    DisjunctsOfForce,
     Seen,
     disjuncts,
-    disjuncts_of_force,
     limp_disjuncts,
     offered_at,
     sum_of,
@@ -331,7 +331,7 @@ def limp_hand_margin(
 
 def margins_in_worlds(
     plant: AnyPlantInHand, design: Design, theta: Number, met: WorldsMet, ops: Arithmetic, share: Number = 1.0
-) -> Disjuncts | DisjunctsOfForce:
+) -> Disjuncts:
     """Return the margins in a hand with a box of environments, each as its terms. One of them must be positive.
 
     Parameters
@@ -343,10 +343,11 @@ def margins_in_worlds(
     ops : arithmetic of the other arguments
     share : share of an impedance display's coupling admittance, from 1/factor to 1; each share has its own margins
     """
-    seen, T = seen_in_hand(loop_in_hand(plant, theta, ops), design.gains), design.device.sample_time
-    if isinstance(design.coupling, SpringDamper):
-        spring = offered_at_spring(design.coupling, design.device, theta, ops)
-        return disjuncts_of_force(spring, met.worlds, T, seen, share, theta, ops)
+    loop, T, coupling = loop_in_hand(plant, theta, ops), design.device.sample_time, design.coupling
+    if isinstance(coupling, SpringDamper) and isinstance(loop, ForceInHand):
+        found = seen_by_tool(loop, design.gains, offered_at_spring(coupling, design.device, theta, ops), share)
+        return disjuncts(UNCOUPLED, met.worlds, T, found.whole, 1, theta, ops)
+    seen = seen_in_hand(loop, design.gains)
     return disjuncts(offered_at(design.series, T, theta, ops), met.worlds, T, seen, met.factor, theta, ops)
 
 

@@ -1,5 +1,6 @@
-"""Run the firmware as one pure function from (state, measurement) to (state, command). `equations` describes this
-function.
+"""Run the firmware as one pure function from (state, measurement) to (state, command).
+
+`equations` describes this function.
 
 `vctune export` makes C from the same equations.
 """

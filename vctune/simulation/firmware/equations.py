@@ -271,7 +271,7 @@ def environment(parts: Parts) -> Iterator[Equation]:
         pushed = pushed + _now("inertance") * _was("desired")
         if parts.trapezoid:
             pushed = pushed + _now("inertia_carry") * _was("inertia")
-    yield _new("pushed", "f_p", "force", "drive with what the mass brings along", pushed)
+    yield _new("pushed", "f_p", "force", "drive plus the terms of the mass from the previous sample", pushed)
     yield _new("total", "r", "damping", "force per v_e without spring and damper", total)
     yield _new("free", "v_f", "speed", "v_e without spring and damper", _now("pushed") / _now("total"))
     contact: Term = 0.0

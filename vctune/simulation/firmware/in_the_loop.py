@@ -133,8 +133,8 @@ def _sample(
 
 
 class _Beside:
-    """The design's own firmware, run on the measurements of an external one, in that one's precision and in double
-    precision."""
+    """The design's own firmware, run on the measurements of an external firmware, in the external precision and in
+    double precision."""
 
     def __init__(self, scene: Scene, precision: Precision) -> None:
         begin, law = equilibrium(scene), scene.law

@@ -1,5 +1,7 @@
-"""Define the operations of controller and friction on plain floats. `vctune.simulation.mechanics.step` defines them on
-symbols."""
+"""Define the operations of controller and friction on plain floats.
+
+`vctune.simulation.mechanics.step` defines them on symbols.
+"""
 
 from __future__ import annotations
 

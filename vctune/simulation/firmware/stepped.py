@@ -1,5 +1,7 @@
-"""Step a design's own firmware sample by sample in one precision. The result equals that of the exported C to the last
-bit."""
+"""Step a design's own firmware sample by sample in one precision.
+
+The result equals that of the exported C to the last bit.
+"""
 
 from __future__ import annotations
 

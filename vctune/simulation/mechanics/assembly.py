@@ -27,9 +27,9 @@ from vctune.simulation.mechanics.rigid_motion import Transition, exponential_les
 from vctune.simulation.scene import Scene
 
 GIVEN = ("command", "friction", "push", "push_1", "push_2", "push_3")
-"""Inputs of the states. They are the held command that has arrived (a force, or a servo's velocity), the force of the
-friction, the force that the hand's spring and damper would have with the handle at rest at 0, N, and three derivatives
-of that force."""
+"""Inputs of the states. The inputs are the held command that has arrived (a force, or a servo's velocity), the force of
+the friction, the force that the hand's spring and damper would have with the handle at rest at 0, N, and three
+derivatives of that force."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,10 @@ class Assembly:
         return len(self.states)
 
     def changed(self, time: float) -> Floats:
-        """Return e^(rates t) - 1: the change of states and given over a time, s, with command and friction held."""
+        """Return e^(rates t) - 1, the change of the states and of the given inputs over a time, s.
+
+        Command and friction are held.
+        """
         scaled = self.rates * self.units / self.units[:, None]
         return exponential_less_one(scaled * time) / self.units * self.units[:, None]
 
@@ -81,8 +84,10 @@ class Sensing:
 
 
 def sensing(scene: Scene) -> Sensing:
-    """Return the time at which the sensor takes the force. If a command arrives at this time, the force is the one just
-    before."""
+    """Return the time at which the sensor takes the force.
+
+    If a command arrives at this time, the force is the one just before.
+    """
     T, early = scene.device.sample_time, timing(scene).early
     whole, fraction = split_delay(scene.device.sensing.delay, T)
     if fraction == 0:

@@ -4,8 +4,8 @@ With the bristles' deflection z, the rate a(v) = stiffness |v|/g(v) and Stribeck
 
     dz/dt = v - a(v) z,   F = stiffness z + damping(v) dz/dt,   g = coulomb + (stiction - coulomb) e^{-(v/v_s)^2}.
 
-With a constant damping, LuGre friction may return energy at speed. It returns none if damping <= 4 g/|v|. The code
-therefore uses damping(v) = damping/(1 + damping |v|/(4 coulomb)).
+With a constant damping, LuGre friction may return energy at speed. The model returns no energy if damping <= 4 g/|v|.
+The code therefore uses damping(v) = damping/(1 + damping |v|/(4 coulomb)).
 """
 
 from __future__ import annotations
@@ -116,8 +116,9 @@ def slide_step(
     theta: float,
     ops: Arithmetic,
 ) -> tuple[Slide, Number]:
-    """Advance by one step h under the force `push`. Return the new state and the step's velocity w = v + theta (v_new -
-    v).
+    """Advance by one step h under the force `push`.
+
+    Return the new state and the step's velocity w = v + theta (v_new - v).
 
     The function takes rate and damping at the predicted velocity, and w as constant over the step. The motion of the
     bristles is then exact: with y = a h, their mean deflection is phi_1 z + phi_2 h w, phi_1 = (1 - e^-y)/y, phi_2 = (1

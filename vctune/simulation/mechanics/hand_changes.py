@@ -1,7 +1,7 @@
 """Simulate a hand that changes during a run: its damping alternates, or it takes hold again where the handle is.
 
-The hand changes just after the firmware samples the force. This sample still has the old hand; the motion that follows
-has the new one.
+The hand changes just after the firmware samples the force. A sample at a change still has the old hand; the motion
+after it has the new hand.
 """
 
 from __future__ import annotations

@@ -23,10 +23,10 @@ The numerical error of a double eigenvalue is the square root of rounding, 1e-8.
 matters for a mode that lasts a million samples."""
 DECADES = 4
 """Number of decades, up and down from the file's virtual mass and damping, in which the code searches for a stable
-share. Half or twice this number changes no result within the range."""
+share. Half or twice as many decades change no result within the range."""
 BISECTIONS = 30
-"""Number of bisections of half a decade, down to 1e-9. Half this number leaves 4e-5, which sometimes shows in the
-fourth digit. Twice this number reaches rounding errors."""
+"""Number of bisections of half a decade, down to 1e-9. Half as many bisections leave 4e-5, which sometimes shows in the
+fourth digit. Twice as many reach rounding errors."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,15 +36,15 @@ from vctune.simulation.mechanics.stretches import SYMBOLS, Stretch, fixed_steps,
 from vctune.simulation.scene import Scene
 
 SAMPLES_PER_CALL = 1024
-"""Number of samples per call of the compiled function. Progress and Ctrl-C wait for the end of a call. Half or twice
-this number takes the same time."""
+"""Number of samples per call of the compiled function. Progress and Ctrl-C wait for the end of a call. Half or twice as
+many samples take the same time."""
 COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor", "sensed")
-"""Recorded columns of each sample: x, v, f_h, x_e, v_e, f_e, u, f_s. Here x and v belong to the handle, and f_s is the
-sensed f_h."""
+"""Recorded columns of each sample: x, v, f_h, x_e, v_e, f_e, u, f_s. In a record, x and v belong to the handle, and f_s
+is the sensed f_h."""
 MOTOR_COLUMNS = ("motor_position", "motor_velocity")
 """Additional recorded columns if motor and handle move differently."""
 ANSWER = ("reference", "desired", "environment_force", "motor")
-"""Those of the columns that a firmware outputs. An open step takes them as inputs after `INPUT_NAMES`."""
+"""Columns that a firmware outputs. An open step takes them as inputs after `INPUT_NAMES`."""
 
 
 @dataclass(frozen=True, slots=True)

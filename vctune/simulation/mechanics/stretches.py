@@ -1,5 +1,7 @@
-"""Integrate friction over a stretch of a sample, as a compiled function with fixed steps. This module imports
-casadi."""
+"""Integrate friction over a stretch of a sample, as a compiled function with fixed steps.
+
+This module imports casadi.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ from vctune.simulation.scene import Scene
 
 STEPS_PER_RADIAN = 64
 """Number of fixed steps per radian of the bristles' oscillation. With half as many steps, the error is four times as
-large in half the time. With twice as many, it is a quarter in twice the time (results/work-precision.csv)."""
+large in half the time. With twice as many steps, the error is a quarter in twice the time
+(results/work-precision.csv)."""
 LEAST_STEPS, MOST_STEPS = 4, 256
 """Least and greatest number of steps in a sample. The least number resolves a motion that crosses Stribeck's curve
 within a sample, even with soft bristles. Bristles that need more than the greatest number are stiffer than a hand can

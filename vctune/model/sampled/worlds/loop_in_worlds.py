@@ -15,11 +15,9 @@ the y at which the second fails. The last is
 These numbers are multiplied by s c |F|^2, with s = sin(theta/2) and c = cos(theta/2), and are then regular at both
 ends.
 
-An impedance display meets Z_e through the admittance Y = y/Z_c + G; a pole is where -1/Y = Z_e. With Y = s^2 (r + j
-i/s)/d, d > 0, and Q = s^2 r^2 + i^2, the box contains no such Z_e if for each y from 1/g to 1
-
-    r > 0,   or   r d + b_1 Q > 0,   or   c i d > Q (m_2 (2/T) s^2 - k_1 (T/2) c^2),
-    or   c i d < Q (m_1 (2/T) s^2 - k_2 (T/2) c^2).
+The coupling of an impedance display is a part of the loop that the environment meets: with a share y of its coupling
+that loop is Z_seen = 1/(y/Z_c + G), and no coupling is left (`vctune.model.sampled.hand_loop.seen_by_tool`). The same
+inequalities then hold with Z_c = 0, for each y by itself.
 """
 
 from __future__ import annotations
@@ -31,7 +29,6 @@ from typing import Any, NamedTuple
 from vctune.model.coupling import sampled_reactance, sampled_resistance
 from vctune.model.gains import Coupling
 from vctune.model.numbers.arithmetic import Arithmetic, Number
-from vctune.model.sampled.impedance_display import Offered as OfferedBySpring
 from vctune.model.worlds import Worlds
 
 NOTHING = 1e-30
@@ -42,7 +39,7 @@ of the least positive double."""
 class Seen(NamedTuple):
     """Z_seen = -lost/size - j swing/(s size), the impedance of the loop in a hand that the environment sees.
 
-    For an impedance display the same quotient is G/s^2.
+    For an impedance display it is the impedance that the virtual tool meets, or G/s^2 where the coupling is not a part.
 
     Attributes
     ----------
@@ -88,19 +85,8 @@ class Disjuncts(NamedTuple):
     turned: tuple[Number, ...] | None
 
 
-class DisjunctsOfForce(NamedTuple):
-    """Margins of an impedance display with one share of its coupling, each as the terms of its sum.
-
-    Attributes
-    ----------
-    resistive, above, below : see `Disjuncts`; the real part is without any damping of the environment
-    damped : margin of the real part with the least damping; None if that damping is 0
-    """
-
-    resistive: tuple[Number, ...]
-    above: tuple[Number, ...] | None
-    below: tuple[Number, ...] | None
-    damped: tuple[Number, ...] | None
+UNCOUPLED = Offered(0, 0)
+"""The coupling of an impedance display, whose loop contains it."""
 
 
 def offered_at(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> Offered:
@@ -127,24 +113,25 @@ def posed(worlds: Worlds, factor: float, *, inverse: bool = False) -> tuple[str,
     factor : g, >= 1
     inverse : True for an impedance display, whose margins belong to one share of the coupling
     """
+    if worlds.resistive:
+        return ("resistive",)
     turned = () if factor == 1 or inverse else ("turned",)
     above = () if _endless(worlds.high.mass) else ("above", *turned)
-    damped = ("damped",) if inverse and worlds.low.damping > 0 else ()
-    return "resistive", *above, *(() if _endless(worlds.high.stiffness) else ("below",)), *damped
+    return "resistive", *above, *(() if _endless(worlds.high.stiffness) else ("below",))
 
 
 def disjuncts(
     offered: Offered, worlds: Worlds, sample_time: Number, seen: Seen, factor: Number, theta: Number, ops: Arithmetic
 ) -> Disjuncts:
-    """Return the margins of an admittance display. One of them must be positive.
+    """Return the margins of which one must be positive.
 
     Parameters
     ----------
-    offered : response of the coupling
+    offered : response of the coupling, `UNCOUPLED` for an impedance display
     worlds : the box, in numbers of the arithmetic; an infinite limit is a plain float
     sample_time : T, s
     seen : impedance of the loop in a hand
-    factor : g, >= 1
+    factor : g, >= 1; 1 for an impedance display, whose loop has a share of the coupling
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
     """
@@ -162,41 +149,6 @@ def disjuncts(
         light, soft = low.mass * inertia, high.stiffness * compliance
         below = (factor * (light * size), w * size, -(factor * (soft * size)), -(factor * swing))
     return Disjuncts((x * size, -(factor * lost), *kept), above, below, turned)
-
-
-def disjuncts_of_force(
-    offered: OfferedBySpring,
-    worlds: Worlds,
-    sample_time: Number,
-    seen: Seen,
-    share: Number,
-    theta: Number,
-    ops: Arithmetic,
-) -> DisjunctsOfForce:
-    """Return the margins of an impedance display with one share of its coupling's admittance.
-
-    Parameters
-    ----------
-    offered : response of the coupling
-    worlds, sample_time, seen, theta, ops : see `disjuncts`
-    share : y, from 1/g to 1
-    """
-    sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)
-    inertia, compliance = sin * sin * (2 / sample_time), cos * cos * (sample_time / 2)
-    low, high, size = worlds.low, worlds.high, seen.size
-    resistive = (share * (offered.above * size), -(seen.lost * offered.below))
-    turning = (share * (offered.spring * size), -(seen.swing * offered.below))
-    r, i, d = sum_of(resistive), sum_of(turning), offered.below * size
-    Q = sin * sin * (r * r) + i * i
-    across = (cos * (d * turning[0]), cos * (d * turning[1]))
-    above = below = damped = None
-    if not _endless(high.mass):
-        above = (*across, low.stiffness * compliance * Q, -(high.mass * inertia * Q))
-    if not _endless(high.stiffness):
-        below = (low.mass * inertia * Q, -(high.stiffness * compliance * Q), -across[0], -across[1])
-    if not ops.is_zero(low.damping):
-        damped = (r * d, low.damping * Q)
-    return DisjunctsOfForce(resistive, above, below, damped)
 
 
 def limp_disjuncts(
