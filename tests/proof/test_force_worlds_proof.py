@@ -135,7 +135,9 @@ def posed(rng: np.random.Generator) -> Case:
             return case
 
 
-def environments(case: Case, hand: Hand, share: float, rng: np.random.Generator) -> Iterator[tuple[float, float, float]]:
+def environments(
+    case: Case, hand: Hand, share: float, rng: np.random.Generator
+) -> Iterator[tuple[float, float, float]]:
     """Yield corners of the box, random members, and at some angles those of it that cancel the loop's reactance."""
     low, high, T = case.worlds.low, case.worlds.high, case.loop.sample_time
     most = min(high.mass, 1e3 * (low.mass + 1)), min(high.stiffness, 1e7)
