@@ -216,9 +216,12 @@ def test_fewer_environments_are_among_the_repairs(tmp_path: Path) -> None:
     assert "environment." in failed.stdout
 
 
-def test_no_bound_and_no_region_is_claimed(tmp_path: Path) -> None:
-    """Their proofs know resistance alone."""
-    path = str(REFERENCE / "world-tools.toml")
+def test_no_bound_and_no_region_of_late_environments_is_claimed(tmp_path: Path) -> None:
+    """Their proofs know environments on time."""
+    late = tmp_path / "late.toml"
+    text = (REFERENCE / "world-tools.toml").read_text()
+    late.write_text(text.replace("[environment]", "[environment]\nlate = 1\ndamping = { min = 0.0, max = 20.0 }"))
+    path = str(late)
     for command, code in (("bound", "no-bound"), ("region", "no-plane")):
         refused = run(command, path, "--out", str(tmp_path), cwd=tmp_path)
         assert refused.returncode == ExitCode.BAD_INPUT

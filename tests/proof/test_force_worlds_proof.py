@@ -6,15 +6,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import astuple, dataclass, replace
 from itertools import product
-from math import inf, log, pi, sqrt
+from math import inf, pi, sqrt
 
 import numpy as np
-import pytest
 from force_loops import ForceLoop, corner
 
-from vctune.analysis.destabilising import growing_in_worlds
 from vctune.model.device import Device
-from vctune.model.experiment import Environment, Experiment, Operator, Sensors
 from vctune.model.gains import Gains, SpringDamper
 from vctune.model.hands import Hand, Hands
 from vctune.model.parts import Actuator, Structure, VelocityEstimate
@@ -23,8 +20,6 @@ from vctune.model.worlds import World, Worlds
 from vctune.proof.claims.every_hand import prove_hands
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.engine.interval import Outcome, Verdict
-from vctune.simulation.mechanics.scene_stability import fastest_mode
-from vctune.simulation.scene import designed_scene
 
 STABLE = 1 + 1e-9
 """Spectral radius up to which a loop counts as stable: the eigenvalues are right to much less."""

@@ -87,12 +87,13 @@ def require_bounded(file: ProblemFile) -> ProblemFile:
     Raises
     ------
     InputError
-        If the problem's environments form a box.
+        If the environments run late or by Euler's rules, or an impedance display renders a box of them.
     """
-    if file.problem.worlds is not None:
+    worlds = file.problem.worlds
+    if worlds is not None and (not worlds.lossless or file.problem.device.kind.inverse):
         message = (
-            "environment: no lower bound on the error is known where a reactance may stand in for resistance; "
-            "leave the table out, for a bound with every passive environment"
+            "environment: no lower bound on the error is known for environments that run late or by Euler's rules, nor "
+            "on an impedance display; leave the table out, for a bound with every passive environment"
         )
         raise InputError.of(file.source, "no-bound", message)
     return file

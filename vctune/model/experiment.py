@@ -53,7 +53,8 @@ class Operator:
     speed : greatest speed of the intended motion, m/s
     cycles : number of cycles to and fro
     mass, damping, stiffness : mass, damping and stiffness of the hand, kg, N s/m, N/m
-    dwell : time from one change of the hand to the next, s; None if it does not change
+    dwell : time from one change of the hand to the next, s; None if it does not change, or at given times
+    changes_at : given times at which the hand changes, increasing, s
     other_damping : damping in every other interval, N s/m; None if it is the same
     regrip : whether the hand, at each change, lets go and takes hold again where the handle is
     """
@@ -67,8 +68,14 @@ class Operator:
     damping: float
     stiffness: float
     dwell: float | None = None
+    changes_at: tuple[float, ...] = ()
     other_damping: float | None = None
     regrip: bool = False
+
+    @property
+    def changes(self) -> bool:
+        """Whether the hand changes."""
+        return self.dwell is not None or bool(self.changes_at)
 
 
 @dataclass(frozen=True, slots=True)

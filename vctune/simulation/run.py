@@ -74,7 +74,7 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
     Traces
         Finite numbers; the traces of a run that diverges end where the divergence begins.
     """
-    if scene.operator.dwell is not None:
+    if scene.operator.changes:
         return _run_changing(scene, progress, stretch)
     samples = sample_count(scene.operator, scene.device.sample_time)
     with interrupt_deferred():

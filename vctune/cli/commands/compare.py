@@ -29,7 +29,7 @@ def compare(a: Path, b: Path, style: str, quiet: bool) -> int:
         found = set_side_by_side(a, b, progress=progress)
 
     def table() -> None:
-        from vctune.cli.printing.design_table import print_comparison
+        from vctune.cli.printing.side_by_side import print_comparison
 
         print_comparison(found)
 

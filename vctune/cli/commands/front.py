@@ -52,6 +52,12 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str, time_limit:
     if fronts.band is not None:
         against = f"{counts[1]} on the front of error against band"
     designs = "1 design" if counts[0] == 1 else f"{counts[0]} designs"
-    said = f"{printable(file.problem.name)}: {designs} on the front of the three terms,\n{against}"
-    answer(style, quiet, fronts.record(file.problem.name).to_json, lambda: click.echo(f"{said}; written to {folder}"))
+    lines = [f"{printable(file.problem.name)}: {designs} on the front of the three terms,", against]
+
+    def table() -> None:
+        from vctune.cli.printing.design_table import print_lines
+
+        print_lines(lines, folder, [f"open {folder / 'terms.svg'}"])
+
+    answer(style, quiet, fronts.record(file.problem.name).to_json, table)
     return ExitCode.OK if all(counts) else ExitCode.FAILED

@@ -106,6 +106,13 @@ def region(
     lines = [f"{kind:10} {100 * share:7.2f} %" for kind, share in found.areas.items()]
     if interrupted:
         lines[-1] += f"  {'out of time' if late else 'interrupted'}: the search did not examine the whole plane"
-    lines.append(f"of the plane {x} by {y}; written to {folder}")
-    answer(style, quiet, found.record, lambda: click.echo("\n".join(lines)))
+    lines.append(f"of the plane {x} by {y}")
+    steps = [f"open {folder / (REGION_FILES if found.design is None else WORLD_FILES)[1]}"] if drawn else []
+
+    def table() -> None:
+        from vctune.cli.printing.design_table import print_lines
+
+        print_lines(lines, folder, [*steps, *(["running it again with more time decides more"] * interrupted)])
+
+    answer(style, quiet, found.record, table)
     return ExitCode.UNDECIDED if interrupted else of_status(found.status)

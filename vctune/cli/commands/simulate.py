@@ -98,7 +98,7 @@ def simulate(
 
     def table() -> None:
         from vctune.api.experiments import simulation_of
-        from vctune.cli.printing.design_table import print_simulation
+        from vctune.cli.printing.side_by_side import print_simulation
 
         print_simulation(simulation_of(record), folder)
 

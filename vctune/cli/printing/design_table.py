@@ -5,27 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+import click
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from vctune.api.design_files import SpringRecord, text
+from vctune.api.design_files import text
 from vctune.api.messages import printable
 
 if TYPE_CHECKING:
-    from vctune.document.records.comparison import ComparisonRecord
     from vctune.document.records.design_json import DesignRecord, RepairRecord
     from vctune.document.records.rows_json import Cells, CornerRecord, SweepRecord
-    from vctune.document.records.simulation_json import DifferenceRecord, LeastVirtualRecord, SimulationRecord
-    from vctune.model.numbers.units import Units
 
 LEAST_WIDTH = 80
 """Width of the terminal, in characters, below which each group heading of a design's table gets a line of its own."""
 WIDE = 120
-WIDEST = 1000
-"""Width, in characters, of tables that must not be wrapped."""
 COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undecided": "yellow"}
 
 
@@ -114,77 +110,13 @@ def print_design(record: DesignRecord, folder: Path, steps: Sequence[str] = (), 
             say(f"[dim]left out: {escape(line)}[/dim]")
 
 
-def print_simulation(record: SimulationRecord, folder: Path) -> None:
-    """Print the measures of a simulation and the folder of its files.
-
-    Parameters
-    ----------
-    record : record of the simulation
-    folder : folder of the files, which the last line names
-    """
-    from vctune.api.experiments import HEADINGS, dwell_line, measured_rows
-
-    with page(WIDE, folder) as console:
-        console.print(f"[bold]{escape(printable(record.problem.name))}[/bold]")
-        table = Table(box=None, pad_edge=False)
-        for heading in HEADINGS:
-            table.add_column(heading, no_wrap=True, header_style="dim")
-        for row in measured_rows(record):
-            table.add_row(*(escape(printable(cell)) for cell in row))
-        console.print(table)
-        for one in record.experiments:
-            if one.difference is not None:
-                apart = _apart(one.difference, record.command_unit)
-                console.print(f"{escape(printable(one.name))}: {apart}", soft_wrap=True)
-            if one.quiet_stiffness is not None and isinstance(record.coupling, SpringRecord):
-                console.print(
-                    f"{escape(printable(one.name))}: {_quiet(one.quiet_stiffness, record.coupling, record.units)}",
-                    soft_wrap=True,
-                )
-            if one.least_virtual is not None:
-                console.print(
-                    f"{escape(printable(one.name))}: {_least(one.least_virtual, record.units)}", soft_wrap=True
-                )
-        if line := dwell_line(record):
-            console.print(line, soft_wrap=True)
-
-
-def _apart(difference: DifferenceRecord, unit: str) -> str:
-    own = f"the design's own in {difference.precision} precision on the same measurements"
-    if difference.force is None or difference.tolerance is None:
-        return "[red]FAILED[/red], the firmware's commands are not finite"
-    if difference.force == 0:
-        return f"the firmware's commands are {own} to the last bit"
-    apart = f"{difference.force:.3g} {unit} of {own}, farthest at {difference.time_s:.4g} s"
-    allowed = f"the tolerance is {difference.tolerance:.3g} {unit}"
-    if difference.passes:
-        return f"the firmware's commands are within {apart}; {allowed}"
-    return f"[red]FAILED[/red], the firmware's commands are only within {apart}; {allowed}"
-
-
-def _quiet(stiffness: float, coupling: SpringRecord, units: Units) -> str:
-    return (
-        f"the encoder's resolution alone sustains no limit cycle up to {stiffness:.4g} {units.stiffness} (Abbott and "
-        f"Okamura); the coupling has {coupling.stiffness:.4g} {units.stiffness}"
-    )
-
-
-def _least(least: LeastVirtualRecord, units: Units) -> str:
-    if least.share == 0:
-        return f"the regular PID is stable without a virtual {units.mass_name} and damping"
-    return (
-        f"the regular PID is stable from a virtual {units.mass_name} of {least.mass:.4g} {units.mass} and a damping of "
-        f"{least.damping:.4g} {units.damping} on"
-    )
-
-
 def _repairs(repairs: list[RepairRecord]) -> str:
     """Return one line for each repair: the new text in the file, the old value, the meaning, and the resulting
     error."""
     width = max(len(repair.needs) for repair in repairs)
     lines = []
     for repair in repairs:
-        old = "inf" if repair.old is None else text(repair.old, 12)
+        old = "true" if repair.turns_off else "inf" if repair.old is None else text(repair.old, 12)
         lines.append(
             f"  [bold]{escape(repair.needs.ljust(width))}[/bold]  instead of {old}: {escape(repair.change)}, "
             f"error {text(repair.error, 4)}"
@@ -226,6 +158,23 @@ def _ordered(record: DesignRecord) -> dict[str, list[tuple[str, str, str]]]:
     return ordered | ({"limited by": limits} if limits else {}) | groups
 
 
+def print_lines(lines: Sequence[str], folder: Path, steps: Sequence[str]) -> None:
+    """Print lines, the folder of the files and, on a terminal, which wraps them at words, the next steps.
+
+    Parameters
+    ----------
+    lines : plain text; elsewhere than on a terminal the folder ends the last one
+    folder : folder of the files
+    steps : next steps for the user
+    """
+    if not Console().is_terminal:
+        click.echo("\n".join([*lines[:-1], f"{lines[-1]}; written to {folder}"]))
+        return
+    with page(0, folder, steps) as console:
+        for line in lines:
+            console.print(escape(line))
+
+
 def print_sweep(found: SweepRecord, folder: Path) -> None:
     """Print the results of a sweep and the folder of its files.
 
@@ -234,16 +183,22 @@ def print_sweep(found: SweepRecord, folder: Path) -> None:
     found : summary of the sweep
     folder : folder of the files, which the last line names
     """
-    with page(LEAST_WIDTH, folder) as console:
+    narrow = Console().is_terminal
+    shown = "error.svg" if (folder / "error.svg").exists() else "table.csv"
+    with page(0, folder, [f"open {folder / shown}"] if narrow else []) as console:
+
+        def say(line: str) -> None:
+            console.print(line, soft_wrap=not narrow)
+
         idle = {"certified": f" ({found.idle} idle)" if found.idle else ""}
         counts = ", ".join(f"{count} {status}{idle.get(status, '')}" for status, count in found.status.items())
-        console.print(f"[bold]{escape(printable(found.study))}[/bold]: {found.points} points, {counts}")
+        say(f"[bold]{escape(printable(found.study))}[/bold]: {found.points} points, {counts}")
         for label, row in (("best", found.best), ("worst", found.worst)):
             if row:
-                console.print(f"{label:<5}  {_design_line(row)}", soft_wrap=True)
-        console.print(f"over   {_yardstick_line(found)}", soft_wrap=True)
+                say(f"{label:<5}  {_design_line(row)}")
+        say(f"over   {_yardstick_line(found)}")
         if found.corner:
-            console.print(_corner_line(found.corner), soft_wrap=True)
+            say(_corner_line(found.corner))
 
 
 def _design_line(row: Cells) -> str:
@@ -267,44 +222,3 @@ def _corner_line(corner: CornerRecord) -> str:
     )
     where = f"none   at {corner.points} points, {corner.share:.0%} of those with {spans}"
     return escape(f"{where}\n       most often: {printable(corner.reason)}")
-
-
-def print_comparison(found: ComparisonRecord) -> None:
-    """Print two designs side by side: first the keys in which the problems differ, then both results.
-
-    Parameters
-    ----------
-    found : comparison, as `vctune compare --json` prints it
-    """
-    console = Console(highlight=False, width=WIDEST)
-    table = Table(box=None, pad_edge=False)
-    for heading in ("", "", "A", "B", ""):
-        table.add_column(heading, no_wrap=True, justify="right" if heading in ("A", "B") else "left")
-    sides = (found.a, found.b)
-    for label, values in (
-        ("file", [side.source for side in sides]),
-        ("problem", [side.name for side in sides]),
-        ("status", [f"{side.status}, idle" if side.idle else side.status for side in sides]),
-    ):
-        table.add_row("", label, *(escape(printable(value)) for value in values), "")
-    for number, differs in enumerate(found.problem):
-        table.add_row("[dim]differs[/dim]" if number == 0 else "", differs.key, *map(_cell, (differs.a, differs.b)), "")
-    group = ""
-    for value in found.design:
-        shown = f"[dim]{value.group}[/dim]" if value.group != group else ""
-        table.add_row(
-            shown, escape(value.label), *(_cell(each, value.digits) for each in (value.a, value.b)), value.unit
-        )
-        group = value.group
-    with console.capture() as page:
-        console.print(table)
-    _write(console, page.get())
-    for name, side in zip("AB", sides, strict=True):
-        if side.reason:
-            console.print(escape(f"{name}: {printable(side.reason)}"), soft_wrap=True)
-
-
-def _cell(value: Any, digits: int = 8) -> str:
-    if isinstance(value, list) and len(value) != 2:
-        return escape(printable(str(value)))
-    return "-" if value is None else escape(printable(text(value, digits)))

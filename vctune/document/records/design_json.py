@@ -36,6 +36,11 @@ UNKNOWN_LIMITS = "not known: the search stopped before it converged"
 """Text that replaces the active constraints if the search stopped early."""
 
 
+SAME_PLACE = 1.05
+"""Ratio of two frequencies up to which they are those of one extremum of a response. Half as near, the search and the
+proof may differ; twice as far, two resonances count as one."""
+
+
 class ActiveRecord(Part):
     """An active constraint: its frequency, the device on which it is active, and its price (Lagrange multiplier)."""
 
@@ -55,6 +60,11 @@ class RepairRecord(Part):
     needs: str
     size: Number = None
     error: Number
+
+    @property
+    def turns_off(self) -> bool:
+        """Whether the repair turns off what the file turns on; `old` and `new` are then 1 and 0."""
+        return self.needs == f"{self.key} = false"
 
 
 class AlternativeRecord(Part):
@@ -130,6 +140,16 @@ class UncertaintyRecord(Part):
             yield Row("unmodelled, r", text([min(radii), max(radii)]), "")
         yield Row("least ratio at", "", self.min_ratio_device.in_words(units))
         yield from super().rows(units)
+
+
+def _together(one: float, other: float) -> bool:
+    """Return whether two frequencies are those of one extremum."""
+    return max(one, other) <= SAME_PLACE * min(one, other)
+
+
+def _decimal(value: float, unit: str) -> str:
+    """Return a number of four digits without a power of ten, with its unit."""
+    return f"{float(text(value, 4)):.12g} {unit}"
 
 
 class DesignRecord(Document):
@@ -217,8 +237,8 @@ class DesignRecord(Document):
             if alone != error:
                 changes.append(f"error {alone} instead of {error}")
             if each.stiffness is not None and isinstance(self.coupling, SpringRecord):
-                stiffness = f"k_c {text(each.stiffness, 4)} instead of {text(self.coupling.stiffness, 4)}"
-                changes.append(f"{stiffness} {self.units.stiffness}")
+                alone, own = (_decimal(k_c, self.units.stiffness) for k_c in (each.stiffness, self.coupling.stiffness))
+                changes.append(f"k_c {alone} instead of {own}")
             if each.drag == 0 and isinstance(self.coupling, CouplingRecord) and self.coupling.drag > 0:
                 changes.append("without drag b_0")
             found.append(f'with criterion = "{each.criterion}" alone: {", ".join(changes) or "the same error"}')
@@ -226,18 +246,38 @@ class DesignRecord(Document):
 
     @property
     def limits(self) -> list[str]:
-        """The active constraints, the greatest multiplier first, each with the frequencies at which it is active."""
+        """The active constraints, the greatest multiplier first, each with the frequencies at which it is active.
+
+        The search and the proof place the same minimum at slightly different frequencies: that of the proof is shown.
+        """
         if not self.active and self.solver.get("converged") is False:
             return [UNKNOWN_LIMITS]
         prices: dict[str, float] = {}
-        places: dict[str, list[str]] = {}
+        places: dict[str, list[float]] = {}
         for each in self.active:
             prices[each.demand] = prices.get(each.demand, 0.0) + each.multiplier
-            at = [] if each.hz is None else [text(each.hz, 4)]
-            places[each.demand] = list(dict.fromkeys([*places.get(each.demand, []), *at]))
+            at, known = places.setdefault(each.demand, []), self._proved_hz(each.demand)
+            if each.hz is not None:
+                hz = known if known is not None and _together(each.hz, known) else each.hz
+                at += [] if any(_together(hz, other) for other in at) else [hz]
         dearest = sorted(prices, key=lambda demand: -prices[demand])
-        shown = {demand: " and ".join(", ".join(places[demand]).rsplit(", ", 1)) for demand in dearest}
+        texts = {demand: ", ".join(text(hz, 4) for hz in places[demand]) for demand in dearest}
+        shown = {demand: " and ".join(at.rsplit(", ", 1)) for demand, at in texts.items()}
         return [f"{demand} at {hz} Hz" if hz else demand for demand, hz in shown.items()]
+
+    def _proved_hz(self, demand: str) -> float | None:
+        """Return where the claim of a constraint found its extremum; None if nowhere."""
+        proof, loop = self.certificate, self.inner_loop
+        if proof is None:
+            return None
+        if demand.startswith("|S|"):
+            return None if loop is None else loop.peak_sensitivity_hz
+        if demand.endswith("in a hand"):
+            return None if proof.hands is None else proof.hands.worst_hz
+        if demand.endswith("in any passive hand"):
+            return None if proof.any_hand is None else proof.any_hand.worst_hz
+        same = proof.hands is not None and proof.hands.min_ratio == proof.min_ratio
+        return None if same else proof.worst_hz
 
     @property
     def design(self) -> tuple[Gains, AnyCoupling] | None:

@@ -172,8 +172,8 @@ def _unproved_walls(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 def _unproved_changing(raw: dict[str, Any]) -> Iterator[Contradiction]:
     """Yield the keys that the proof for a changing damping does not allow."""
-    stability, device = raw.get("stability"), raw.get("device")
-    if not isinstance(stability, dict) or not isinstance(device, dict):
+    stability = raw.get("stability")
+    if not isinstance(stability, dict):
         return
     least, most = number_at(raw, "stability", "changing_mass_min"), number_at(raw, "operator", "mass", "max")
     if stability.get("changing") is None:
@@ -184,8 +184,7 @@ def _unproved_changing(raw: dict[str, Any]) -> Iterator[Contradiction]:
         yield ("stability", "changing_mass_min"), f"{least:g} is above operator.mass.max = {most:g}; lower it"
     if stability.get("criterion") == "passive":
         yield ("stability", "changing"), 'needs a box of hands; write stability.criterion = "hands" or "both"'
-    parts = [f"device.{key}" for key in PARTS if key in device and key != "servo"]
-    for stated in [*parts, *(key for key in ("uncertainty", "environment") if key in raw)]:
+    for stated in (key for key in ("uncertainty", "environment") if key in raw):
         yield ("stability", "changing"), f"is not proved together with [{stated}]; leave one of them out"
 
 

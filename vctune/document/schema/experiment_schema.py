@@ -52,6 +52,12 @@ class SceneOperatorTable(Table):
         description="Time from one change of the hand to the next, s, rounded to whole samples. Default: the "
         "hand does not change.",
     )
+    changes_at: tuple[Positive, ...] = Field(
+        (),
+        strict=False,
+        description="Times at which the hand changes, increasing, s, each rounded to a whole sample. They take the "
+        "place of dwell. Default: none.",
+    )
     other_damping: NotNegative | None = Field(
         None,
         description="Damping of the hand in every other interval, N s/m. Default: the damping is the same in all "

@@ -17,7 +17,7 @@ QUANTITIES = {
     "force": ("coulomb", "stiction", "limit", "force_noise"),
     "position": ("zero", "from", "to", "position_resolution"),
     "speed": ("stribeck_velocity", "speed"),
-    "time": ("sample_time", "delay", "dwell"),
+    "time": ("sample_time", "delay", "dwell", "changes_at"),
     "frequency": ("band_hz", "bandwidth_hz", "filter_hz", "frequency_hz", "corner_hz"),
 }
 """Quantity of a number by the last part of its key (`vctune.model.numbers.units`), in any table."""

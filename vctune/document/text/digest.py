@@ -20,7 +20,7 @@ from vctune.model.problem import Problem
 LATER: Mapping[str, Mapping[str, Any]] = {
     "stability": {"changing": None, "changing_mass_min": None},
     "worlds": {"walls": False, "corner": None, "rule": "trapezoid", "late": 0, "resistive": False},
-    "operator": {"dwell": None, "other_damping": None, "regrip": False},
+    "operator": {"dwell": None, "changes_at": (), "other_damping": None, "regrip": False},
     "environment": {"late": 0},
 }
 """Defaults of the keys that are newer than the digests, by table. The digest omits such a key at its default, so older

@@ -54,7 +54,6 @@ def analytic_centre(constant: Floats, families: Sequence[Family], free: Flags) -
     array of float or None
         Shape (t, u), 0 where it is not free; None if none are found.
     """
-    # half of each symmetric matrix, so that the scalar product of two is that of the matrices
     sums = _Sums(constant, families, np.append(free.ravel(), True))
     at = np.zeros(free.size + 1)
     at[-1] = 1 - np.linalg.eigvalsh(constant).min()  # how much of the identity is added: 0 is to suffice
@@ -106,7 +105,7 @@ def _newton(sums: _Sums, at: Floats, price: float) -> tuple[Floats, float]:
     twice = np.where(rows == columns, 1.0, np.sqrt(2.0))
 
     def halved(units: Floats) -> Floats:
-        """Return the units, as seen from the matrices, half of each."""
+        """Return half of each unit, in coordinates in which the matrices are 1; scalar products stay as they are."""
         seen = turn[:, None] @ units @ turn[:, None].swapaxes(-1, -2)
         return np.asarray(seen[..., rows, columns] * twice)
 

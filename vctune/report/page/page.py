@@ -20,7 +20,7 @@ from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.part import Row
 from vctune.document.records.simulation_json import SimulationRecord
 from vctune.model.problem import Problem
-from vctune.report.figures.experiment_figures import HEADINGS, dwell_line, measured_rows
+from vctune.report.figures.experiment_figures import HEADINGS, dwell_line, measured_rows, simulation_finding
 from vctune.report.figures.style import INK, PAPER
 from vctune.report.page.contents import IN_WORDS, READINGS, reading
 from vctune.report.page.findings import findings, limits
@@ -80,7 +80,7 @@ def page(
         claims=claim_lines(record, problem),
         assumptions=assumptions(problem),
         feel=feel_lines(problem, *record.design) if record.design is not None else [],
-        figures=_shown(record, problem, drawn),
+        figures=_shown(record, problem, drawn, simulation),
         bounded=[key.rpartition(".")[2] for key in record.at_bound],
         groups=groups,
         phases=phase_table(problem, record.design[0]) if record.design is not None else None,
@@ -93,9 +93,12 @@ def page(
     )
 
 
-def _shown(record: DesignRecord, problem: Problem, drawn: dict[str, str]) -> list[dict[str, str]]:
+def _shown(
+    record: DesignRecord, problem: Problem, drawn: dict[str, str], simulation: SimulationRecord | None
+) -> list[dict[str, str]]:
     """Return name, title, finding, reading and SVG of each figure."""
     translated, found = problem.units.translated, findings(record, problem)
+    found |= {"simulation": simulation_finding(simulation)} if simulation is not None else {}
     figures = []
     for name, text in drawn.items():
         title, finding = translated(READINGS[name][0]), translated(found.get(name, ""))

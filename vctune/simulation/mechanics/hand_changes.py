@@ -6,6 +6,7 @@ after it has the new hand.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -26,25 +27,30 @@ class HandChanges:
 
     Attributes
     ----------
-    every : number of samples from one change to the next; 0 if the hand does not change
+    every : number of samples from one change to the next; 0 if the hand does not change, or changes at given samples
+    given : samples at which the hand changes, increasing; empty if it has a dwell time
     alternates : whether the hand's damping changes
     regrips : whether the hand takes hold again
     """
 
     every: int
+    given: tuple[int, ...]
     alternates: bool
     regrips: bool
 
     def at(self, sample: int) -> bool:
         """Return whether the hand changes at a sample."""
-        return self.every > 0 and sample > 0 and sample % self.every == 0
+        return sample > 0 and self._until(sample) > self._until(sample - 1)
 
     def hands(self, sample: int) -> tuple[int, int]:
         """Return the index of the hand whose force is sampled, and of the hand from then on."""
         if not self.alternates:
             return 0, 0
-        now = max(sample - 1, 0) // self.every % 2
-        return now, 1 - now if self.at(sample) else now
+        return self._until(max(sample - 1, 0)) % 2, self._until(sample) % 2
+
+    def _until(self, sample: int) -> int:
+        """Return the number of changes up to a sample."""
+        return sample // self.every if self.every else bisect_right(self.given, sample)
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
@@ -55,10 +61,13 @@ class HandChanges:
 def hand_changes(scene: Scene) -> HandChanges:
     """Return how the hand of a scene changes."""
     hand = scene.operator
+    if not hand.changes:
+        return HandChanges(0, (), alternates=False, regrips=False)
+    T, alternates = scene.device.sample_time, hand.other_damping is not None
     if hand.dwell is None:
-        return HandChanges(0, alternates=False, regrips=False)
-    every = max(1, round(hand.dwell / scene.device.sample_time))
-    return HandChanges(every, alternates=hand.other_damping is not None, regrips=hand.regrip)
+        given = tuple(max(1, round(time / T)) for time in hand.changes_at)
+        return HandChanges(0, given, alternates=alternates, regrips=hand.regrip)
+    return HandChanges(max(1, round(hand.dwell / T)), (), alternates=alternates, regrips=hand.regrip)
 
 
 def scenes_of_hands(scene: Scene) -> tuple[Scene, Scene]:

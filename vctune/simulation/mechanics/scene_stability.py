@@ -11,7 +11,14 @@ import numpy as np
 from vctune.interrupt import interrupt_deferred
 from vctune.model.device import Device
 from vctune.model.experiment import Baseline, Experiment
-from vctune.simulation.mechanics.hand_changes import HandChanges, after_sample, from_state, hand_changes, steps_of_hands
+from vctune.simulation.mechanics.hand_changes import (
+    HandChanges,
+    after_sample,
+    from_state,
+    hand_changes,
+    scenes_of_hands,
+    steps_of_hands,
+)
 from vctune.simulation.mechanics.intended_motion import Floats
 from vctune.simulation.mechanics.step import build
 from vctune.simulation.mechanics.step_inputs import INPUT_NAMES
@@ -63,12 +70,14 @@ def loop_matrix(scene: Scene) -> Floats:
 def fastest_mode(scene: Scene) -> Mode:
     """Return the mode that decides whether hand, device and environment oscillate together.
 
-    If the hand changes, the mode belongs to one period of the changes. The growth is still per sample. The frequency is
-    that of the mode's repetition from period to period.
+    If the hand has a dwell time, the mode belongs to one period of the changes. The growth is still per sample. The
+    frequency is that of the mode's repetition from period to period. If the hand changes at given times, the mode is
+    that of the one of its hands in which the loop grows most.
     """
     T, changes = scene.device.sample_time, hand_changes(scene)
     if changes.every == 0:
-        modes = [_fastest(loop_matrix(linear), T) for linear in linear_scenes(scene)]
+        held = scenes_of_hands(scene) if changes.alternates else (scene,)
+        modes = [_fastest(loop_matrix(linear), T) for one in held for linear in linear_scenes(one)]
     else:
         period = changes.every * (2 if changes.alternates else 1)
         modes = [_fastest(_period_matrix(linear, changes), T, period) for linear in linear_scenes(scene)]

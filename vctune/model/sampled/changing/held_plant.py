@@ -83,7 +83,8 @@ def held_plant(
     if estimate is not None and estimate.filter_hz is not None:
         share, _ = smoothing(device.velocity.filter_hz, device.sample_time, ops)  # type: ignore[union-attr]
         velocity = low_passed(memory, "velocity", velocity, share, estimate.filter_order)
-    felt = sensed(memory, chain, times_of, (now, older), (sensing.weights, sensing.feed), ops)
+    meeting = sensing if times_of.within is None else body  # within a sample the hand is the present one
+    felt = sensed(memory, chain, times_of, (now, older), (meeting.weights, meeting.feed), ops)
     if stiffness is None:
         del change["position"]
         return HeldPlant(change, memory, {}, velocity, travel, felt, {}, 0)

@@ -47,7 +47,7 @@ def held_servo(plain: Device, device: Device, hand: Hand, before: Number, ops: A
         held = late(memory, "commanded", {COMMAND: 1}, 1)
         command = total([(0.5, command), (0.5, held)])
     now, older = (late(memory, "sent", command, times_of.whole + ago) for ago in (0, 1))
-    chain, weights, feed = _chain(device, hand, before, ops)
+    chain, weights, feed = _chain(device, hand, before if times_of.within is None else hand.damping, ops)
     change = dict(zip(chain.names, chain.over(1, times_of.older, now, older, ops), strict=True))
     felt = sensed(memory, chain, times_of, (now, older), (weights, feed), ops)
     if (share := device.sensing.filter_coefficient) is not None:
