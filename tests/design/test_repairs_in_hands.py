@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from math import inf
 
 import pytest
@@ -12,7 +13,7 @@ from test_repairs import certified, changed, each_repair_is_least, parsed
 from vctune.design.verdict import repair as repairing
 from vctune.design.verdict.judge import judge
 from vctune.design.verdict.parameter_changes import parameter_changes
-from vctune.design.verdict.repair import OF_FIXED, OF_FREE, find_repairs
+from vctune.design.verdict.repair import OF_FIXED, OF_FREE, OF_FREE_IN_USE, find_repairs
 from vctune.design.verdict.trial import RepairTest
 
 FIXED = (ROOT / "results/friction-wheel-hands/gains.toml").read_text().partition("[design]")[0]
@@ -103,6 +104,9 @@ def test_what_no_change_of_a_kind_can_do_is_tried_once():
     keys = "operator.mass.max", "operator.stiffness.max", "stability.max_sensitivity", "coupling.damping.max"
     assert repairs(INFEASIBLE["|S| too small"], test, *keys) == [] and len(tried) == len(keys)
     assert repairs(INFEASIBLE["|S| too small"], test, "device.damping") == [] and len(tried) > len(keys) + 10
+    tried.clear()
+    cures = replace(OF_FREE_IN_USE, estimate=tried.append)
+    assert repairs(INFEASIBLE["|S| too small"], cures, *keys) == [] and len(tried) == len(keys)
 
 
 def test_small_changes_of_all_numbers_come_before_great_ones_of_any():

@@ -122,7 +122,9 @@ OF_FREE = RepairTest(_seems_solvable, _solved, 0.05, furthest_first=True)
 millisecond, so that the least change can be found closely; the latter are solved in a second. Half or twice the width
 costs one trial more or less for each number."""
 OF_FIXED_IN_USE = RepairTest(_seems_in_use, lambda problem: _in_use(_judged(problem)), OF_FIXED.width)
-OF_FREE_IN_USE = RepairTest(_seems_solvable_in_use, lambda problem: _in_use(_solved(problem)), OF_FREE.width)
+OF_FREE_IN_USE = RepairTest(
+    _seems_solvable_in_use, lambda problem: _in_use(_solved(problem)), OF_FREE.width, furthest_first=True
+)
 """The same tests, which require designs that use the velocity loop."""
 
 
@@ -312,9 +314,6 @@ class _Search:
         low, high : relative changes; `high` seems to suffice
         """
         change, width = self.change, self.test.width
-        if change.switch:
-            design = self.certified(change.limit)
-            return repair_of(change, change.limit, design) if design is not None else None
         relative = self._narrowed(low, high)
         if change.old == 0 and relative <= change.least:  # any change from 0 seems to suffice: take the first
             new = change.rounded(high, width / 2)
