@@ -180,7 +180,7 @@ def test_a_mechanism_without_a_loop_is_stable_in_every_hand():
     [
         ("[operator]\nstiffness = { min = 2.0, max = 1.0 }\n", "above max"),
         ("[operator]\nmass = -1.0\n", "operator.mass"),
-        ("[uncertainty]\nunmodelled = [[1.0, 0.1], [100.0, 0.2]]\n", "not proved in hands"),
+        ("[uncertainty]\nunmodelled = [[1.0, 0.1], [100.0, 0.2]]\n", "not covered by the proof in hands"),
     ],
 )
 def test_what_cannot_be_met_is_refused(table, words):

@@ -88,12 +88,12 @@ REFUSED = {
         "of which the claim covers every one; leave it out",
     ),
     "a light mass": (box(*ALL, 'rule = "explicit"'), 10, "environment.mass", 'needs a min > 0 with rule = "explicit"'),
-    "late walls": (box(*ALL, "late = 1", "walls = true"), 14, "environment.walls", "not with late = 1: the condition"),
+    "late walls": (box(*ALL, "late = 1", "walls = true"), 14, "environment.walls", "not late = 1: the condition"),
     "explicit walls": (
         box("mass = { max = 0.0 }", *ALL[1:], 'rule = "explicit"', "walls = true"),
         14,
         "environment.walls",
-        'not with rule = "explicit"',
+        'not rule = "explicit"',
     ),
     "too late": (box(*ALL, "late = 11"), 13, "environment.late", "must be at most 10"),
     "an experiment's late wall": (

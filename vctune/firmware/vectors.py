@@ -69,7 +69,7 @@ def usual(problem: Problem) -> tuple[Experiment, ...]:
     """Return the default experiments for a problem without experiments: a spring, and a wall that saturates the motor.
 
     A servo has no mass that could set the size of the environments, and no force that could saturate. For a servo, the
-    hands set the size.
+    stiffness and damping of the hands set the size of the environments.
     """
     device, stiffest = problem.device, problem.hands.high.stiffness
     share = usual_share(device.mass, device.units) if device.kind.own_loop else stiffest / USUAL_STIFFNESS or 1.0

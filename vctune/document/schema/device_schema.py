@@ -76,8 +76,8 @@ class ServoTable(Table):
     order: Order = Field(1, description="Order of that low-pass, 1 or 2, as for the actuator.")
     stiffness: Positive | None = Field(
         None,
-        description="Stiffness of the firmware's spring between the measured position and its reference, N/m. Its "
-        "force does not pass through the force sensor. Default: no spring.",
+        description="Stiffness of the firmware's spring between the measured position and its reference, N/m. "
+        "The force of this spring does not pass through the force sensor. Default: no spring.",
     )
 
 

@@ -99,7 +99,7 @@ class LimitTable(Table):
 
 
 class BaselineTable(Table):
-    """A regular PID for comparison. It has a virtual mass and damping instead of a coupling."""
+    """A regular PID for comparison. The PID has a virtual mass and damping instead of a coupling."""
 
     kp: NotNegative = Field(description="Gain on the position error, N/m.")
     ki: NotNegative = Field(0.0, description="Gain on the integral of the position error, N/(m s).")

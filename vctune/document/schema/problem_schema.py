@@ -108,9 +108,9 @@ class WorldsTable(Table):
     walls: bool = Field(
         False,
         strict=True,
-        description="Whether springs may be walls. The force of a wall depends only on the position, and rises with "
-        "slopes in the range of stiffness. A wall is one-sided or piecewise linear, at any position. It does not move, "
-        "and its damper is not one-sided.",
+        description="Whether springs may be walls. The force of a wall depends only on the position, and rises "
+        "with slopes in the range of stiffness. A wall is one-sided or piecewise linear, at any position. A wall "
+        "does not move, and its damper is not one-sided.",
     )
     corner_hz: Positive | None = Field(
         None,

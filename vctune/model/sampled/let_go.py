@@ -5,12 +5,12 @@ numbers give wide enclosures. This module holds and samples x' = A x + b u exact
 
     (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = (A/2) coth(A/2),
 
-The enclosures of its numbers are hardly wider than their ranges. The states are the position of the motor, the velocity
-of the centre of mass, and the bend of the spring with its rate, then those of the actuator. The bend is the motor's
-position minus the handle's, opposite to `vctune.simulation.scene.Equilibrium.bend`. In these states the resonance does
-not depend on the mass. No rate depends on the position, so that the position appears in its own row alone, with the
-factor 2 j s of the integrator. With 2 j s times the position as the unknown, this factor is 1. All numbers are
-dimensionless: time in samples, A, Q, b and b_1 too.
+The enclosures of the numbers in this equation are hardly wider than their ranges. All numbers are dimensionless, with
+the sample time as the unit of time. The states are the position of the motor, the velocity of the centre of mass, the
+bend of the spring with its rate, and the states of the actuator. The bend is the motor's position minus the handle's,
+opposite to `vctune.simulation.scene.Equilibrium.bend`. In these states the resonance does not depend on the mass. No
+rate depends on the position, so the position appears in its own row alone, with the factor 2 j s. The code solves for
+2 j s times the position, whose factor is 1.
 """
 
 from __future__ import annotations
