@@ -18,7 +18,15 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import Actuator, Structure, VelocityEstimate
 from vctune.simulation.firmware.controller import Law
 from vctune.simulation.mechanics.intended_motion import intended_motion
-from vctune.simulation.mechanics.step import CHUNK, INPUTS, build, columns
+from vctune.simulation.mechanics.step import SAMPLES_PER_CALL, build, columns
+from vctune.simulation.mechanics.step_inputs import (
+    INPUT_NAMES,
+    INTENDED,
+    INTENDED_VELOCITY,
+    NEXT_INTENDED,
+    NEXT_INTENDED_VELOCITY,
+    NOISE,
+)
 from vctune.simulation.scene import Scene
 
 OPEN = 1e-9
@@ -67,13 +75,13 @@ def driven(device: Device, friction: Friction | None, excitation, *, gains=None,
     scene = Scene(device, hand or nobody, friction, law, 1.0, 0)
     step = build(scene)
     chunk, state, blocks = step.chunk(), step.start, []
-    for first in range(0, excitation.size, CHUNK):
-        part = np.zeros((INPUTS, CHUNK))
+    for first in range(0, excitation.size, SAMPLES_PER_CALL):
+        part = np.zeros((len(INPUT_NAMES), SAMPLES_PER_CALL))
         if hand is not None:
-            motion = intended_motion(hand, device.sample_time, first, first + CHUNK)
-            part[0], part[2] = motion.position[:-1], motion.position[1:]
-            part[1], part[3] = motion.velocity[:-1], motion.velocity[1:]
-        part[4, : excitation[first : first + CHUNK].size] = excitation[first : first + CHUNK]
+            motion = intended_motion(hand, device.sample_time, first, first + SAMPLES_PER_CALL)
+            part[INTENDED], part[NEXT_INTENDED] = motion.position[:-1], motion.position[1:]
+            part[INTENDED_VELOCITY], part[NEXT_INTENDED_VELOCITY] = motion.velocity[:-1], motion.velocity[1:]
+        part[NOISE, : excitation[first : first + SAMPLES_PER_CALL].size] = excitation[first : first + SAMPLES_PER_CALL]
         states, records = chunk(state, part)
         state = np.asarray(states)[:, -1]
         blocks.append(np.asarray(records).T)

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from gallery import gallery
 
-from vctune.document.records.rows_json import COLUMNS
+from vctune.document.records.rows_json import SHOWN_COLUMNS
 from vctune.document.schema.log_schema import LogDocument
 from vctune.document.schema.problem_schema import json_schema, schema_of
 from vctune.model.display import DISPLAYS
@@ -107,7 +107,7 @@ def columns() -> str:
         "| `status` | as of a design; invalid where the numbers make no problem |",
         "| `idle` | whether a certified design hardly uses its velocity loop: \\|1 - G_he\\| is above 0.5 |",
     ]
-    for name, shown in COLUMNS.items():
+    for name, shown in SHOWN_COLUMNS.items():
         label = shown.label.replace("|", "\\|")
         unit = LINEAR.of(shown.of)
         rows.append(f"| `{name}` | {label}{f', {unit}' if unit else ''} |")

@@ -36,4 +36,4 @@ def nlp_size(structure: NlpStructure) -> NlpSize:
 
 def step_size(step: Step) -> tuple[int, int]:
     """Return the number of states of a simulation's step and of its instructions, every call in it taken apart."""
-    return int(step.start.size), int(step.one.expand().n_instructions())
+    return int(step.start.size), int(step.advance.expand().n_instructions())

@@ -140,8 +140,8 @@ def test_stress_notices_a_wrong_certificate(wheel):
 
 
 def test_the_scan_finds_a_design_where_there_is_one(wheel):
-    assert stress.feasible(wheel) is not None
-    assert stress.feasible(read_problem(ROOT / "problems/infeasible.toml").problem) is None
+    assert stress.feasible_design(wheel) is not None
+    assert stress.feasible_design(read_problem(ROOT / "problems/infeasible.toml").problem) is None
 
 
 # What the peers get

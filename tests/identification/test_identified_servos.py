@@ -187,6 +187,7 @@ def test_what_is_written_is_a_problem_a_record_and_a_report(tmp_path):
     assert set(stated["uncertainty"]) == {"servo.delay", "servo.bandwidth_hz", "unmodelled"}
     for line in record["remarks"]:
         assert line in done.stdout and line in (folder / "device.toml").read_text()
+    assert any(line.endswith("[remark-highest-line]") for line in record["remarks"])
     assert [each["chosen"] for each in record["recordings"][0]["candidates"]] == [True, False]
 
 

@@ -11,7 +11,7 @@ from vctune.model.device import Device
 from vctune.model.hands import LeastOperator
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.parts import Actuator, ForceSensor, Structure, VelocityEstimate
-from vctune.model.sampled.let_go import has_sharp_form, plant_let_go, return_difference
+from vctune.model.sampled.let_go import plant_let_go, prefers_this_form, return_difference
 from vctune.model.sampled.velocity_loop import sampled_plant, split_delay
 from vctune.proof.enclosures.array_intervals import Enclosure, between, decimal
 from vctune.proof.enclosures.jets import ENCLOSURES, Jet, variables
@@ -49,7 +49,7 @@ def complex_(pair):
 @pytest.mark.parametrize("position", [False, True])
 def test_both_forms_of_the_loop_have_the_same_pulse_transfer_functions(seed, position):
     device = random_device(np.random.default_rng(seed))
-    assert has_sharp_form(device)
+    assert prefers_this_form(device)
     whole, fraction = split_delay(device.delay, device.sample_time)
     found = [
         return_difference(sample(device, whole, FLOATS, fractional=fraction > 0), ANGLES, FLOATS, position=position)

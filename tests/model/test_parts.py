@@ -9,7 +9,7 @@ from vctune.document.schema.device_schema import DeviceTable, ServoDeviceTable
 from vctune.model.device import Device
 from vctune.model.hand_arrays import PlacesInHands, stacked
 from vctune.model.hands import HAND, Hand, Hands
-from vctune.model.parts import DELAYS, ENTRIES, NUMBERS, OF_FIRMWARE, PARTS, UNCERTAIN
+from vctune.model.parts import DELAYS, NUMBERS, OF_FIRMWARE, PART_NUMBERS, PARTS, UNCERTAIN
 
 NAMES = {field.name for field in fields(Device)}
 
@@ -20,15 +20,15 @@ def test_each_part_is_a_field_of_its_device_and_a_table_of_the_file(key):
     table = ServoDeviceTable if key == "servo" else DeviceTable
     known, record = table.model_fields, {field.name for field in fields(part.record)}
     assert key in NAMES and key in known
-    assert {number.name for number in part.numbers} | {number.order for number in part.numbers} - {""} <= record
-    assert part.idle is None or part.idle == part.record()
+    assert {number.name for number in part.numbers} | {number.order_key for number in part.numbers} - {""} <= record
+    assert part.ideal is None or part.ideal == part.record()
 
 
 def test_each_number_is_of_the_firmware_or_of_the_device():
-    assert set(NUMBERS) | set(OF_FIRMWARE) == set(ENTRIES)
+    assert set(NUMBERS) | set(OF_FIRMWARE) == set(PART_NUMBERS)
     assert set(UNCERTAIN) == set(NUMBERS) - {"sample_time"}
-    assert [key for key in DELAYS if ENTRIES[key].quantity != "time"] == []
-    assert all(ENTRIES[key].label for key in NUMBERS)
+    assert [key for key in DELAYS if PART_NUMBERS[key].quantity != "time"] == []
+    assert all(PART_NUMBERS[key].label for key in NUMBERS)
 
 
 def test_a_hand_is_told_by_the_names_of_its_numbers():

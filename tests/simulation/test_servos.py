@@ -31,7 +31,8 @@ from vctune.model.problem import Problem
 from vctune.report.figures.experiment_figures import HEADINGS, measured_rows
 from vctune.simulation.mechanics.intended_motion import intended_motion
 from vctune.simulation.mechanics.scene_stability import STANDING, fastest_mode, loop_matrix
-from vctune.simulation.mechanics.step import CHUNK, INPUTS, build
+from vctune.simulation.mechanics.step import SAMPLES_PER_CALL, build
+from vctune.simulation.mechanics.step_inputs import INPUT_NAMES
 from vctune.simulation.run import run
 from vctune.simulation.scene import Scene, designed_scene, equilibrium
 
@@ -160,8 +161,8 @@ def test_motion_grows_and_turns_in_time_by_the_largest_root(seed):
     values, vectors = np.linalg.eig(loop_matrix(scene))
     top = top_of(matrix)
     mode = vectors[:, np.argmin(np.abs(values - top))]
-    samples = int(min(CHUNK, 1 + 8 / abs(log(abs(top)))))
-    states, _ = build(scene).chunk()(mode.real, np.zeros((INPUTS, CHUNK)))
+    samples = int(min(SAMPLES_PER_CALL, 1 + 8 / abs(log(abs(top)))))
+    states, _ = build(scene).chunk()(mode.real, np.zeros((len(INPUT_NAMES), SAMPLES_PER_CALL)))
     for k in (samples // 2, samples - 1):
         expected = (top ** (k + 1) * mode).real
         assert np.abs(np.asarray(states)[:, k] - expected).max() < 1e-7 * abs(top) ** (k + 1)

@@ -39,7 +39,8 @@ from vctune.simulation.firmware.operations import FLOATS
 from vctune.simulation.mechanics.assembly import GIVEN, Assembly, assembly
 from vctune.simulation.mechanics.assembly_friction import AssemblyState, assembly_step, assembly_steps, friction_step
 from vctune.simulation.mechanics.scene_stability import STANDING, fastest_mode, least_virtual, loop_matrix
-from vctune.simulation.mechanics.step import CHUNK, COLUMNS, INPUTS, build
+from vctune.simulation.mechanics.step import COLUMNS, SAMPLES_PER_CALL, build
+from vctune.simulation.mechanics.step_inputs import INPUT_NAMES
 from vctune.simulation.mechanics.stretches import fixed_steps
 from vctune.simulation.metrics import metrics
 from vctune.simulation.run import run
@@ -430,7 +431,9 @@ def test_units_do_not_matter(device):
 def test_a_run_starts_in_equilibrium(device, friction):
     """All springs in a row: nothing happens while the hand does not move."""
     step = build(scene_of(device, replace(SPRING, zero=0.02), friction=friction))
-    states, records = (np.asarray(made) for made in step.chunk()(step.start, np.zeros((INPUTS, CHUNK))))
+    states, records = (
+        np.asarray(made) for made in step.chunk()(step.start, np.zeros((len(INPUT_NAMES), SAMPLES_PER_CALL)))
+    )
     compliance = 1 / 1000 + 1 / 200 + 1 / GAINS.position
     if device.structure is not None:
         compliance += 1 / mechanism(device, device.structure, FLOATS_OF_THE_MODEL).stiffness

@@ -26,7 +26,8 @@ from vctune.simulation.mechanics.friction import Carriage, Slide, friction_force
 from vctune.simulation.mechanics.intended_motion import intended_motion, sample_count, stroke_time
 from vctune.simulation.mechanics.rigid_motion import exponential
 from vctune.simulation.mechanics.scene_stability import fastest_mode, least_virtual
-from vctune.simulation.mechanics.step import CHUNK, COLUMNS, INPUTS, build
+from vctune.simulation.mechanics.step import COLUMNS, SAMPLES_PER_CALL, build
+from vctune.simulation.mechanics.step_inputs import INPUT_NAMES
 from vctune.simulation.run import run
 from vctune.simulation.scene import baseline_scene, designed_scene
 
@@ -261,7 +262,7 @@ def test_noise_comes_from_its_seed():
 def test_what_the_scene_lacks_is_not_in_the_step():
     def operations(device=DEVICE, **changes):
         e = experiment(**changes)
-        return build(designed_scene(device, GAINS, COUPLING, e)).one.n_instructions()
+        return build(designed_scene(device, GAINS, COUPLING, e)).advance.n_instructions()
 
     plain = operations()
     assert operations(limit=5.0) > plain
@@ -285,14 +286,16 @@ def test_divergence_is_said_with_its_time():
 def test_a_run_starts_in_equilibrium():
     """At rest under the spring's force nothing happens while the hand does not move."""
     step = build(designed_scene(DEVICE, GAINS, COUPLING, experiment(replace(SPRING, zero=0.02), HAND, lugre())))
-    states, records = (np.asarray(made) for made in step.chunk()(step.start, np.zeros((INPUTS, CHUNK))))
+    states, records = (
+        np.asarray(made) for made in step.chunk()(step.start, np.zeros((len(INPUT_NAMES), SAMPLES_PER_CALL)))
+    )
     assert records[COLUMNS.index("force")] == pytest.approx(-0.02 / (1 / 1000 + 1 / 200 + 1 / 6000))
     assert np.abs(states - step.start[:, None]).max() < 1e-10
 
 
 def test_length_of_a_run_does_not_depend_on_the_chunk():
     hand = replace(HAND, end=0.02, speed=0.011)
-    assert len(run(designed_scene(DEVICE, GAINS, COUPLING, experiment(operator=hand))).time) > CHUNK
+    assert len(run(designed_scene(DEVICE, GAINS, COUPLING, experiment(operator=hand))).time) > SAMPLES_PER_CALL
     assert sample_count(hand, 1e-3) == len(run(designed_scene(DEVICE, GAINS, COUPLING, experiment(operator=hand))).time)
 
 

@@ -139,7 +139,7 @@ def bound(
         prepared = prepare(file.problem)
         try:
             check_time()
-            found = search(
+            optimality = search(
                 prepared.given,
                 known.best,
                 partial(improved, prepared),
@@ -151,7 +151,7 @@ def bound(
             )
         except OutOfTimeError:
             return Bounded(file, known.record, known.best, None)
-    return Bounded(file, _added(file, known.record, found), found.improved or known.best, found)
+    return Bounded(file, _added(file, known.record, optimality), optimality.improved or known.best, optimality)
 
 
 def require_free(file: ProblemFile, purpose: str = "choose") -> ProblemFile:
@@ -212,11 +212,11 @@ def write_bounded(bounded: Bounded, path: Path) -> None:
     InputError
         If the files cannot be written.
     """
-    file, found, saved = bounded.file, bounded.optimality, path.parent / SAVED
-    if found is not None and found.proved:
+    file, optimality, saved = bounded.file, bounded.optimality, path.parent / SAVED
+    if optimality is not None and optimality.proved:
         saved.unlink(missing_ok=True)
-    elif found is not None:
-        write_together({saved: resume_bytes(file.sha256, found.resume)})
+    elif optimality is not None:
+        write_together({saved: resume_bytes(file.sha256, optimality.resume)})
     if path.name == DESIGN_FILE:
         write_record(path.parent, file, bounded.record)
     else:
@@ -224,6 +224,7 @@ def write_bounded(bounded: Bounded, path: Path) -> None:
 
 
 def _known(file: ProblemFile, design: Solved | Known | str | Path | None, progress: Progress) -> Known:
+    """Return the design from which a search starts: the given one, or one that is solved for now."""
     if isinstance(design, Known):
         return design
     known = known_design(file, Path(design), given=True) if isinstance(design, str | Path) else None
@@ -253,16 +254,16 @@ def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None
     return record, best
 
 
-def _added(file: ProblemFile, record: DesignRecord, found: Optimality) -> DesignRecord:
+def _added(file: ProblemFile, record: DesignRecord, optimality: Optimality) -> DesignRecord:
     """Return the design's record with the bound added.
 
     If the search found a better design, return the record of that design.
     """
-    if found.improved is not None:
-        solved = Solved(problem=file.problem, judgement=found.improved, optimality=found)
+    if optimality.improved is not None:
+        solved = Solved(problem=file.problem, judgement=optimality.improved, optimality=optimality)
         return record_of(file, solved, ipopt_version(), today())
-    added: dict[str, Any] = {"optimality": optimality_record(found)}
-    if record.gains is None and found.proved:
+    added: dict[str, Any] = {"optimality": optimality_record(optimality)}
+    if record.gains is None and optimality.proved:
         reason = str(record.reason).replace(OPENINGS[False], OPENINGS[True], 1)
         added |= {"status": "infeasible", "reason": reason, "proved": True}
     return record.model_copy(update=added)

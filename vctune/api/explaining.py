@@ -21,11 +21,15 @@ from vctune.proof.claims.registry import CLAIMS, Claim
 GUIDE = "README.md"
 CODE = re.compile(r"^### `([a-z-]+)`\n(.*?)(?=^#|\Z)", re.MULTILINE | re.DOTALL)
 """Pattern of a code's section in a guide: the heading with the code, and the text below it."""
-KEYS = re.compile(r"<!-- (?:reference|log|columns) -->\n(.*?)<!-- /", re.DOTALL)
-KEY = re.compile(r"^\| \*{0,2}`\[{0,2}([\w.]+)\]{0,2}`\*{0,2} \| (.*) \|$", re.MULTILINE)
+KEY_TABLES = re.compile(r"<!-- (?:reference|log|columns) -->\n(.*?)<!-- /", re.DOTALL)
+"""Pattern of a table of keys in a guide: the text between `<!-- reference -->` and the comment that ends it."""
+KEY_ROW = re.compile(r"^\| \*{0,2}`\[{0,2}([\w.]+)\]{0,2}`\*{0,2} \| (.*) \|$", re.MULTILINE)
+"""Pattern of a key's row in such a table: its key and its meaning, as of "| `device.mass` | Mass, kg. |"."""
 GLOSSARY = re.compile(r"^## Glossary\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
+"""Pattern of a guide's glossary: the text below its heading."""
 TABLE = re.compile(r"^\|(.*)\|\n\|[-|]*\|\n((?:^\|.*\|\n?)+)", re.MULTILINE)
-LABEL_ENDS = (
+"""Pattern of a table in Markdown: the cells of its heads, and its rows."""
+VARIABLE_ENDINGS = (
     r"(, at|,| at) ([\d.]+ Hz|at rest)$",
     r", if .*$",
     r": .*$",
@@ -34,10 +38,12 @@ LABEL_ENDS = (
 )
 """Pattern of an ending that a table's label or a JSON key adds to a word: a frequency, the number of a part, a symbol,
 a unit."""
-TURNING = (("inertia", "mass"), ("torque", "force"))
+LINEAR_WORDS = (("inertia", "mass"), ("torque", "force"))
 """Words for a rotary device, each with the corresponding word for a linear device."""
 CLAIMS_GUIDE = "vctune/proof/README.md"
+"""Guide that the entry of a claim names; the text itself comes from the registry of the claims."""
 CELLS = re.compile(r"(?<!\\)\|")
+"""Pattern of the border between two cells: "|", but not "\\|", as in "\\|S\\|"."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,9 +83,10 @@ def explain(name: str) -> ExplanationRecord:
     InputError
         If no entry has this name; the message suggests the nearest names.
     """
+    # in this order: the name and its stems as they are, and then without regard to capitals
     asked = _plain(name)
     found = next(filter(None, map(_called, _alike(asked))), [])
-    found = found or next(filter(None, (_called(each.lower(), str.lower) for each in _alike(asked))), [])
+    found = found or next(filter(None, (_called(stem.lower(), str.lower) for stem in _alike(asked))), [])
     if not found:
         names = [name for entry in entries() for name in entry.names]
         known = {_plain(each).lower(): each for name in names for each in (name, name.rpartition(".")[2])}
@@ -91,7 +98,7 @@ def explain(name: str) -> ExplanationRecord:
 
 
 def contents() -> ExplanationRecord:
-    """Return all names that `explain` knows, without their texts."""
+    """Return the first name of each entry that `explain` knows, without the texts."""
     listed = [EntryRecord(kind=each.kind, name=each.names[0], text="", guide=each.guide) for each in entries()]
     return ExplanationRecord(name=None, entries=listed)
 
@@ -99,17 +106,18 @@ def contents() -> ExplanationRecord:
 def _alike(asked: str) -> Iterator[str]:
     """Yield the names under which the guides may explain a label: the whole label, and the label without its variable
     parts."""
-    linear = reduce(lambda words, pair: words.replace(*pair), TURNING, asked)
-    stems = [re.sub(end, "", linear) for end in ("", *LABEL_ENDS)]
+    linear = reduce(lambda words, pair: words.replace(*pair), LINEAR_WORDS, asked)
+    stems = [re.sub(end, "", linear) for end in ("", *VARIABLE_ENDINGS)]
     yield from dict.fromkeys([asked, *stems, *(stem.replace("_", " ") for stem in stems)])
 
 
-def _called(asked: str, compared: Callable[[str], str] = str) -> list[Entry]:
-    """Return the entries of a name. If there is none, return the keys whose last part is the name."""
+def _called(asked: str, folded: Callable[[str], str] = str) -> list[Entry]:
+    """Return the entries with a name, and the keys whose last part is the name. `folded` is applied to an entry's names
+    before the comparison."""
     return [
         entry
         for entry in entries()
-        if asked in [compared(_plain(each)) for each in entry.names]
+        if asked in [folded(_plain(name)) for name in entry.names]
         or (entry.kind == "key" and entry.names[0].endswith(f".{asked}"))
     ]
 
@@ -117,15 +125,16 @@ def _called(asked: str, compared: Callable[[str], str] = str) -> list[Entry]:
 @cache
 def entries() -> tuple[Entry, ...]:
     """Return all entries, in the order of the guides."""
-    told = (entry for guide, text in _guides(files("vctune"), "vctune") for entry in _entries(guide, text))
-    return (*told, *map(_claim, CLAIMS.values()))
+    of_guides = (entry for guide, text in _guides(files("vctune"), "vctune") for entry in _entries(guide, text))
+    return (*of_guides, *map(_claim, CLAIMS.values()))
 
 
 def _claim(claim: Claim) -> Entry:
-    said = "; ".join(f"“{sentence}”" for sentence in dict.fromkeys(map(claim.said_of, DISPLAYS.values())))
-    said = f"The certificate's claim {said}."
+    """Return a claim as an entry: its sentences for all kinds of display, its explanation, and where it is proved."""
+    sentences = "; ".join(f"“{sentence}”" for sentence in dict.fromkeys(map(claim.said_of, DISPLAYS.values())))
+    statement = f"The certificate's claim {sentences}."
     proof = f"Proved by `vctune.{claim.margin}`. Its witness is {claim.witness}."
-    return Entry("claim", (claim.id, claim.label), "\n\n".join([said, claim.explain, proof]), CLAIMS_GUIDE)
+    return Entry("claim", (claim.id, claim.label), "\n\n".join([statement, claim.explain, proof]), CLAIMS_GUIDE)
 
 
 def _guides(folder: Traversable, place: str) -> Iterator[tuple[str, str]]:
@@ -138,10 +147,11 @@ def _guides(folder: Traversable, place: str) -> Iterator[tuple[str, str]]:
 
 
 def _entries(guide: str, text: str) -> Iterator[Entry]:
+    """Yield the entries of a guide: codes, keys (a table's key lists the keys inside it), and terms of the glossary."""
     for code, page in CODE.findall(text):
         yield Entry("code", (code,), page.strip(), guide)
-    for reference in KEYS.findall(text):
-        rows = KEY.findall(reference)
+    for reference in KEY_TABLES.findall(text):
+        rows = KEY_ROW.findall(reference)
         for key, meaning in rows:
             inner = [f"- `{other}`: {of}" for other, of in rows if other.rpartition(".")[0] == key]
             linear, rotary = (unit_of(tuple(key.split(".")), units) for units in (LINEAR, ROTARY))
@@ -153,19 +163,24 @@ def _entries(guide: str, text: str) -> Iterator[Entry]:
 
 
 def _cells(row: str) -> list[str]:
+    """Return the cells of a row of a table in Markdown."""
     return [cell.strip() for cell in CELLS.split(row)]
 
 
 def _term(guide: str, heads: list[str], cells: list[str]) -> Entry:
-    """Return a glossary row as an entry. If the row has several words or symbols, each is a name of the entry."""
+    """Return a glossary row as an entry. If the row has several words or symbols, each is a name of the entry.
+
+    The row "| sample time, Nyquist frequency | $T$, $\\pi/T$ | s, rad/s | ... | `device.sample_time` |" has the names
+    "sample time", "Nyquist frequency", "T", "\\pi/T" and "sample_time".
+    """
     row = {head: cell.replace("\\|", "|") for head, cell in zip(heads, cells, strict=True)}
     symbols = [part for part in re.findall(r"\$([^$]*)\$|([^$,]+)", row.get("symbol", "")) for part in part if part]
     terms = row["term"].split(", ")
     names = [*terms, *(symbol.split(" = ")[0] for symbol in symbols)]
     names += [term.split()[-1] for term in terms if re.search(r" [A-Za-z]_\w+$", term)]
     names += re.findall(r"`(?:\w+\.)*([a-z]+_\w+)`", row.get("in the code", ""))
-    said = [f"{label}: {row[label]}" for label in ("symbol", "unit", "in the code") if row.get(label)]
-    text = "\n\n".join([row["meaning"], "; ".join(said)]) if said else row["meaning"]
+    details = [f"{label}: {row[label]}" for label in ("symbol", "unit", "in the code") if row.get(label)]
+    text = "\n\n".join([row["meaning"], "; ".join(details)]) if details else row["meaning"]
     return Entry("term", (row["term"], *names), text, guide)
 
 

@@ -96,10 +96,10 @@ def export(
         axes = [RosAxis(axis, file, *design) for axis in axes_of(file.problem)]
         return export_parameters(file, axes, unproved=unproved, progress=progress)
     progress("proving")
-    made = firmware(file, *design, precision, _stated_corner(source, gains, coupling, file))
-    if not certified(made) and not unproved:
-        raise NotCertifiedError(made)
-    return Exported(file, made, FILES[to](file, made, progress))
+    controller = firmware(file, *design, precision, _stated_corner(source, gains, coupling, file))
+    if not certified(controller) and not unproved:
+        raise NotCertifiedError(controller)
+    return Exported(file, controller, FILES[to](file, controller, progress))
 
 
 def require_double(precision: Precision) -> None:
@@ -142,12 +142,12 @@ def export_parameters(
         If the controller cannot render the designs.
     """
     progress("proving")
-    made = ros2_firmware(axes)
-    doubted = [number for number, one in enumerate(made) if not certified(one)]
+    controllers = ros2_firmware(axes)
+    doubted = [number for number, one in enumerate(controllers) if not certified(one)]
     first = doubted[0] if doubted else 0
     if doubted and not unproved:
-        raise NotCertifiedError(made[first], RIGID if axes[first].coupling.damping < inf else "")
-    return Exported(named, made[first], ros2_files(named.problem.name, axes, made))
+        raise NotCertifiedError(controllers[first], RIGID if axes[first].coupling.damping < inf else "")
+    return Exported(named, controllers[first], ros2_files(named.problem.name, axes, controllers))
 
 
 RIGID = (
@@ -159,11 +159,13 @@ RIGID = (
 class NotCertifiedError(InputError):
     """Error: vctune does not export a design because it is not certified. `status` is the design's status."""
 
-    def __init__(self, made: Firmware, also: str = "") -> None:
-        single = " with the constants rounded to single precision" if made.precision == "single" else ""
-        self.status = Status(made.record.status)
-        message = f"not exported: {self.status.value}{single}: {made.doubt}{also}; --unproved exports it, and says so"
-        super().__init__(made.name, [Mistake("not-certified", "", message)])
+    def __init__(self, controller: Firmware, also: str = "") -> None:
+        single = " with the constants rounded to single precision" if controller.precision == "single" else ""
+        self.status = Status(controller.record.status)
+        message = (
+            f"not exported: {self.status.value}{single}: {controller.doubt}{also}; --unproved exports it, and says so"
+        )
+        super().__init__(controller.name, [Mistake("not-certified", "", message)])
 
 
 def write_export(exported: Exported, folder: str | Path) -> Path:
@@ -199,11 +201,11 @@ def export_record(exported: Exported, place: Path) -> ExportRecord:
     exported : the files
     place : folder that contains the files
     """
-    made = exported.firmware
+    controller = exported.firmware
     return ExportRecord(
-        name=made.name,
-        status=made.record.status,
-        statement=[printable(line) for line in statement(made) if line],
+        name=controller.name,
+        status=controller.record.status,
+        statement=[printable(line) for line in statement(controller) if line],
         folder=str(place),
         files=list(exported.files),
     )
@@ -227,8 +229,8 @@ def stated_design(
     if record is None:
         file = problem_of(source)  # type: ignore[arg-type]
         if gains is not None:
-            given = design_for(file, gains, coupling)
-            return file, (given.gains, given.coupling)
+            design = design_for(file, gains, coupling)
+            return file, (design.gains, design.coupling)
         if not file.problem.bounds.fixed:
             message = (
                 "nothing to export: not every gain is fixed; name a gains file, or a design.json of `vctune solve`"
@@ -262,27 +264,27 @@ def _stated_corner(
     return 2 * pi * walls.corner_hz if walls else None
 
 
-def _c_files(file: ProblemFile, made: Firmware, progress: Progress) -> Files:
+def _c_files(file: ProblemFile, controller: Firmware, progress: Progress) -> Files:
     from vctune.firmware.c_source import c_source
     from vctune.firmware.replay import replay_files
     from vctune.firmware.vectors import replays
 
-    sources = c_source(made)
-    return {**sources, **replay_files(made, replays(file, made, progress))}
+    sources = c_source(controller)
+    return {**sources, **replay_files(controller, replays(file, controller, progress))}
 
 
-def _fmu_files(_file: ProblemFile, made: Firmware, _progress: Progress) -> Files:
+def _fmu_files(_file: ProblemFile, controller: Firmware, _progress: Progress) -> Files:
     from vctune.firmware.fmu import fmu
 
-    return {f"{folder_name(made.name)}.fmu": fmu(made)}
+    return {f"{folder_name(controller.name)}.fmu": fmu(controller)}
 
 
-def _json_files(_file: ProblemFile, made: Firmware, _progress: Progress) -> Files:
+def _json_files(_file: ProblemFile, controller: Firmware, _progress: Progress) -> Files:
     from vctune.firmware.coefficients import controller_record
     from vctune.report.page.controller_page import controller_page
 
-    record = controller_record(made)
-    page = controller_page(record, made.device, made.gains, made.coupling)
+    record = controller_record(controller)
+    page = controller_page(record, controller.device, controller.gains, controller.coupling)
     return {"controller.json": json.dumps(record, indent=1, allow_nan=False) + "\n", "controller.html": page}
 
 

@@ -1,6 +1,7 @@
 """Solve, check and export problems with several uncoupled axes.
 
-Each axis is a problem. vctune solves equal problems only once.
+Each axis is a problem. vctune solves and checks equal problems only once. The commands solve, check and export call
+these functions for a file with [[axis]] tables.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ from vctune.report.page.axes_page import promises as promises
 from vctune.simulation.firmware.stepped import Precision
 
 INDEX = "index.html"
-Found = TypeVar("Found")
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,18 +61,18 @@ class AxisDesign:
     record: DesignRecord
 
 
-def of_each(
+def once_per_problem(
     axes: AxesFile,
-    work: Callable[[AxisProblem], Found],
-    given: Callable[[AxisProblem], Hashable] = lambda axis: None,
-) -> list[tuple[AxisProblem, Found]]:
+    function: Callable[[AxisProblem], Result],
+    other_inputs: Callable[[AxisProblem], Hashable] = lambda axis: None,
+) -> list[tuple[AxisProblem, Result]]:
     """Apply a function to each axis. Axes that state the same problem share one call.
 
     Parameters
     ----------
     axes : problem file with several axes
-    work : function of an axis; called once for each distinct problem
-    given : function that returns the other inputs of the work on an axis. Axes share a call only if these inputs are
+    function : function of an axis; called once for each distinct problem
+    other_inputs : function that returns the other inputs of an axis. Axes share a call only if these inputs are
         also equal
 
     Returns
@@ -79,14 +80,14 @@ def of_each(
     list
         Pairs of an axis and its result, in the order of the file.
     """
-    done: dict[Hashable, Found] = {}
-    found = []
+    results: dict[Hashable, Result] = {}
+    pairs = []
     for axis in axes.axes:
-        key = (axis.file.sha256, given(axis))
-        if key not in done:
-            done[key] = work(axis)
-        found.append((axis, done[key]))
-    return found
+        key = (axis.file.sha256, other_inputs(axis))
+        if key not in results:
+            results[key] = function(axis)
+        pairs.append((axis, results[key]))
+    return pairs
 
 
 def solve_axes(
@@ -98,7 +99,7 @@ def solve_axes(
     ----------
     axes : problem file with several axes
     gap, prices : see `vctune.solve`
-    progress : function that receives the name of the axis and the stage of the work
+    progress : function that receives "NAME: STAGE", the axis and the stage of the work
 
     Returns
     -------
@@ -107,12 +108,13 @@ def solve_axes(
     """
     from vctune.design.nlp.ipopt_version import ipopt_version
 
-    def work(axis: AxisProblem) -> Solved:
+    def solved_axis(axis: AxisProblem) -> Solved:
         return solve(axis.file, gap=gap, prices=prices, progress=lambda stage: progress(f"{axis.name}: {stage}"))
 
+    # an equal axis shares the result of another one, and its record needs the problem with its own name
     return [
         AxisDesign(axis, record_of(axis.file, replace(solved, problem=axis.file.problem), ipopt_version(), today()))
-        for axis, solved in of_each(axes, work)
+        for axis, solved in once_per_problem(axes, solved_axis)
     ]
 
 
@@ -164,8 +166,8 @@ def write_axes(axes: AxesFile, designs: list[AxisDesign], out: Path, *, reported
     renamed: dict[Path, Path] = {}
     for design in designs:
         renamed |= write_record(axis_folder(axes, design.axis, out), design.axis.file, design.record)
-    found = {design.axis.name: design.record for design in designs}
-    write_together({out / folder_name(axes.name) / INDEX: axes_page(axes.name, found, reported=reported)})
+    records = {design.axis.name: design.record for design in designs}
+    write_together({out / folder_name(axes.name) / INDEX: axes_page(axes.name, records, reported=reported)})
     return renamed
 
 
@@ -196,7 +198,7 @@ def check_axes(
     ----------
     axes : problem file with several axes
     gains : gains by the name of the axis; None for the gains that the file fixes
-    progress : function that receives the name of the axis
+    progress : function that receives "proving NAME" for the first of equal axes
 
     Returns
     -------
@@ -204,15 +206,18 @@ def check_axes(
         One check for each axis, in the order of the file. vctune proves equal axes only once.
     """
 
-    def work(axis: AxisProblem) -> Checked:
+    def checked_axis(axis: AxisProblem) -> Checked:
         progress(f"proving {axis.name}")
         return _checked(axis, _gains_of(gains, axis))
 
-    def told(axis: AxisProblem) -> Hashable:
+    def inputs_of_gains(axis: AxisProblem) -> Hashable:
         file = _gains_of(gains, axis)
         return None if file is None else (file.kind.name, file.gains, file.coupling, file.sha256)
 
-    return [_of_axis(found, axis, _gains_of(gains, axis)) for axis, found in of_each(axes, work, told)]
+    return [
+        _of_axis(checked, axis, _gains_of(gains, axis))
+        for axis, checked in once_per_problem(axes, checked_axis, inputs_of_gains)
+    ]
 
 
 def check_parameters(
@@ -241,41 +246,47 @@ def check_parameters(
         If the parameter file selects an axis that the problem lacks, or an axis of the other kind of motion (a rotation
         for a translation, or the reverse); or if `only` names an axis that the file does not select.
     """
-    given, known = read_admittance(path), {axis.name for axis in axes.axes}
-    asked = [axis.axis for axis in axes_asked_for(path, given, only)]
-    if missing := [name for name in asked if name not in known]:
+    parameters, known = read_admittance(path), {axis.name for axis in axes.axes}
+    selected = [axis.axis for axis in axes_asked_for(path, parameters, only)]
+    if missing := [name for name in selected if name not in known]:
         message = (
             f"selects {', '.join(missing)}, and {axes.axes[0].file.source} has no [[axis]] of that name; write one"
         )
-        raise InputError.of(str(path), "contradiction", message, key="admittance.selected_axes", line=given.line)
-    groups: dict[str, list[AxisProblem]] = {}
+        raise InputError.of(str(path), "contradiction", message, key="admittance.selected_axes", line=parameters.line)
+    axes_of_problem: dict[str, list[AxisProblem]] = {}
     for axis in axes.axes:
-        if axis.name in asked:
-            groups.setdefault(axis.file.sha256, []).append(axis)
-    found: dict[str, Checked] = {}
-    for group in groups.values():
-        names = [axis.name for axis in group]
-        checks = check_admittance(_named(group[0].file, axes.name), path, given, names, progress)
-        found |= dict(zip([name for name in asked if name in names], checks, strict=True))  # in the file's order
-    return [found[name] for name in asked]
+        if axis.name in selected:
+            axes_of_problem.setdefault(axis.file.sha256, []).append(axis)
+    checks: dict[str, Checked] = {}
+    for equal_axes in axes_of_problem.values():
+        names = [axis.name for axis in equal_axes]
+        checked = check_admittance(_named(equal_axes[0].file, axes.name), path, parameters, names, progress)
+        # check_admittance returns the checks in the order of the parameter file
+        checks |= dict(zip([name for name in selected if name in names], checked, strict=True))
+    return [checks[name] for name in selected]
 
 
 def _gains_of(gains: Mapping[str, GainsFile] | None, axis: AxisProblem) -> GainsFile | None:
+    """Return the given gains of an axis; None for those that the problem file fixes."""
     return None if gains is None else gains[axis.name]
 
 
-def _checked(axis: AxisProblem, given: GainsFile | None) -> Checked:
+def _checked(axis: AxisProblem, gains: GainsFile | None) -> Checked:
+    """Return the check of an axis. An error in the input of one axis is its check, so that the other axes are checked.
+
+    `_of_axis` supplies the source and the name.
+    """
     try:
-        return check_problem(axis.file, given)
+        return check_problem(axis.file, gains)
     except InputError as error:
-        said = "; ".join(f"{mistake.key}: {mistake.message} [{mistake.code}]" for mistake in error.mistakes)
-        return Checked(Path(), "", CheckVerdict.BAD_INPUT, said, 1, None)
+        message = "; ".join(f"{mistake.key}: {mistake.message} [{mistake.code}]" for mistake in error.mistakes)
+        return Checked(source=Path(), name="", verdict=CheckVerdict.BAD_INPUT, message=message, line=1, finding=None)
 
 
-def _of_axis(checked: Checked, axis: AxisProblem, given: GainsFile | None) -> Checked:
+def _of_axis(checked: Checked, axis: AxisProblem, gains: GainsFile | None) -> Checked:
     """Return a check of one axis as the check of another axis that has the same problem."""
-    source = Path(axis.file.source if given is None else given.source)
-    line = axis.line if given is None else checked.line
+    source = Path(axis.file.source if gains is None else gains.source)
+    line = axis.line if gains is None else checked.line
     message, finding = f"{axis.name}: {checked.message}", checked.finding
     if isinstance(finding, DesignFinding):
         finding = replace(finding, file=_named(finding.file, axis.file.problem.name))
@@ -285,6 +296,7 @@ def _of_axis(checked: Checked, axis: AxisProblem, given: GainsFile | None) -> Ch
 
 
 def _named(file: ProblemFile, name: str) -> ProblemFile:
+    """Return a problem file with another name of its problem."""
     return replace(file, problem=replace(file.problem, name=name))
 
 
@@ -328,13 +340,14 @@ def export_axes(
             for axis in axes.axes
         ]
         named = _named(axes.axes[0].file, axes.name)
-        made = export_parameters(named, designs, unproved=unproved, progress=progress)
-        return [(made, write_export(made, out / folder_name(axes.name)))]
+        exported = export_parameters(named, designs, unproved=unproved, progress=progress)
+        return [(exported, write_export(exported, out / folder_name(axes.name)))]
 
     def stage_of(axis: AxisProblem) -> Progress:
         return lambda stage: progress(f"{axis.name}: {stage}")
 
-    exported = [
+    # each axis has files of its own, so that equal axes are exported as often as they occur
+    exports = [
         export(
             axis.file,
             _gains_of(gains, axis),
@@ -345,5 +358,5 @@ def export_axes(
         )
         for axis in axes.axes
     ]
-    pairs = zip(axes.axes, exported, strict=True)
-    return [(one, write_export(one, axis_folder(axes, axis, out))) for axis, one in pairs]
+    pairs = zip(axes.axes, exports, strict=True)
+    return [(exported, write_export(exported, axis_folder(axes, axis, out))) for axis, exported in pairs]

@@ -25,13 +25,22 @@ from vctune.report.figures.benchmark_figures import Panel, Series
 from vctune.study.executors import available_cores, worker_pool
 
 QUICK, FULL = 40, 3000
+"""Number of devices of a quick run and of a full one."""
 PATIENCE = 20.0
 """Processor time, s, after which the benchmark records a device as failed."""
 FREQUENCIES = 40
 """Number of frequencies, log-spaced over each band, at which the benchmark checks a certified design with 50 digits."""
+BELOW_NYQUIST = 1e-3
+"""Least frequency, as a share of the Nyquist frequency, at which |S| is checked."""
 FAILED = "failed"
 SCAN_GAINS, SCAN_DAMPING, SCAN_FREQUENCIES = 28, 48, 120
+"""Number of values of each gain, of values of b_c, and of frequencies of the scan that looks for a design."""
+INSIDE_CIRCLE = 1 - 1e-9
+"""Spectral radius below which the scan calls a loop stable. Rounding changes a radius by less."""
+LEAST_DRAWN_ERROR = 1e-17
+"""Least relative error in the picture, whose axis is logarithmic: an error of 0 is drawn there."""
 SLOWEST = 8
+"""Number of the slowest devices that the findings name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +49,7 @@ class Row:
 
     Attributes
     ----------
+    number : index of the device in the series
     status : "certified", "infeasible", "undecided", or "failed" after an exception, an invalid number or no answer in
         time
     seconds : processor time of the solve
@@ -90,8 +100,8 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
         "The left panel shows the time of each device, by its status. The right panel shows the largest relative error "
         "of the double precision formulas at the frequencies that were checked with 50 digits.",
         rows,
-        facts(rows),
-        panels(rows),
+        findings(rows),
+        panels_of(rows),
     )
 
 
@@ -122,7 +132,7 @@ def examined(seed: int, number: int) -> Row:
             return Row(number, FAILED, seconds, "", nan, "the error is no number", said)
         wrong, float_error = contradiction(problem, judgement)
     elif solved.status.value == "infeasible":
-        found = feasible(problem)
+        found = feasible_design(problem)
         wrong = "" if found is None else f"an independent scan finds {found}"
     if solved.status.value in ("certified", "infeasible") and not wrong:
         reason = said = ""
@@ -137,14 +147,15 @@ def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
     Parameters
     ----------
     problem : problem with its constraints
-    judgement : judgement of a design; only a certified design can be contradicted
+    judgement : judgement of a design; only a certified design can be contradicted, by
+        its least Re Z_c/R, its |S| and the poles of its sampled loop
     """
     from vctune.bench import digits
 
     case = case_of(problem.device, judgement.gains, judgement.coupling)
     factor, faults = problem.stability.safety_factor, []
     inside = [*np.geomspace(*demands.sampled_span(problem), FREQUENCIES), judgement.worst]
-    below = [*np.geomspace(1e-3 * problem.nyquist, problem.nyquist, FREQUENCIES), judgement.worst_sensitivity]
+    below = [*np.geomspace(BELOW_NYQUIST * problem.nyquist, problem.nyquist, FREQUENCIES), judgement.worst_sensitivity]
     largest = 0.0
     for omega in (w for w in {*map(float, inside), *map(float, below)} if 0 < w < inf):
         true = digits.exact(case, omega)
@@ -172,24 +183,28 @@ def _floats(problem: Problem, judgement: Judgement, omega: float) -> tuple[float
     return admittance / Z_0, tracking, coupling * Z_0, float(ratio[0])
 
 
-def feasible(problem: Problem) -> str | None:
+def feasible_design(problem: Problem) -> str | None:
     """Search gains and couplings with the independent evaluator. Return a design that meets all constraints, or None.
 
     The scan varies the gains and b_c. m_c and b_0 stay at their upper bounds, which ease the constraints.
+
+    Parameters
+    ----------
+    problem : problem with its bounds and constraints
     """
     bounds, stability = problem.bounds, problem.stability
     omega = np.geomspace(*demands.sampled_span(problem), SCAN_FREQUENCIES)
-    below = np.geomspace(1e-3 * problem.nyquist, problem.nyquist, SCAN_FREQUENCIES)
+    below = np.geomspace(BELOW_NYQUIST * problem.nyquist, problem.nyquist, SCAN_FREQUENCIES)
     b_c = np.array(_spread(bounds.damping, SCAN_DAMPING))
     for K_v, K_p in product(_spread(bounds.velocity, SCAN_GAINS), _spread(bounds.position, SCAN_GAINS)):
         loop = cases(problem.device, (K_v, K_p, 1.0, bounds.mass.max, bounds.drag.max))
         if sensitivity(loop, below).max() > stability.max_sensitivity:
             continue
         enough = (stability_ratio(replace(loop, b_c=b_c), omega) >= stability.safety_factor).all(axis=1)
-        if enough.any() and spectral_radius(loop) < 1 - 1e-9:
-            found = replace(loop, b_c=float(b_c[np.argmax(enough)]))
-            if violation(problem, found) == 0:  # the scan evaluates few frequencies; this check evaluates many
-                return f"{found}"
+        if enough.any() and spectral_radius(loop) < INSIDE_CIRCLE:
+            design = replace(loop, b_c=float(b_c[np.argmax(enough)]))
+            if violation(problem, design) == 0:  # the scan evaluates few frequencies; this check evaluates many
+                return f"{design}"
     return None
 
 
@@ -203,13 +218,13 @@ def _spread(bounds: Range, count: int) -> list[float]:
     return [0.0, *(float(x) for x in np.geomspace(1e-9 * bounds.max, bounds.max, count))]
 
 
-def facts(rows: list[Row]) -> list[str]:
+def findings(rows: list[Row]) -> list[str]:
     """Return the findings: the results of the devices, and wrong verdicts."""
     counts = Counter(row.status for row in rows)
     shares = ", ".join(f"{status} {count} ({count / len(rows):.2%})" for status, count in counts.most_common())
     wrong = [row for row in rows if row.wrong]
-    told = [row for row in rows if not np.isnan(row.float_error)]
-    worst = max(told, key=lambda row: row.float_error, default=None)
+    with_error = [row for row in rows if not np.isnan(row.float_error)]
+    worst = max(with_error, key=lambda row: row.float_error, default=None)
     said = [
         f"{len(rows)} devices: {shares}.",
         f"Wrong verdicts: {len(wrong)}" + "".join(f"; device {row.number}: {row.wrong}" for row in wrong[:3]) + ".",
@@ -220,20 +235,20 @@ def facts(rows: list[Row]) -> list[str]:
     if worst is not None:
         said.append(
             f"Largest relative error of the float formulas against 50 digits: {worst.float_error:.2g} (device "
-            f"{worst.number}); median of the devices' largest {median(row.float_error for row in told):.2g}."
+            f"{worst.number}); median of the devices' largest {median(row.float_error for row in with_error):.2g}."
         )
     slowest = sorted(rows, key=lambda row: -row.seconds)[:SLOWEST]
     named = ", ".join(f"device {row.number} ({row.status}, {row.seconds:.2f} s)" for row in slowest)
     return [*said, f"Processor time: median {median(row.seconds for row in rows):.3f} s; slowest: {named}."]
 
 
-def panels(rows: list[Row]) -> list[Panel]:
+def panels_of(rows: list[Row]) -> list[Panel]:
     """Draw the sorted times and the sorted errors of the float formulas."""
     series = []
     for status in dict.fromkeys(row.status for row in rows):
         times = sorted((row.seconds for row in rows if row.status == status), reverse=True)
         series.append(Series(status, [float(k) for k in range(1, len(times) + 1)], times))
-    errors = sorted((max(row.float_error, 1e-17) for row in rows if row.float_error >= 0), reverse=True)
+    errors = sorted((max(row.float_error, LEAST_DRAWN_ERROR) for row in rows if row.float_error >= 0), reverse=True)
     ranks = [float(k) for k in range(1, len(errors) + 1)]
     return [
         Panel("time of each device", "rank", "processor time, s", series),

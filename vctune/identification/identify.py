@@ -24,7 +24,7 @@ from vctune.identification.known import (
 from vctune.identification.motion.friction_fit import FrictionFound
 from vctune.identification.readable import readable
 from vctune.identification.record_study import RecordStudy, record_study
-from vctune.identification.remarks import what_is_not_told
+from vctune.identification.remarks import LEAST_RADII, remarks_on_gaps
 from vctune.identification.response.periodic_study import behind_force
 from vctune.identification.response.unmodelled import distances, envelope
 from vctune.identification.servo.servo_study import likelier_order
@@ -33,8 +33,8 @@ from vctune.model.device import Device
 from vctune.model.parts import PARTS, Servo
 
 Progress = Callable[[str], None]
-LEAST_LINES = 2
-"""Least number of frequencies from which radii can be interpolated."""
+SAME_SAMPLE_TIME = 1e-3
+"""Greatest relative difference between the sample times of recordings of one device."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,51 +99,55 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
     for recording, step in zip(recordings, times, strict=True):
         progress(f"fitting {recording.source}")
         studies.append(record_study(recording, step, known))
-    found_by_all = [estimate for study in studies for estimate in study.estimates]
-    estimates, said = with_known(found_by_all, known, T, recordings)
+    all_estimates = [estimate for study in studies for estimate in study.estimates]
+    estimates, remarks_on_known = with_known(all_estimates, known, T, recordings)
     bounds = readable(box(estimates, T), recordings[0], T)
     device = _servo(bounds, known, T, studies) if known.servo else _device(bounds, known, T)
     progress("comparing the response with the box")
-    found = [_line_distances(study, device, bounds) for study in studies if study.motion is None]
+    line_distances = [_line_distances(study, device, bounds) for study in studies if study.motion is None]
     return Identified(
         name=name,
         device=device,
         bounds=bounds,
-        unmodelled=_unmodelled(studies, found, device, bounds),
-        distances=tuple(found),
+        unmodelled=_unmodelled(studies, line_distances, device, bounds),
+        distances=tuple(line_distances),
         friction=_friction(studies),
         force_noise=next((s.motion.force_noise for s in studies if s.motion and s.motion.force_noise), None),
         records=tuple(studies),
-        remarks=(*said, *what_is_not_told(studies, bounds, known)),
+        remarks=(*remarks_on_known, *remarks_on_gaps(studies, bounds, known)),
     )
 
 
 def _same_sample_time(recordings: Sequence[Recording], times: Sequence[float]) -> None:
+    """Refuse recordings whose sample times differ by more than the clocks of two runs do."""
     for recording, T in zip(recordings, times, strict=True):
-        if abs(T / times[0] - 1) > 1e-3:
+        if abs(T / times[0] - 1) > SAME_SAMPLE_TIME:
             message = f"was sampled every {T:g} s, and {recordings[0].source} every {times[0]:g} s; identify them apart"
             raise InputError.of(recording.source, "log-samples", message)
 
 
 def _device(bounds: Sequence[Bounded], known: LogMap, T: float) -> Device:
+    """Return the device at the centre of the box, with the parts that the user states."""
     value = {each.key: each.value for each in bounds}
     parts: dict[str, Any] = {}
     for key, part in PARTS.items():
-        found = {each.name: value[at] for each in part.numbers if (at := f"{key}.{each.name}") in value}
-        parts |= {key: part.record(**found)} if found else {}
+        numbers = {each.name: value[path] for each in part.numbers if (path := f"{key}.{each.name}") in value}
+        parts |= {key: part.record(**numbers)} if numbers else {}
     return Device(value["mass"], value["damping"], T, value["delay"], **(parts | known_parts(known)))
 
 
 def _servo(bounds: Sequence[Bounded], known: LogMap, T: float, studies: Sequence[RecordStudy]) -> Device:
     """Return the servo at the centre of the box. Its order is the likeliest one over all recordings."""
-    value, found = {each.key: each.value for each in bounds}, [each.servo for each in studies if each.servo is not None]
-    command: Literal["velocity", "position"] = "position" if found[0].seen.is_position else "velocity"
-    servo = Servo(value["servo.delay"], value["servo.bandwidth_hz"], likelier_order(found), command)
+    value = {each.key: each.value for each in bounds}
+    servo_studies = [study.servo for study in studies if study.servo is not None]
+    command: Literal["velocity", "position"] = "position" if servo_studies[0].seen.is_position else "velocity"
+    servo = Servo(value["servo.delay"], value["servo.bandwidth_hz"], likelier_order(servo_studies), command)
     parts: dict[str, Any] = {SENSOR: known_sensor(known), "servo": servo}
     return Device(1.0, 0.0, T, display="servo", **parts)
 
 
 def _line_distances(study: RecordStudy, device: Device, bounds: Sequence[Bounded]) -> np.ndarray:
+    """Return the relative difference of each line of a recording from the nearest device of the box."""
     if study.servo is not None:
         return servo_distances(device, bounds, study.servo)
     assert study.periodic is not None
@@ -152,17 +156,18 @@ def _line_distances(study: RecordStudy, device: Device, bounds: Sequence[Bounded
 
 
 def _unmodelled(
-    studies: Sequence[RecordStudy], found: Sequence[np.ndarray], device: Device, bounds: Sequence[Bounded]
+    studies: Sequence[RecordStudy], line_distances: Sequence[np.ndarray], device: Device, bounds: Sequence[Bounded]
 ) -> tuple[tuple[float, float], ...]:
+    """Return the radii of unmodelled: the envelope of the distances of all lines, and of a servo's other order."""
     measured = [study.measured_hz for study in studies if study.motion is None]
-    pairs = list(zip(measured, found, strict=True))
+    pairs = list(zip(measured, line_distances, strict=True))
     pairs += [
         off_other_order(device, bounds, study.servo)
         for study in studies
         if study.servo is not None and not study.servo.told
     ]
     hertz, needed = (np.concatenate([each[i] for each in pairs] or [np.zeros(0)]) for i in (0, 1))
-    if hertz.size < LEAST_LINES:
+    if hertz.size < LEAST_RADII:
         return ()
     order = np.argsort(hertz, kind="stable")
     return envelope(hertz[order], needed[order])
@@ -170,12 +175,12 @@ def _unmodelled(
 
 def _friction(studies: Sequence[RecordStudy]) -> FrictionFound | None:
     """Return the greatest friction that a recording shows."""
-    found = [
+    frictions = [
         study.motion.friction for study in studies if study.motion is not None and study.motion.friction is not None
     ]
     for study in studies:
         if study.periodic is not None:
             fit = study.periodic.fit
             if fit.numbers["coulomb"] > 2 * fit.sigma("coulomb") > 0:
-                found.append(FrictionFound(fit.numbers["coulomb"]))
-    return max(found, key=lambda each: each.coulomb, default=None)
+                frictions.append(FrictionFound(fit.numbers["coulomb"]))
+    return max(frictions, key=lambda friction: friction.coulomb, default=None)

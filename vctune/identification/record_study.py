@@ -97,15 +97,17 @@ class RecordStudy:
         if self.servo is not None:
             return self.servo.estimates(self.recording.name)
         if self.motion is not None:
-            found = self.motion.estimates(self.recording.name)
+            estimates = self.motion.estimates(self.recording.name)
         else:
             assert self.periodic is not None
-            found = periodic_estimates(self.periodic, self.recording.name, self.sample_time)
+            estimates = periodic_estimates(self.periodic, self.recording.name, self.sample_time)
+        # two roles that explain the recording alike differ in the delay, which includes both
         least = DELAY_FLOOR * self.sample_time if self.alike else 0.0
-        return [_at_least(each, least) if each.key == "delay" else each for each in (*found, *self.alike)]
+        return [_at_least(each, least) if each.key == "delay" else each for each in (*estimates, *self.alike)]
 
 
 def _at_least(estimate: Estimate, least: float) -> Estimate:
+    """Return an estimate whose excess is at least a number on both sides."""
     below, above = estimate.excess
     return replace(estimate, excess=(max(below, least), max(above, least)))
 
@@ -135,15 +137,15 @@ def record_study(recording: Recording, T: float, known: LogMap) -> RecordStudy:
         return _warned(RecordStudy(recording, T, None, None, notes, study))
     if "force" not in recording.channels or "command" in recording.channels:
         return _warned(_studied(recording, T, known))
-    tried = {HELD: _attempt(_commanded(recording), T, known), MEASURED: _attempt(recording, T, known)}
-    fits = {name: each for name, each in tried.items() if isinstance(each, RecordStudy)}
-    if not fits:
-        raise next(each for each in tried.values() if isinstance(each, InputError))
-    best, *others = sorted(fits, key=lambda name: fits[name].sharp_chi2)
-    alike = [name for name in others if not _clearly_better(fits[best], fits[name])]
-    said = Note("remark-force-role", _compared(recording, fits, best, alike))
-    late = tuple(each for name in alike for each in fits[name].estimates if each.key == "delay")
-    return _warned(replace(fits[best], remarks=(*fits[best].remarks, said), alike=late))
+    attempts = {HELD: _attempt(_commanded(recording), T, known), MEASURED: _attempt(recording, T, known)}
+    studies = {role: attempt for role, attempt in attempts.items() if isinstance(attempt, RecordStudy)}
+    if not studies:
+        raise next(attempt for attempt in attempts.values() if isinstance(attempt, InputError))
+    best, *others = sorted(studies, key=lambda role: studies[role].sharp_chi2)
+    alike = [role for role in others if not _clearly_better(studies[best], studies[role])]
+    remark = Note("remark-force-role", _compared(recording, studies, best, alike))
+    delays = tuple(each for role in alike for each in studies[role].estimates if each.key == "delay")
+    return _warned(replace(studies[best], remarks=(*studies[best].remarks, remark), alike=delays))
 
 
 def _clearly_better(best: RecordStudy, other: RecordStudy) -> bool:
@@ -159,6 +161,7 @@ def _commanded(recording: Recording) -> Recording:
 
 
 def _attempt(recording: Recording, T: float, known: LogMap) -> RecordStudy | InputError:
+    """Return the study of a recording, or the reason why the recording has none."""
     try:
         return _studied(recording, T, known)
     except InputError as error:
@@ -166,19 +169,24 @@ def _attempt(recording: Recording, T: float, known: LogMap) -> RecordStudy | Inp
 
 
 def _studied(recording: Recording, T: float, known: LogMap) -> RecordStudy:
-    said, actuator = tuple(remarks(recording)), known_actuator(known)
+    """Return the study of a periodic excitation, or of any motion if the recording has no usable periodic response.
+
+    A recording with the force of a hand is studied as any motion.
+    """
+    notes, actuator = tuple(remarks(recording)), known_actuator(known)
     measured = None if "hand" in recording.channels else response(recording, T)
     fitted = None if measured is None else fit_response(measured, actuator)
     if measured is None or fitted is None:
-        return RecordStudy(recording, T, motion_study(recording, T, actuator, known), None, said)
+        return RecordStudy(recording, T, motion_study(recording, T, actuator, known), None, notes)
     drive = None if measured.drive is None else fit_drive(measured.drive, T)
-    return RecordStudy(recording, T, None, PeriodicStudy(measured, *fitted, drive), said)
+    return RecordStudy(recording, T, None, PeriodicStudy(measured, *fitted, drive), notes)
 
 
-def _compared(recording: Recording, fits: Mapping[str, RecordStudy], best: str, alike: Sequence[str]) -> str:
+def _compared(recording: Recording, studies: Mapping[str, RecordStudy], best: str, alike: Sequence[str]) -> str:
+    """Return the text of the remark on the role of a force: what each role leaves, and which one is taken."""
     results = [
-        f"as a {name} {each.residual_share:.3%} of it is left, chi2/dof {each.sharp_chi2[0]:.4g}"
-        for name, each in fits.items()
+        f"as a {role} {study.residual_share:.3%} of it is left, chi2/dof {study.sharp_chi2[0]:.4g}"
+        for role, study in studies.items()
     ]
     text = f"{recording.name}: {recording.channels['force'].header} is taken for a {best}: {'; '.join(results)}"
     text += "; chi2 does not separate these: the delay includes both" if alike else ""
@@ -187,10 +195,10 @@ def _compared(recording: Recording, fits: Mapping[str, RecordStudy], best: str, 
 
 def _warned(study: RecordStudy) -> RecordStudy:
     """Return a study with a warning if the residual is large."""
-    left = study.residual_share
-    if left <= POOR:
+    unexplained = study.residual_share
+    if unexplained <= POOR:
         return study
-    of = (
+    quantity = (
         study.recording.units.force_name
         if study.motion is not None
         else "motion"
@@ -198,7 +206,7 @@ def _warned(study: RecordStudy) -> RecordStudy:
         else "response"
     )
     text = (
-        f"{study.recording.name}: the device in the file leaves {left:.1%} of the {of} unexplained: no design for it "
-        "is better than that; see the report for when and at which frequencies"
+        f"{study.recording.name}: the device in the file leaves {unexplained:.1%} of the {quantity} unexplained: no "
+        "design for it is better than that; see the report for when and at which frequencies"
     )
     return replace(study, remarks=(*study.remarks, Note("warn-residual", text)))

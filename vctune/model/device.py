@@ -13,12 +13,12 @@ from vctune.model.hands import LeastOperator
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import UnitSystem
 from vctune.model.parts import (
-    ENTRIES,
     INERT,
     NUMBERS,
     OF_FIRMWARE,
+    PART_NUMBERS,
     PARTS,
-    PERTURBATION,
+    UNMODELLED_KEYS,
     Actuator,
     ForceSensor,
     Servo,
@@ -148,7 +148,7 @@ class Device:
 
     def _varying(self) -> dict[str, Number]:
         """Return all numbers of the device: those of the mechanism, of the firmware, and of the unmodelled response."""
-        perturbed = {key: self.number(key) for key in PERTURBATION if self.unmodelled is not None}
+        perturbed = {key: self.number(key) for key in UNMODELLED_KEYS if self.unmodelled is not None}
         return self.numbers() | self._of_firmware() | perturbed
 
     def _of_firmware(self) -> dict[str, Number]:
@@ -188,7 +188,7 @@ class Device:
         units = {"mass": impedance * time, "damping": impedance, "stiffness": impedance / time}
         units |= {"time": time, "rate": 1 / time, "ratio": 1.0}
         numbers = self.numbers() | self._of_firmware()
-        scaled = {key: value / units[ENTRIES[key].quantity] for key, value in numbers.items()}
+        scaled = {key: value / units[PART_NUMBERS[key].quantity] for key, value in numbers.items()}
         same = self.with_numbers(scaled)
         if same.servo is not None:
             radii = tuple((hz * time, radius) for hz, radius in same.servo.radii)

@@ -36,7 +36,8 @@ class VelocityEstimate:
 
 @dataclass(frozen=True, slots=True)
 class Actuator:
-    """The actuator's response to its command: a low-pass of order 1, or of order 2 with damping ratio 1/sqrt(2).
+    """The actuator's response to its command: a low-pass of order 1, or of order 2 with damping ratio 1/sqrt(2)
+    (model/README.md, section 12).
 
     Attributes
     ----------
@@ -50,14 +51,15 @@ class Actuator:
 
 @dataclass(frozen=True, slots=True)
 class ForceSensor:
-    """The sensor of the hand's force: a delay and a low-pass of the same kind as the actuator's.
+    """The sensor of the hand's force: a delay and a low-pass of the same kind as the actuator's (model/README.md,
+    section 12).
 
     Attributes
     ----------
     bandwidth_hz : -3 dB frequency, Hz, > 0; None without a low-pass
     order : 1 or 2
     delay : s, >= 0
-    filter_coefficient : a of the firmware's filter y += a (x - y) of the samples, in (0, 1); None without a filter.
+    filter_coefficient : a of the firmware's filter y += a (x - y) of the samples, 0 < a <= 1; None without a filter.
         Only a servo may have it
     """
 
@@ -69,7 +71,8 @@ class ForceSensor:
 
 @dataclass(frozen=True, slots=True)
 class Servo:
-    """A closed loop that follows a velocity or position command with a delay. The hand cannot push it.
+    """A closed loop that follows a velocity or position command with a delay. The hand cannot push it
+    (model/README.md, section 17).
 
     Attributes
     ----------
@@ -94,7 +97,8 @@ class Servo:
 
 @dataclass(frozen=True, slots=True)
 class Structure:
-    """A handle on a spring, which splits the device's mass in two. The position sensor is on the motor's part.
+    """A handle on a spring, which splits the device's mass in two. The position sensor is on the motor's part
+    (model/README.md, section 12).
 
     Attributes
     ----------
@@ -113,12 +117,13 @@ class Structure:
 
 @dataclass(frozen=True, slots=True)
 class Unmodelled:
-    """A response in the uncertainty set: the nominal one times 1 + share r(omega) e^(j phase) (README, section 13).
+    """A response in the uncertainty set: the nominal one times 1 + share r(omega) e^(j phase) (model/README.md,
+    section 13).
 
     Attributes
     ----------
     radii : points (frequency in Hz, radius), increasing in frequency; r is linear between them on logarithmic axes, and
-        constant outside
+        constant outside, also below the first point, unlike `Servo.radii`
     share : share of the radius, 0 <= share <= 1
     phase : direction of the deviation, rad
     """
@@ -132,7 +137,8 @@ class Unmodelled:
 
 
 Quantity = Literal["mass", "damping", "stiffness", "time", "rate", "ratio"]
-"""Quantity of a device's number. The quantity determines the unit."""
+"""Quantity of a device's number. The quantity determines the factor with which `Device.in_units` scales it. The texts
+of the units are those of `vctune.model.numbers.units`, where a rate is a frequency and a ratio has no unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,19 +149,19 @@ class PartNumber:
     ----------
     name : key of the number in the table of its part
     quantity : physical quantity
-    label : name in a report, for a linear device
-    better : direction of improvement in words, for a linear device, as "more" of a rate or "less" of a delay; empty if
-        there is none
-    order : if the number is the corner of a low-pass and a file may omit it: the key of the low-pass's order
-    sampled : whether the firmware implements it on samples, so that the number must be below the Nyquist frequency
-    certain : whether the firmware computes with the number, so that it is never uncertain
+    label : name in a report, for a linear device; "" for a number that no report names
+    better : phrase for a device with a better number, for a linear device, as "a faster actuator"; "" if no
+        repair proposes a better number
+    order_key : if the number is the corner of a low-pass and a file may omit it: the key of the low-pass's order
+    sampled : whether the number is the corner of a filter of samples, so that it must be below the Nyquist frequency
+    certain : whether the number is known exactly, so that no file may call it uncertain
     """
 
     name: str
     quantity: Quantity
     label: str = ""
     better: str = ""
-    order: str = ""
+    order_key: str = ""
     sampled: bool = False
     certain: bool = False
 
@@ -169,15 +175,16 @@ class Part:
     record : type of the field of `Device`
     label : name of the part, for a linear device
     numbers : the numbers of the record that may be any real number of a range
-    idle : the record of an ideal part, which a device does not store; None if there is no such record
-    lacking : reasons why some kinds of display cannot have the part
+    ideal : the record of an ideal part, which a device does not store; None if there is no such record
+    refused_by : reason why a kind of display cannot have the part, by the name of the kind
+    named : name of the part in a list of what a device has; "" for `label`
     """
 
     record: type
     label: str
     numbers: tuple[PartNumber, ...]
-    idle: Any = None
-    lacking: Mapping[DisplayName, str] = field(default_factory=dict)
+    ideal: Any = None
+    refused_by: Mapping[DisplayName, str] = field(default_factory=dict)
     named: str = ""
 
     @property
@@ -186,7 +193,7 @@ class Part:
         return self.named or self.label
 
 
-OWN_NUMBERS = (
+DEVICE_NUMBERS = (
     PartNumber("mass", "mass", "mass m"),
     PartNumber("damping", "damping", "damping b"),
     PartNumber("sample_time", "time", "sample time T", certain=True),
@@ -204,29 +211,31 @@ PARTS: Mapping[str, Part] = MappingProxyType(
                     "rate",
                     "velocity estimate: low-pass",
                     "a faster filter of the velocity",
-                    order="filter_order",
+                    order_key="filter_order",
                     sampled=True,
                 ),
             ),
-            idle=VelocityEstimate(),
-            lacking={"servo": "no gain of this file acts on its velocity"},
+            ideal=VelocityEstimate(),
+            refused_by={"servo": "no gain of this file acts on its velocity"},
         ),
         "actuator": Part(
             Actuator,
             "actuator",
             (PartNumber("bandwidth_hz", "rate", "actuator: bandwidth", "a faster actuator"),),
-            lacking={"servo": "its lag is device.servo.bandwidth_hz and order"},
+            refused_by={"servo": "its lag is device.servo.bandwidth_hz and order"},
         ),
         "force_sensor": Part(
             ForceSensor,
             "force sensor",
             (
-                PartNumber("bandwidth_hz", "rate", "force sensor: bandwidth", "a faster force sensor", order="order"),
+                PartNumber(
+                    "bandwidth_hz", "rate", "force sensor: bandwidth", "a faster force sensor", order_key="order"
+                ),
                 PartNumber("delay", "time", "force sensor: delay", "less delay of the force sensor"),
                 PartNumber("filter_coefficient", "ratio", certain=True),
             ),
-            idle=ForceSensor(),
-            lacking={"impedance": "it senses no force"},
+            ideal=ForceSensor(),
+            refused_by={"impedance": "it senses no force"},
         ),
         "structure": Part(
             Structure,
@@ -236,7 +245,7 @@ PARTS: Mapping[str, Part] = MappingProxyType(
                 PartNumber("frequency_hz", "rate", "structure: resonance", "a stiffer handle"),
                 PartNumber("damping_ratio", "ratio", "structure: damping ratio"),
             ),
-            lacking={"servo": "a spring behind its loop is not modelled"},
+            refused_by={"servo": "a spring behind its loop is not modelled"},
             named="handle on a spring",
         ),
         "servo": Part(
@@ -251,25 +260,28 @@ PARTS: Mapping[str, Part] = MappingProxyType(
     }
 )
 """Descriptions of the parts of a device, by their keys."""
-ENTRIES: Mapping[str, PartNumber] = MappingProxyType(
-    {each.name: each for each in OWN_NUMBERS}
+PART_NUMBERS: Mapping[str, PartNumber] = MappingProxyType(
+    {each.name: each for each in DEVICE_NUMBERS}
     | {f"{key}.{each.name}": each for key, part in PARTS.items() for each in part.numbers}
 )
 """Descriptions of all numbers of a device, by their keys in its table."""
-OF_FIRMWARE = tuple(key for key, each in ENTRIES.items() if each.certain and "." in key)
-"""Keys of the numbers with which the firmware computes. Their values are known exactly."""
-NUMBERS = tuple(key for key in ENTRIES if key not in OF_FIRMWARE)
-"""Keys of all numbers of a device that the firmware does not compute with."""
-UNCERTAIN = tuple(key for key, each in ENTRIES.items() if not each.certain)
-"""Keys of the numbers that may be uncertain, that is, all numbers except those of the firmware."""
+OF_FIRMWARE = tuple(key for key, each in PART_NUMBERS.items() if each.certain and "." in key)
+"""Keys of the numbers of parts that are known exactly, because a vendor's firmware computes with them. The sample time
+is known exactly, too. It is one of `NUMBERS`, because all formulas depend on it."""
+NUMBERS = tuple(key for key in PART_NUMBERS if key not in OF_FIRMWARE)
+"""Keys of all other numbers of a device."""
+UNCERTAIN = tuple(key for key, each in PART_NUMBERS.items() if not each.certain)
+"""Keys of the numbers that may be uncertain. The corner of the velocity's low-pass is one of them, although the
+firmware may compute it."""
 INERT = ("mass", "damping", "delay")
-"""Keys of the numbers that a servo does not have. For a servo, no result depends on these numbers."""
+"""Keys of the numbers of [device] that a servo does not have. A device of this kind stores fixed values there, and
+nothing depends on them."""
 LOOP_DELAYS = ("delay", "servo.delay")
 """Keys of the delay of a loop, one for each kind of display."""
 DELAYS = (
     *LOOP_DELAYS,
-    *(key for key in UNCERTAIN if ENTRIES[key].quantity == "time" and key not in LOOP_DELAYS),
+    *(key for key in UNCERTAIN if PART_NUMBERS[key].quantity == "time" and key not in LOOP_DELAYS),
 )
 """Keys of the delays between a command and the sensed force that it causes. These delays add up."""
-PERTURBATION = ("unmodelled.share", "unmodelled.phase")
+UNMODELLED_KEYS = ("unmodelled.share", "unmodelled.phase")
 """Keys of the numbers that select one response of the uncertainty set."""

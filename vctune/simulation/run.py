@@ -8,9 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from vctune.interrupt import interrupt_deferred
-from vctune.simulation.mechanics.hand_changes import called, hand_changes, moved_on, steps_of_hands
+from vctune.simulation.mechanics.hand_changes import after_sample, from_state, hand_changes, steps_of_hands
 from vctune.simulation.mechanics.intended_motion import Floats, intended_motion, sample_count
-from vctune.simulation.mechanics.step import CHUNK, INPUTS, build, columns
+from vctune.simulation.mechanics.step import SAMPLES_PER_CALL, build, columns
+from vctune.simulation.mechanics.step_inputs import (
+    INPUT_NAMES,
+    INTENDED,
+    INTENDED_VELOCITY,
+    NEXT_INTENDED,
+    NEXT_INTENDED_VELOCITY,
+    NOISE,
+)
 from vctune.simulation.mechanics.stretches import Stretch, fixed_steps
 from vctune.simulation.scene import Scene
 
@@ -78,15 +86,15 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
     reach = DIVERGENCE * abs(scene.operator.end - scene.operator.start)
     state, done, diverged = step.start, 0, False
     while done < samples and not diverged:
-        count = min(CHUNK, samples - done)
+        count = min(SAMPLES_PER_CALL, samples - done)
         inputs = motion_inputs(scene, done, noise)
         with interrupt_deferred():
             states, records = chunk(state, inputs)
         state = np.asarray(states)[:, -1]
         block = recorded[done : done + count] = np.asarray(records).T[:count]
-        wanted[done : done + count] = inputs[0, :count]
+        wanted[done : done + count] = inputs[INTENDED, :count]
         done += count
-        diverged = not (np.isfinite(block).all() and np.abs(block[:, 0] - inputs[0, :count]).max() <= reach)
+        diverged = not (np.isfinite(block).all() and np.abs(block[:, 0] - inputs[INTENDED, :count]).max() <= reach)
         progress(done / samples)
     return traces_of(scene, recorded[:done], wanted[:done], diverged=diverged)
 
@@ -100,40 +108,40 @@ def _run_changing(scene: Scene, progress: Callable[[float], None], stretch: Stre
     noise, reach = np.random.default_rng(scene.seed), DIVERGENCE * abs(scene.operator.end - scene.operator.start)
     state, grip, done, diverged = steps[0, 0].start, 0.0, 0, False
     while done < samples and not diverged:
-        count, inputs = min(CHUNK, samples - done), motion_inputs(scene, done, noise)
+        count, inputs = min(SAMPLES_PER_CALL, samples - done), motion_inputs(scene, done, noise)
         with interrupt_deferred():
             for at in range(done, done + count):
-                one = called(steps[changes.hands(at)].one, state)
+                advance = from_state(steps[changes.hands(at)].advance, state)
                 regrips = changes.regrips and changes.at(at)
-                state, recorded[at], grip = moved_on(one, inputs[:, at - done], grip, regrips=regrips)
-        wanted[done : done + count] = inputs[0, :count]
+                state, recorded[at], grip = after_sample(advance, inputs[:, at - done], grip, regrips=regrips)
+        wanted[done : done + count] = inputs[INTENDED, :count]
         block = recorded[done : done + count]
         done += count
-        diverged = not (np.isfinite(block).all() and np.abs(block[:, 0] - inputs[0, :count]).max() <= reach)
+        diverged = not (np.isfinite(block).all() and np.abs(block[:, 0] - inputs[INTENDED, :count]).max() <= reach)
         progress(done / samples)
     return traces_of(scene, recorded[:done], wanted[:done], diverged=diverged)
 
 
 def motion_inputs(scene: Scene, first: int, noise: np.random.Generator) -> Floats:
-    """Return the inputs of a scene's step for `CHUNK` samples, beginning at `first`, with a column for each sample.
+    """Return the inputs of a scene's step for `SAMPLES_PER_CALL` samples from `first` on, one column for each sample.
 
     Parameters
     ----------
     scene : the scene of the run
     first : index of the first sample
-    noise : generator of the force sensor's noise; it advances by `CHUNK` samples if there is noise
+    noise : generator of the force sensor's noise; it advances by `SAMPLES_PER_CALL` samples if there is noise
 
     Returns
     -------
     array
-        Shape (`INPUTS`, `CHUNK`).
+        Shape (number of `INPUT_NAMES`, `SAMPLES_PER_CALL`).
     """
-    motion = intended_motion(scene.operator, scene.device.sample_time, first, first + CHUNK)
-    inputs = np.zeros((INPUTS, CHUNK))
-    inputs[0], inputs[2] = motion.position[:-1], motion.position[1:]
-    inputs[1], inputs[3] = motion.velocity[:-1], motion.velocity[1:]
+    motion = intended_motion(scene.operator, scene.device.sample_time, first, first + SAMPLES_PER_CALL)
+    inputs = np.zeros((len(INPUT_NAMES), SAMPLES_PER_CALL))
+    inputs[INTENDED], inputs[NEXT_INTENDED] = motion.position[:-1], motion.position[1:]
+    inputs[INTENDED_VELOCITY], inputs[NEXT_INTENDED_VELOCITY] = motion.velocity[:-1], motion.velocity[1:]
     if scene.force_noise > 0:
-        inputs[4] = noise.normal(0.0, scene.force_noise, CHUNK)
+        inputs[NOISE] = noise.normal(0.0, scene.force_noise, SAMPLES_PER_CALL)
     return inputs
 
 

@@ -12,7 +12,7 @@ from vctune.design.solve import solve
 from vctune.design.variables import keys_for, point
 from vctune.design.verdict.felt import felt_record
 from vctune.design.verdict.judge import Status
-from vctune.document.records.rows_json import DESIGN, NUMBERS, YardstickRecord
+from vctune.document.records.rows_json import COLUMN_OF_KEY, QUANTITY_OF_COLUMN, RowYardstickRecord
 from vctune.model.problem import Problem
 from vctune.running import time_limit as limited
 from vctune.study.rows import FAILED
@@ -54,7 +54,7 @@ def row_without_design(status: str, reason: str) -> dict[str, Any]:
     status : status of the point
     reason : reason why there is no design
     """
-    return {"status": status, "idle": False, "reason": reason, **dict.fromkeys(NUMBERS)}
+    return {"status": status, "idle": False, "reason": reason, **dict.fromkeys(QUANTITY_OF_COLUMN)}
 
 
 def row_of(solved: Solved) -> dict[str, Any]:
@@ -64,9 +64,9 @@ def row_of(solved: Solved) -> dict[str, Any]:
     if judgement is None:
         reason = solved.infeasibility.reason if solved.infeasibility else ""
         return {**row_without_design(solved.status.value, reason), **yardstick}
-    numbers = dict(zip(NUMBERS, (getattr(judgement.transparency, term) for term in TERMS), strict=False))
+    numbers = dict(zip(QUANTITY_OF_COLUMN, (getattr(judgement.transparency, term) for term in TERMS), strict=False))
     design = zip(keys_for(solved.problem), point(judgement.gains, judgement.coupling), strict=True)
-    numbers |= {DESIGN[key]: number for key, number in design}
+    numbers |= {COLUMN_OF_KEY[key]: number for key, number in design}
     numbers |= {
         "min_ratio": judgement.min_ratio,
         "worst_hz": judgement.worst / (2 * pi),
@@ -79,7 +79,7 @@ def row_of(solved: Solved) -> dict[str, Any]:
         "status": solved.status.value,
         "idle": judgement.idle,
         "reason": "; ".join(judgement.open_claims) or None,
-        **dict.fromkeys(NUMBERS),
+        **dict.fromkeys(QUANTITY_OF_COLUMN),
         **finite,
         **felt_record(solved.problem.device, judgement.gains, judgement.coupling).model_dump(),
         **yardstick,
@@ -90,4 +90,4 @@ def _yardstick(problem: Problem) -> dict[str, float]:
     """Return the columns of the yardstick: the band and Z_0."""
     low, high = problem.transparency.band.hz
     impedance = problem.transparency.reference_impedance
-    return YardstickRecord(yardstick_low_hz=low, yardstick_high_hz=high, reference_impedance=impedance).model_dump()
+    return RowYardstickRecord(yardstick_low_hz=low, yardstick_high_hz=high, reference_impedance=impedance).model_dump()

@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from vctune.document.records.rows_json import CornerRecord, ObjectiveRecord, SweepRecord
+from vctune.document.records.rows_json import CornerRecord, StudyYardstickRecord, SweepRecord
 from vctune.document.study_file import Study
 from vctune.study.study_table import Table
 
@@ -39,9 +39,9 @@ def summary(study: Study, table: Table) -> SweepRecord:
     )
 
 
-def _yardstick(study: Study) -> ObjectiveRecord:
+def _yardstick(study: Study) -> StudyYardstickRecord:
     measured = study.yardstick.transparency
-    return ObjectiveRecord(
+    return StudyYardstickRecord(
         band_hz=list(measured.band.hz),
         reference_impedance=measured.reference_impedance,
         norm=measured.norm,

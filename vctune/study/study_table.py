@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
 from vctune.design.verdict.judge import Status
-from vctune.document.records.rows_json import DESIGN, NUMBERS
+from vctune.document.records.rows_json import COLUMN_OF_KEY, QUANTITY_OF_COLUMN
 from vctune.document.schema.number_units import heading, unit_of
 from vctune.document.study_axes import number_keys
 from vctune.document.study_file import Study
@@ -41,8 +41,8 @@ class Table:
     axes : values of the axes, by dotted key
     status, reason : texts; a certified point has the reason ""
     idle : whether each design is certified but hardly uses its velocity loop
-    numbers : error, terms, design, ratio, felt numbers and yardstick (`vctune.document.records.rows_json.COLUMNS`); nan
-        for a number that does not exist
+    numbers : error, terms, design, ratio, felt numbers and yardstick
+        (`vctune.document.records.rows_json.SHOWN_COLUMNS`); nan for a number that does not exist
     system : the problem's system of units
     """
 
@@ -67,7 +67,7 @@ class Table:
         """The unit of each column that has one."""
         units = UNITS[self.system]
         of_axes = {key: unit_of(number_keys()[key], units) for key in self.axes}
-        of_numbers = {name: units.of(quantity) for name, quantity in NUMBERS.items()}
+        of_numbers = {name: units.of(quantity) for name, quantity in QUANTITY_OF_COLUMN.items()}
         return {
             name: unit
             for name, unit in {**of_axes, **of_numbers}.items()
@@ -161,8 +161,8 @@ def table_of(study: Study, rows: Rows, keys: list[str]) -> Table:
 def _columns(study: Study) -> list[str]:
     """Return the names of the numbers that a design of the study's display has."""
     kind = stated_display(study.document["device"])
-    absent = {DESIGN[key] for key in set(DESIGN) - set(kind.stated)}
-    return [name for name in NUMBERS if name not in absent]
+    absent = {COLUMN_OF_KEY[key] for key in set(COLUMN_OF_KEY) - set(kind.stated)}
+    return [name for name in QUANTITY_OF_COLUMN if name not in absent]
 
 
 def csv_text(table: Table) -> str:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import astuple
 from functools import partial
 from itertools import combinations, product
-from math import pi
+from math import inf, pi
 
 import numpy as np
 
@@ -22,32 +22,35 @@ from vctune.model.hands import Hand
 from vctune.model.sampled.worlds.loop_in_late_worlds import LEADING
 from vctune.model.worlds import Worlds
 
-LEAST = 1e-6
-"""Angle next to an end at which no pole is followed; half and twice it find the same growth."""
-STEPS = 6
+LEAST_ANGLE = 1e-6
+"""Angle next to an end at which no pole is followed, rad; half and twice it find the same growth."""
+STEPS_TO_CORNER = 6
 """Steps from a member to a corner. Half may lose the pole, twice follow the same poles."""
-FARTHEST = 0.3
+FARTHEST_MOVE = 0.3
 """Greatest move of a pole in one step, relative to its angle. Half loses some; twice may lead to another."""
 GROWTH = 1e-9
 """Growth in a radian from which on a motion counts as growing; it is above Newton's rounding."""
 OUTSIDE = 1e-9
 """Share of a range by which rounding may put a member outside of it."""
+PARALLEL = 1e-12
+"""Determinant of two factors, relative to the square of the greater, below which they have the same direction."""
 
 Member = tuple[float, float, float]
+"""Mass, damping and stiffness of an environment of the box."""
 
 
 @np.errstate(all="ignore")
 def growing_in_time(
     device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, omega: float, worlds: Worlds
 ) -> GrowingEnvironment | None:
-    """Return the environment of a finite box that a loop in a hand grows with, for a frequency where one holds a pole.
+    """Return the environment of a box that a loop in a hand grows with, for a frequency where one holds a pole.
 
     Parameters
     ----------
     device, gains, coupling : a design, plain numbers
     hand : hand in which the constraint is violated
     omega : frequency where it does not hold, rad/s, from 0 to pi/T
-    worlds : the box
+    worlds : the box; its greatest numbers may be inf
 
     Returns
     -------
@@ -55,63 +58,100 @@ def growing_in_time(
         None if no member is found to grow.
     """
     T = device.sample_time
-    theta, alone = min(max(omega * T, LEAST), pi - LEAST), impedance_met(device, gains, coupling, hand)
+    theta, alone = min(max(omega * T, LEAST_ANGLE), pi - LEAST_ANGLE), impedance_met(device, gains, coupling, hand)
 
-    def unbalance(theta: complex, *, member: Member) -> complex:
-        return alone(theta) + complex(np.array(member) @ _factors(theta, T, worlds))
+    def unbalance(pole_angle: complex, *, member: Member) -> complex:
+        return alone(pole_angle) + complex(np.array(member) @ environment_factors(pole_angle, T, worlds))
 
-    start = _holding(-alone(theta), _factors(theta, T, worlds), worlds)
+    start = member_of_impedance(-alone(theta), environment_factors(theta, T, worlds), worlds)
     if start is None:
         return None
-    corners = product(*zip(astuple(worlds.low), astuple(worlds.high), strict=True))
-    found = [each for corner in corners for each in _followed(unbalance, theta, start, corner)]
-    growing = [(pole, member) for pole, member in found if pole.imag < -GROWTH * abs(pole)]
+    poles = [held for corner in _corners(worlds, start) for held in _poles_towards(corner, unbalance, theta, start)]
+    growing = [(pole_angle, member) for pole_angle, member in poles if pole_angle.imag < -GROWTH * abs(pole_angle)]
     if not growing:
         return None
-    pole, (mass, damping, stiffness) = min(growing, key=lambda each: each[0].imag)
-    growth, turn = -pole.imag / T, abs((pole.real + pi) % (2 * pi) - pi) / T
-    if mass > 0:
-        return GrowingEnvironment("mass", mass, damping, growth, turn, stiffness, worlds.rule, worlds.late)
-    return GrowingEnvironment("spring", stiffness, damping, growth, turn, 0.0, worlds.rule, worlds.late)
+    # z = e^(j pole_angle) grows by -Im in a sample; the angle modulo 2 pi is the aliased frequency, to Nyquist
+    pole_angle, (mass, damping, stiffness) = min(growing, key=lambda held: held[0].imag)
+    of_mass = mass > 0
+    return GrowingEnvironment(
+        kind="mass" if of_mass else "spring",
+        value=mass if of_mass else stiffness,
+        damping=damping,
+        growth=-pole_angle.imag / T,
+        omega=abs((pole_angle.real + pi) % (2 * pi) - pi) / T,
+        stiffness=stiffness if of_mass else 0.0,
+        rule=worlds.rule,
+        late=worlds.late,
+    )
 
 
-def _factors(theta: complex, sample_time: float, worlds: Worlds) -> np.ndarray:
-    """Return what multiplies mass, damping and stiffness."""
-    z, q = np.exp(1j * theta), LEADING[worlds.rule]
-    mass = {0: 2 * (z - 1) / (z + 1), 1: z - 1, -1: 1 - 1 / z}[q] / sample_time
-    spring = 1 / mass if q == 0 else sample_time / {1: z - 1, -1: 1 - 1 / z}[q]
-    return np.asarray(z**-worlds.late * np.array([mass, 1.0, spring]))
+def environment_factors(pole_angle: complex, sample_time: float, worlds: Worlds) -> np.ndarray:
+    """Return z^-n f_m, z^-n and z^-n f_k, which multiply mass, damping and stiffness (model/README.md, section 20).
+
+    Parameters
+    ----------
+    pole_angle : theta of z = e^(j theta), rad, not 0; complex away from the unit circle
+    sample_time : T, s
+    worlds : box of environments; the function uses its rule and its lateness n
+    """
+    z = np.exp(1j * pole_angle)
+    f_m = {0: 2 * (z - 1) / (z + 1), 1: z - 1, -1: 1 - 1 / z}[LEADING[worlds.rule]] / sample_time
+    return np.asarray(z**-worlds.late * np.array([f_m, 1.0, 1 / f_m]))
 
 
-def _holding(wanted: complex, factors: np.ndarray, worlds: Worlds) -> Member | None:
-    """Return a member whose impedance is a wanted one: two of its numbers solve for it, the third is at an end."""
+def member_of_impedance(impedance: complex, factors: np.ndarray, worlds: Worlds) -> Member | None:
+    """Return a member with this impedance: two of its numbers solve for it, and the third is at a finite end.
+
+    The members with one impedance are on a line. Some number decreases along the line and ends at its least value at
+    the latest, so that a finite end suffices.
+
+    Parameters
+    ----------
+    impedance : the wanted impedance at an angle, N s/m
+    factors : the `environment_factors` at that angle
+    worlds : box of environments; its greatest numbers may be inf
+
+    Returns
+    -------
+    tuple of float or None
+        None if no member has this impedance.
+    """
     low, high = (np.array(astuple(end), float) for end in (worlds.low, worlds.high))
-    for free in combinations(range(3), 2):
-        (fixed,) = {0, 1, 2} - set(free)
-        rows = np.array([factors[list(free)].real, factors[list(free)].imag])
-        if abs(np.linalg.det(rows)) < 1e-12 * np.abs(rows).max() ** 2:
+    scale = np.where(high < inf, (high - low) + np.abs(high), np.abs(low) + np.abs(impedance / factors))
+    slack = OUTSIDE * scale
+    for solved in combinations(range(3), 2):
+        (fixed,) = {0, 1, 2} - set(solved)
+        real_and_imaginary = np.array([factors[list(solved)].real, factors[list(solved)].imag])
+        if abs(np.linalg.det(real_and_imaginary)) < PARALLEL * np.abs(real_and_imaginary).max() ** 2:
             continue
         for end in (low, high):
+            if end[fixed] == inf:
+                continue
             member = end.copy()
-            rest = wanted - factors[fixed] * end[fixed]
-            member[list(free)] = np.linalg.solve(rows, [rest.real, rest.imag])
-            slack = OUTSIDE * (high - low) + OUTSIDE * np.abs(high)
+            rest = impedance - factors[fixed] * end[fixed]
+            member[list(solved)] = np.linalg.solve(real_and_imaginary, [rest.real, rest.imag])
             if np.all(member >= low - slack) and np.all(member <= high + slack):
                 mass, damping, stiffness = np.clip(member, low, high).tolist()
                 return mass, damping, stiffness
     return None
 
 
-def _followed(
-    unbalance: Callable[..., complex], theta: float, start: Member, corner: Member
+def _corners(worlds: Worlds, start: Member) -> Iterator[Member]:
+    """Yield the corners of the box; a number without a greatest value stays at that of the start."""
+    ends = zip(astuple(worlds.low), astuple(worlds.high), start, strict=True)
+    yield from product(*((low, high if high < inf else at_start) for low, high, at_start in ends))
+
+
+def _poles_towards(
+    corner: Member, unbalance: Callable[..., complex], theta: float, start: Member
 ) -> Iterator[tuple[complex, Member]]:
-    """Yield a pole and the member that holds it on the way to a corner, as far as it can be followed."""
-    pole: complex = complex(theta)
-    for share in np.arange(1, STEPS + 1) / STEPS:
+    """Yield the angle of a pole and the member that holds it on the way to a corner, as far as it can be followed."""
+    pole_angle: complex = complex(theta)
+    for share in np.arange(1, STEPS_TO_CORNER + 1) / STEPS_TO_CORNER:
         mass, damping, stiffness = ((1 - share) * a + share * b for a, b in zip(start, corner, strict=True))
         member = float(mass), float(damping), float(stiffness)
-        found = zero_near(partial(unbalance, member=member), pole)
-        if found is None or abs(found - pole) > FARTHEST * abs(pole):
+        zero = zero_near(partial(unbalance, member=member), pole_angle)
+        if zero is None or abs(zero - pole_angle) > FARTHEST_MOVE * abs(pole_angle):
             return
-        pole = found
-        yield pole, member
+        pole_angle = zero
+        yield pole_angle, member

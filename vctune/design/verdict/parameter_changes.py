@@ -12,7 +12,7 @@ from vctune.document.schema.device_contradictions import FASTEST
 from vctune.document.schema.validation import KeyPath, dotted
 from vctune.document.text.raw import number_at, placed
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS, SYMBOLS
-from vctune.model.parts import ENTRIES
+from vctune.model.parts import PART_NUMBERS
 from vctune.model.problem import Problem
 
 RELATIVE_CHANGES = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 0.6, 1.0, 1.5, 2.2, 3.0, 10.0, 1e2, 1e3, 1e4, 1e5)
@@ -31,7 +31,7 @@ FINEST, FINEST_FROM_ZERO = 1e-9, 1e-18
 """Least relative changes, for a value and from 0; smaller ones are lost in the digits of a file, or of a number."""
 DIGITS = 12
 """Greatest number of significant digits of a new value."""
-BETTER = {key: each for key, each in ENTRIES.items() if each.better}
+BETTER = {key: each for key, each in PART_NUMBERS.items() if each.better}
 """Numbers of a device's parts for which better values can be bought."""
 OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
 ONLY_UPWARDS = ("coupling.mass", "coupling.drag")

@@ -29,8 +29,8 @@ class Shown:
     digits : number of significant digits
     scale : factor from the stored number to the displayed one
     optional : whether to omit the row if the number does not exist
-    detail : whether only the report shows it, because it is too long for a terminal of : quantity
-    (`vctune.model.numbers.units`) whose unit follows the number
+    detail : whether only the report shows it, because it is too long for a terminal
+    of : quantity (`vctune.model.numbers.units`) whose unit follows the number
     """
 
     label: str

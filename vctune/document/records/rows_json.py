@@ -1,6 +1,7 @@
 """Define the output of a study: the lines of rows.jsonl, and the objects of `vctune sweep` and `vctune front`.
 
-A column's name has no dot, so it never equals the dotted key of an axis.
+A column's name has no dot, so it never equals the dotted key of an axis. vctune refuses a file with another `SCHEMA`.
+The number that ends a `SCHEMA` increases when rows of an older version cannot be read or compared.
 """
 
 from __future__ import annotations
@@ -34,8 +35,8 @@ class FeltRecord(Part):
     tracking_bandwidth_hz: Annotated[Number, Shown("bandwidth of tracking", of="frequency")]
 
 
-class YardstickRecord(Part):
-    """The scale of the error in addition to norm and weights: the transparency band and Z_0."""
+class RowYardstickRecord(Part):
+    """The scale of a row's error in addition to norm and weights: the transparency band and Z_0."""
 
     yardstick_low_hz: Annotated[Number, Shown("lower edge of the transparency band", of="frequency")]
     yardstick_high_hz: Annotated[Number, Shown("upper edge of the transparency band", of="frequency")]
@@ -44,7 +45,10 @@ class YardstickRecord(Part):
 
 class NumbersRecord(Part):
     """The error, its unweighted terms, the design, the least ratio and the frequency of the least ratio; null without a
-    design."""
+    design.
+
+    `coupling_stiffness` may be absent: older lines, without impedance displays, lack it.
+    """
 
     error: Annotated[Number, Shown("transparency error")]
     admittance_term: Annotated[Number, Shown("|Z_0 G_hh|")]
@@ -62,11 +66,11 @@ class NumbersRecord(Part):
     stability_high_hz: Annotated[Number, Shown("upper edge of the stability band, if required", of="frequency")]
 
 
-COLUMNS = how_shown(NumbersRecord) | how_shown(FeltRecord) | how_shown(YardstickRecord)
+SHOWN_COLUMNS = how_shown(NumbersRecord) | how_shown(FeltRecord) | how_shown(RowYardstickRecord)
 """How tables display the columns of numbers, in order."""
-NUMBERS = {name: shown.of for name, shown in COLUMNS.items()}
+QUANTITY_OF_COLUMN = {name: shown.of for name, shown in SHOWN_COLUMNS.items()}
 """Quantity of each column (`vctune.model.numbers.units`)."""
-DESIGN = {
+COLUMN_OF_KEY = {
     "gains.velocity": "velocity_gain",
     "gains.position": "position_gain",
     "coupling.damping": "coupling_damping",
@@ -77,10 +81,21 @@ DESIGN = {
 """Column of each number of a design, by its key. Each kind of display has only some of these numbers."""
 
 
-class RowRecord(YardstickRecord, FeltRecord, NumbersRecord):
-    """A line of rows.jsonl: a finished point, identified by the digest of everything that determines the point.
+class RowRecord(RowYardstickRecord, FeltRecord, NumbersRecord):
+    """A line of rows.jsonl: a finished point.
 
-    If the `time_limit`, s, cut its work short, the point is undecided, and a run with more time tries the point again.
+    pydantic collects fields from the last base to the first, so that the line begins with the numbers of the design.
+
+    Attributes
+    ----------
+    key : digest of everything that determines the point
+    point : value of each axis, by its dotted key
+    status : "certified", "infeasible", "undecided" or "failed"
+    idle : whether the design is certified and renders almost nothing
+    reason : reason why the point has no design; None for a certified design
+    seconds : elapsed time, s
+    time_limit : s, if this limit cut the work short; the point is then undecided, and a run with more time tries it
+        again. None otherwise
     """
 
     key: str
@@ -97,7 +112,15 @@ Cells = dict[str, bool | float | str | None]
 
 
 class CornerRecord(Part):
-    """The smallest box over the axes that holds every point without a certified design."""
+    """The smallest box over the axes that holds every point without a certified design.
+
+    Attributes
+    ----------
+    points : number of these points
+    share : their share of the points of the box
+    low, high : ends of the box, by the dotted key of the axis
+    reason : most frequent reason of these points
+    """
 
     points: int
     share: float
@@ -106,9 +129,18 @@ class CornerRecord(Part):
     reason: str
 
 
-class ObjectiveRecord(Part):
+class StudyYardstickRecord(Part):
     """The yardstick of a study: the scale on which the errors of all points are measured, except for parts that an axis
-    states."""
+    states.
+
+    Attributes
+    ----------
+    band_hz : edges of the transparency band, Hz
+    reference_impedance : Z_0, N s/m or N m s/rad
+    norm : norm of the error over frequency
+    weights : weight of each error term
+    varied : keys of the yardstick that an axis states
+    """
 
     band_hz: Pair
     reference_impedance: float
@@ -120,7 +152,16 @@ class ObjectiveRecord(Part):
 class SweepRecord(Document):
     """The summary of a sweep.
 
-    `units` states the units of axes and numbers. `idle` counts the certified designs that render almost nothing.
+    Attributes
+    ----------
+    study : name of the study
+    points : number of finished points
+    status : number of points by their status
+    idle : number of certified designs that render almost nothing
+    yardstick : scale of the errors
+    units : units of axes and numbers, by key and column
+    best, worst : certified rows with the least and the greatest error; None without a certified design
+    corner : box that holds every point without a design; None if there is no such point
     """
 
     SCHEMA = "vctune/sweep/2"
@@ -129,7 +170,7 @@ class SweepRecord(Document):
     points: int
     status: dict[str, int]
     idle: int
-    yardstick: ObjectiveRecord
+    yardstick: StudyYardstickRecord
     units: dict[str, str]
     best: Cells | None
     worst: Cells | None
@@ -137,8 +178,15 @@ class SweepRecord(Document):
 
 
 class FrontRecord(Document):
-    """The two Pareto fronts: one over the three error terms, one over the error and the upper edge of the stability
-    band."""
+    """The two Pareto fronts of a problem.
+
+    Attributes
+    ----------
+    problem : name of the problem
+    units : units of the numbers, by column
+    terms : rows of the front over the three error terms
+    band : rows of the front over the error and the upper edge of the stability band; None if it is not required
+    """
 
     SCHEMA = "vctune/front/1"
 

@@ -228,7 +228,7 @@ def device_of(table: DeviceTable | ServoDeviceTable) -> Device:
 
 
 def _parts(table: BaseModel) -> dict[str, Any]:
-    return {key: part for key, part in stated_parts(table).items() if part != PARTS[key].idle}
+    return {key: part for key, part in stated_parts(table).items() if part != PARTS[key].ideal}
 
 
 def stated_parts(table: BaseModel) -> dict[str, Any]:

@@ -68,8 +68,8 @@ def _numbers_of_parts() -> Iterator[tuple[str, PartNumber]]:
 def _filters(device: dict[str, Any]) -> Iterator[Contradiction]:
     for part, each in _numbers_of_parts():
         table = device.get(part)
-        if each.order and isinstance(table, dict) and each.order in table and each.name not in table:
-            yield ("device", part, each.order), f"is of a low-pass; write {each.name} too, or leave it out"
+        if each.order_key and isinstance(table, dict) and each.order_key in table and each.name not in table:
+            yield ("device", part, each.order_key), f"is of a low-pass; write {each.name} too, or leave it out"
 
 
 def _masses(raw: dict[str, Any]) -> Iterator[Contradiction]:

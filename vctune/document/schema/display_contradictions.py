@@ -12,7 +12,7 @@ from vctune.model.hands import HAND
 from vctune.model.parts import PARTS
 
 OF_ADMITTANCE: dict[tuple[str, ...], str] = {
-    **{("device", key): part.lacking["impedance"] for key, part in PARTS.items() if "impedance" in part.lacking},
+    **{("device", key): part.refused_by["impedance"] for key, part in PARTS.items() if "impedance" in part.refused_by},
     ("gains", "position"): "it has no velocity loop, whose error an integrator would add up",
     ("coupling", "mass"): "its coupling is coupling.damping beside coupling.stiffness",
     ("coupling", "drag"): "its coupling is coupling.damping beside coupling.stiffness",
@@ -27,7 +27,7 @@ OF_OWN_LOOP: dict[tuple[str, ...], str] = {
     ("device", "delay"): "the delay is device.servo.delay",
     ("device", "hold"): "its command is held over a sample, or interpolated",
     ("device", "display"): "a servo is an admittance display",
-    **{("device", key): part.lacking["servo"] for key, part in PARTS.items() if "servo" in part.lacking},
+    **{("device", key): part.refused_by["servo"] for key, part in PARTS.items() if "servo" in part.refused_by},
     ("gains",): "its loop is the vendor's; only the coupling is designed",
     ("coupling", "stiffness"): "its coupling is damping and mass in series, beside drag",
     ("stability", "band_hz"): "its requirements are proved at every frequency up to the Nyquist frequency",

@@ -15,7 +15,7 @@ from vctune.model.parts import PARTS, Servo, VelocityEstimate
 from vctune.model.problem import Band, Bounds, Problem, Range
 from vctune.model.worlds import Worlds
 
-SERVO_KEYS = ("units", "sample_time", *(key for key, part in PARTS.items() if "servo" not in part.lacking))
+SERVO_KEYS = ("units", "sample_time", *(key for key, part in PARTS.items() if "servo" not in part.refused_by))
 """Keys in the table of a servo."""
 
 
@@ -87,8 +87,8 @@ def table_of(value: Any) -> dict[str, Any]:
         absent = {"display": value.kind is ADMITTANCE, "units": value.units == "linear"}
         table = {key: entry for key, entry in table.items() if not absent.get(key)}
     for number in (each for part in PARTS.values() if isinstance(value, part.record) for each in part.numbers):
-        if number.order and number.name not in table:
-            del table[number.order]  # the low-pass does not exist
+        if number.order_key and number.name not in table:
+            del table[number.order_key]  # the low-pass does not exist
     return table
 
 

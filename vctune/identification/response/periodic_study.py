@@ -49,7 +49,7 @@ class PeriodicStudy:
         return (self.fit.numbers["lag"], self.fit.sigma("lag")) if "lag" in self.fit.numbers else None
 
     @property
-    def lag_told(self) -> bool:
+    def lag_significant(self) -> bool:
         """Whether the lag is significant, and long enough to have an effect."""
         if self.lag is None:
             return False
@@ -76,18 +76,20 @@ def periodic_estimates(study: PeriodicStudy, source: str, T: float) -> list[Esti
     late, sigma = numbers["delay"], fit.sigma("delay")
     if study.drive is not None:
         late, sigma = late + study.drive.delay - T / 2, hypot(sigma, study.drive.delay_sigma)
-    if study.lag is not None and study.lag_told:
+    if study.lag is not None and study.lag_significant:
         add("actuator.bandwidth_hz", *_bandwidth(*study.lag))
     elif study.lag is not None:
         late, sigma = late + study.lag[0], hypot(sigma, study.lag[1])
     add("delay", late, sigma)
     alike = [fit]
-    if fit.candidate.load:
-        alike += [other for other in study.candidates if other.candidate == replace(fit.candidate, load=False)]
+    if fit.candidate.damped_handle:
+        alike += [other for other in study.candidates if other.candidate == replace(fit.candidate, damped_handle=False)]
     for each in alike:
         how = f", {each.candidate}" if len(alike) > 1 else ""
         extra = each.numbers.get("handle_damping", 0.0)
-        variance = each.sigma("damping") ** 2 + (each.sigma("handle_damping") ** 2 if each.candidate.load else 0.0)
+        variance = each.sigma("damping") ** 2 + (
+            each.sigma("handle_damping") ** 2 if each.candidate.damped_handle else 0.0
+        )
         coulomb = COULOMB_SHARE * each.numbers["coulomb"] / each.speed
         add("damping", each.numbers["damping"] + extra, sqrt(variance), how, coulomb)
         if "damping_ratio" in each.numbers:

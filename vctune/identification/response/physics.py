@@ -32,12 +32,12 @@ class Candidate:
     ----------
     masses : number of masses, 1 or 2
     lag : whether there is a first-order actuator between command and motor
-    load : whether the handle has its own damping, which a problem file cannot state
+    damped_handle : whether the handle has its own damping, which a problem file cannot state
     """
 
     masses: int
     lag: bool
-    load: bool = False
+    damped_handle: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -45,12 +45,12 @@ class Candidate:
         return (
             RIGID
             + (SPRING if self.masses == 2 else ())
-            + (("handle_damping",) if self.load else ())
+            + (("handle_damping",) if self.damped_handle else ())
             + (("lag",) if self.lag else ())
         )
 
     def __str__(self) -> str:
-        parts = ["one mass", "two masses"][self.masses - 1], "actuator" * self.lag, "damped handle" * self.load
+        parts = ["one mass", "two masses"][self.masses - 1], "actuator" * self.lag, "damped handle" * self.damped_handle
         return ", ".join(part for part in parts if part)
 
 

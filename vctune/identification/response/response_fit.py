@@ -85,7 +85,7 @@ def fit_response(
     """
     lags = (False, True) if measured.input == "command" and actuator is None else (False,)
     shapes = ((1, False), (2, False), (2, True))
-    candidates = [Candidate(masses, lag, load) for masses, load in shapes for lag in lags]
+    candidates = [Candidate(masses, lag, damped_handle) for masses, damped_handle in shapes for lag in lags]
     fits = [fit for candidate in candidates if (fit := _fitted(measured, candidate, actuator)) is not None]
     fits = [fit for fit in fits if _resonates(fit, measured)]
     if not fits:

@@ -5,10 +5,12 @@ numbers give wide enclosures. This module holds and samples x' = A x + b u exact
 
     (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = (A/2) coth(A/2),
 
-The enclosures of the numbers in this equation are hardly wider than their ranges. The states are the position of the
-motor, the velocity of the centre of mass, and the bend of the spring with its rate. In these states the resonance does
-not depend on the mass. Only the row of the position depends on the position, so the code divides this row by the
-integrator 2 j s.
+The enclosures of the numbers in this equation are hardly wider than their ranges. All numbers are dimensionless, with
+the sample time as the unit of time. The states are the position of the motor, the velocity of the centre of mass, the
+bend of the spring with its rate, and the states of the actuator. The bend is the motor's position minus the handle's,
+opposite to `vctune.simulation.scene.Equilibrium.bend`. In these states the resonance does not depend on the mass. No
+rate depends on the position, so the position appears in its own row alone, with the factor 2 j s. The code solves for
+2 j s times the position, whose factor is 1.
 """
 
 from __future__ import annotations
@@ -35,8 +37,8 @@ class PlantLetGo:
     ----------
     rates, step : A and Q
     push, older : b and b_1; b_1 is None if it is 0
-    lead : coefficient of the bend's rate in the motor's velocity, which is the centre of mass's velocity plus that
-        term; None for a rigid device
+    handle_share : handle's share of the mass, and coefficient of the bend's rate in the motor's velocity, which is the
+        velocity of the centre of mass plus that term; None for a rigid device
     whole_samples : N, the number of whole samples in the delay
     sample_time, mass : T and m, which define the units
     difference : whether the firmware differences positions to get the velocity
@@ -47,7 +49,7 @@ class PlantLetGo:
     step: Matrix
     push: Vector
     older: Vector | None
-    lead: Number | None
+    handle_share: Number | None
     whole_samples: Number
     sample_time: Number
     mass: Number
@@ -60,22 +62,25 @@ Plant = SampledPlant | PlantLetGo
 """A sampled device without a hand, in the polynomial form or in the form of this module."""
 
 
-HIGHEST = 0.75
-"""Greatest resonance frequency, in units of the sampling frequency, for which the code uses this form. At 1, the matrix
-Q has a pole."""
+HIGHEST_RESONANCE = 0.75
+"""Greatest resonance frequency, in units of the sampling frequency, for which the code uses this form. At 1, coth has a
+pole and Q does not exist; the limit stays a quarter below."""
+POSITION, VELOCITY, BEND, BENDING = range(4)
+"""Indices of the first states: the motor's position, the velocity of the centre of mass, the bend, and its rate."""
 
 
-def has_sharp_form(device: Device) -> bool:
-    """Return whether this form encloses a device more tightly.
+def prefers_this_form(device: Device) -> bool:
+    """Return whether the code uses this form for a device, and not the polynomials of `velocity_loop`.
 
-    This form is tighter for devices with an actuator or a structure, which the closed form does not cover.
+    A rigid device without an actuator has polynomials in closed form, which enclose it tightly. This form encloses an
+    actuator or a structure more tightly, unless the resonance of the structure is above `HIGHEST_RESONANCE`.
 
     Parameters
     ----------
     device : device with plain numbers
     """
     if device.structure is not None:
-        return bool(device.structure.frequency_hz * device.sample_time < HIGHEST)
+        return bool(device.structure.frequency_hz * device.sample_time < HIGHEST_RESONANCE)
     return bool(drive_states(device))
 
 
@@ -98,7 +103,7 @@ def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, frac
         Dimensionless, with T = 1. The unit of mass is the device's mass including its load.
     """
     T, estimate = device.sample_time, device.velocity
-    rates, push, lead, mass = _mechanism(device, ops)
+    rates, push, handle_share, mass = _mechanism(device, ops)
     rounded, older = half_coth(rates, ops), None
     if fractional:
         rows = (*((*row, b) for row, b in zip(rates, push, strict=True)), (0,) * (len(push) + 1))
@@ -108,50 +113,73 @@ def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, frac
     if estimate is not None and estimate.filter_hz is not None:
         (low_pass, _), order = smoothing(estimate.filter_hz, T, ops), estimate.filter_order
     differenced = estimate is not None and estimate.source == "difference"
-    return PlantLetGo(rates, rounded, push, older, lead, whole_samples, T, mass, differenced, low_pass, order)
+    return PlantLetGo(
+        rates=rates,
+        step=rounded,
+        push=push,
+        older=older,
+        handle_share=handle_share,
+        whole_samples=whole_samples,
+        sample_time=T,
+        mass=mass,
+        difference=differenced,
+        low_pass=low_pass,
+        order=order,
+    )
 
 
 def _mechanism(device: Device, ops: Arithmetic) -> tuple[Matrix, Vector, Number | None, Number]:
-    """Return A, b, the coefficient `lead`, and the unit of mass in b.
+    """Return A, b, the handle's share of the mass, and the unit of mass in b.
 
-    Let V be the velocity of the centre of mass, B the bend of the spring, and r the handle's share of the mass m.
-    Without a load they follow
+    Let V be the velocity of the centre of mass, B the bend of the spring (motor minus handle), r the handle's share of
+    the mass m, and v = V + r B' the motor's velocity. A load on the handle belongs to m and r; its damping d acts on
+    the handle's velocity v - B' = V - (1 - r) B'. The force u and the damping b act on the motor:
 
-        m V' = u - b v,   B'' = (u - b v)/((1 - r) m) - w^2 B - 2 zeta w B',   v = V + r B'.
+        m V' = u - b v - d (v - B'),
+        B'' = (u - b v)/((1 - r) m) + d (v - B')/(r m) - w^2 B - 2 zeta w B'.
+
+    With a load, w^2 and 2 zeta w are those of the free masses times the ratio of the reciprocal reduced masses.
     """
     T, structure = device.sample_time, device.structure
     one = 0 * T + 1  # a number of the arithmetic, so that the quotient below is enclosed
-    names = ["position", "velocity"]
+    names = ["position", "velocity"]  # in the order of POSITION, VELOCITY, BEND, BENDING
     names += ["bend", "bending"] if structure is not None else []
     names += drive_states(device)
     rows: Rows = {name: {} for name in names}
     rows["position"]["velocity"], shares = one, {"velocity": one}
     load = structure.load if structure is not None else None
-    mass, lead = device.mass if load is None else device.mass + load.mass, None
-    own = device.damping * T / mass
-    rows["velocity"]["velocity"] = -own
+    mass, handle_share = device.mass if load is None else device.mass + load.mass, None
+    damping_rate = device.damping * T / mass
+    rows["velocity"]["velocity"] = -damping_rate
     if structure is not None:
         handle = structure.handle_mass if load is None else structure.handle_mass + load.mass
-        lead = handle / mass
-        rest, rate = 1 - lead, 2 * ops.pi * structure.frequency_hz * T
-        stiff, loss = rate * rate, 2 * structure.damping_ratio * rate
+        handle_share = handle / mass
+        motor_share, resonance = 1 - handle_share, 2 * ops.pi * structure.frequency_hz * T
+        stiffness, loss = resonance * resonance, 2 * structure.damping_ratio * resonance
         if load is not None:
-            eased = structure.handle_mass / handle * (mass / device.mass)
-            stiff, loss = stiff * eased, loss * eased
-        rows["position"]["bending"], rows["velocity"]["bending"] = lead, -(own * lead)
+            load_factor = structure.handle_mass / handle * (mass / device.mass)
+            stiffness, loss = stiffness * load_factor, loss * load_factor
+        rows["position"]["bending"], rows["velocity"]["bending"] = handle_share, -(damping_rate * handle_share)
         rows["bend"]["bending"] = one
-        rows["bending"] = {"velocity": -(own / rest), "bend": -stiff, "bending": -(loss + own * lead / rest)}
-        shares["bending"] = 1 / rest
+        rows["bending"] = {
+            "velocity": -(damping_rate / motor_share),
+            "bend": -stiffness,
+            "bending": -(loss + damping_rate * handle_share / motor_share),
+        }
+        shares["bending"] = 1 / motor_share
         if load is not None:
-            held = load.damping * T / mass
-            rows["velocity"]["velocity"], rows["velocity"]["bending"] = -(own + held), held * rest - own * lead
-            rows["bending"]["velocity"] = held / lead - own / rest
-            rows["bending"]["bending"] = -(loss + own * lead / rest + held * rest / lead)
+            load_rate = load.damping * T / mass
+            rows["velocity"]["velocity"] = -(damping_rate + load_rate)
+            rows["velocity"]["bending"] = load_rate * motor_share - damping_rate * handle_share
+            rows["bending"]["velocity"] = load_rate / handle_share - damping_rate / motor_share
+            rows["bending"]["bending"] = -(
+                loss + damping_rate * handle_share / motor_share + load_rate * motor_share / handle_share
+            )
     force = drive_rows(rows, device, ops)
     for name, share in shares.items():
         rows[name] |= pushed(force, share)
     rates = tuple(tuple(row.get(name, 0) for name in names) for row in rows.values())
-    return rates, tuple(row.get(COMMAND, 0) for row in rows.values()), lead, mass
+    return rates, tuple(row.get(COMMAND, 0) for row in rows.values()), handle_share, mass
 
 
 def return_difference(plant: Plant, theta: Number, ops: Arithmetic, *, position: bool) -> ReturnDifference:
@@ -177,22 +205,28 @@ def return_difference(plant: Plant, theta: Number, ops: Arithmetic, *, position:
     square, steps, unit = sin * sin, plant.whole_samples + 0.5, plant.sample_time / plant.mass
 
     def pair(x: EvenOdd) -> Pair:
+        """Return the value at the angle: an odd part has the factor j sin."""
         return Pair(x.even, sin * x.odd)
 
     rows = equations(plant.rates, plant.step, plant.push, plant.older, cos, square)
-    rows[0][0] = EvenOdd(1, 0, square)  # over 2 j s
-    found = numerators(rows)
-    turned, back = Pair(ops.cos(theta * steps), -ops.sin(theta * steps)), Pair(cos, -sin)
-    open_loop, travel = pair(found[len(rows)]), pair(found[0]) * turned * back
-    # state 0 is the position, 1 the velocity, 2 the bend, 3 the bend's rate
-    motor = found[1] if plant.lead is None else found[1] + found[3].scaled(plant.lead)
-    velocity = travel if plant.difference else pair(motor) * turned
+    rows[POSITION][POSITION] = EvenOdd(1, 0, square)  # the unknown is 2 j s times the position
+    solved = numerators(rows)  # of each state, and then the determinant
+    delayed = Pair(ops.cos(theta * steps), -ops.sin(theta * steps))  # z^-(N + 1/2)
+    half_sample_back = Pair(cos, -sin)  # z^(-1/2): the difference 1 - 1/z is 2 j s z^(-1/2)
+    open_loop, travel = pair(solved[len(rows)]), pair(solved[POSITION]) * delayed * half_sample_back
+    motor = solved[VELOCITY]
+    if plant.handle_share is not None:
+        motor = motor + solved[BENDING].scaled(plant.handle_share)
+    velocity = travel if plant.difference else pair(motor) * delayed
     if plant.low_pass is not None:
-        a = plant.low_pass
+        a = plant.low_pass  # a/(1 - (1 - a)/z), numerator and denominator times z^(1/2)
         for _ in range(plant.order):
-            once = Pair(a * cos, (2 - a) * sin)
-            velocity, open_loop, travel = velocity * Pair(a * cos, a * sin), open_loop * once, travel * once
+            denominator = Pair(a * cos, (2 - a) * sin)
+            velocity, open_loop = velocity * Pair(a * cos, a * sin), open_loop * denominator
+            travel = travel * denominator
     if not position:
         return ReturnDifference(open_loop, velocity.scaled(unit), Pair(0, 0))
-    d = Pair(2 * square, 2 * sin * cos)
-    return ReturnDifference(open_loop * d, velocity.scaled(unit) * d, travel.scaled(unit * plant.sample_time))
+    difference = Pair(2 * square, 2 * sin * cos)  # 1 - 1/z; the position is the travel of a sample over it
+    return ReturnDifference(
+        open_loop * difference, velocity.scaled(unit) * difference, travel.scaled(unit * plant.sample_time)
+    )

@@ -26,7 +26,7 @@ from vctune.model.problem import Demands
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import NextToRest, loop_in_hand, required_in_hand, room
 from vctune.model.sampled.impedance_display import Required
-from vctune.model.sampled.let_go import Plant, has_sharp_form, plant_let_go, return_difference
+from vctune.model.sampled.let_go import Plant, plant_let_go, prefers_this_form, return_difference
 from vctune.model.sampled.plant_in_hand import (
     AnyPlantInHand,
     Delays,
@@ -499,7 +499,7 @@ def _devices(
     if not uncertain:
         known = sampled_plant(exact, whole, OPS, fractional=fraction > 0)
         return lambda v: exact, lambda v: known
-    sample = plant_let_go if has_sharp_form(nominal) else sampled_plant
+    sample = plant_let_go if prefers_this_form(nominal) else sampled_plant
     any_delay = "delay" in uncertain
 
     def of_numbers(whole: Number, *numbers: Number) -> Plant:

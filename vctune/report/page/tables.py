@@ -17,7 +17,7 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import QUANTITIES
 from vctune.model.numbers.frequency import hertz
 from vctune.model.numbers.units import Units
-from vctune.model.parts import ENTRIES, PARTS, Servo
+from vctune.model.parts import PART_NUMBERS, PARTS, Servo
 from vctune.model.problem import Band, Problem
 from vctune.proof.claims.registry import CLAIMS, ClaimId
 from vctune.report.typography import Quantity, quantity, span
@@ -62,7 +62,7 @@ def _device(problem: Problem) -> list[Line]:
     for key, number in device.numbers().items():
         unit = unit_of(tuple(key.split(".")), units)
         known = f"± {100 * widths[key]:.4g} %" if widths.get(key) else ""
-        lines.append(Line(units.translated(ENTRIES[key].label), *quantity(float(number), unit), known))
+        lines.append(Line(units.translated(PART_NUMBERS[key].label), *quantity(float(number), unit), known))
     display = []
     if device.kind is not ADMITTANCE:
         display = [Line("display", device.kind.name, "", device.kind.makes.format(force=units.force_name))]

@@ -13,9 +13,10 @@ from vctune.interrupt import interrupt_deferred
 from vctune.simulation.firmware.controller import coefficients_of, encoded
 from vctune.simulation.firmware.operations import FLOATS
 from vctune.simulation.firmware.stepped import Precision, Start, SteppedFirmware, exported_parts
-from vctune.simulation.mechanics.hand_changes import called, hand_changes, moved_on, steps_of_hands
+from vctune.simulation.mechanics.hand_changes import after_sample, from_state, hand_changes, steps_of_hands
 from vctune.simulation.mechanics.intended_motion import Floats, sample_count
-from vctune.simulation.mechanics.step import ANSWER, CHUNK, OpenStep, build_open, columns
+from vctune.simulation.mechanics.step import ANSWER, SAMPLES_PER_CALL, OpenStep, build_open, columns
+from vctune.simulation.mechanics.step_inputs import held_at
 from vctune.simulation.run import DIVERGENCE, Traces, motion_inputs, traces_of
 from vctune.simulation.scene import Scene, equilibrium
 
@@ -96,7 +97,7 @@ def run_in_the_loop(
     state, done, diverged = steps[0, 0].start, 0, False
     given, own, exact = np.zeros((3, samples))
     while done < samples and not diverged:
-        count = min(CHUNK, samples - done)
+        count = min(SAMPLES_PER_CALL, samples - done)
         inputs = motion_inputs(scene, done, noise)
         for k in range(count):
             at = done + k
@@ -124,13 +125,11 @@ def _sample(
 ) -> tuple[Floats, Floats, float, Floats, float]:
     """Return state, record, the hand's grip, measurement and command of one sample."""
     with interrupt_deferred():
-        held = inputs.copy()
-        held[[0, 2]] += grip
-        measured = np.asarray(step.sense(state, held)).ravel()
+        measured = np.asarray(step.sense(state, held_at(inputs, grip))).ravel()
         answer = controller.step(measured)
-        one = called(step.one, state)
-        moved = moved_on(lambda given: one(np.concatenate([given, answer])), inputs, grip, regrips=regrips)
-    return *moved, measured, float(answer[ANSWER.index("motor")])
+        advance = from_state(step.advance, state)
+        after = after_sample(lambda held: advance(np.concatenate([held, answer])), inputs, grip, regrips=regrips)
+    return *after, measured, float(answer[ANSWER.index("motor")])
 
 
 class _Beside:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from vctune.simulation.mechanics.intended_motion import Floats
+from vctune.simulation.mechanics.step_inputs import INTENDED, REGRIP, held_at
 from vctune.simulation.scene import Scene
 
 OneSample = Callable[[Floats], tuple[Floats, Floats]]
@@ -87,27 +88,27 @@ def steps_of_hands(scene: Scene, build: Callable[[Scene, Scene], Any]) -> dict[t
     return {(now, then): build(hands[now], hands[then]) for now, then in hand_changes(scene).pairs}
 
 
-def moved_on(one: OneSample, inputs: Floats, grip: float, *, regrips: bool) -> tuple[Floats, Floats, float]:
+def after_sample(advance: OneSample, inputs: Floats, grip: float, *, regrips: bool) -> tuple[Floats, Floats, float]:
     """Return state and record after a sample, and the position at which the hand holds from then on.
 
     Parameters
     ----------
-    one : the step from the state before
-    inputs : of the intended motion, for a hand that holds at 0
+    advance : the step from the state before
+    inputs : inputs of the intended motion, for a hand that holds at 0
     grip : where the hand holds, m
     regrips : whether the hand takes hold again at this sample
     """
-    given = inputs.copy()
-    given[[0, 2]] += grip
-    state, record = one(given)
+    held = held_at(inputs, grip)
+    state, record = advance(held)
     if not regrips:
         return state, record, grip
-    taken = float(record[0]) - inputs[0]
-    given[5] = taken - grip
-    return *one(given), taken
+    # the spring is loose where the handle, the record's first column, is: at the grip plus the intended position
+    new_grip = float(record[0]) - inputs[INTENDED]
+    held[REGRIP] = new_grip - grip
+    return *advance(held), new_grip
 
 
-def called(step: Any, state: Floats) -> OneSample:
+def from_state(step: Any, state: Floats) -> OneSample:
     """Return a compiled step from a state, with arrays for CasADi's matrices.
 
     Parameters
@@ -116,8 +117,8 @@ def called(step: Any, state: Floats) -> OneSample:
     state : the state before
     """
 
-    def one(inputs: Floats) -> tuple[Floats, Floats]:
+    def advance(inputs: Floats) -> tuple[Floats, Floats]:
         after, record = step(state, inputs)
         return np.asarray(after).ravel(), np.asarray(record).ravel()
 
-    return one
+    return advance

@@ -13,14 +13,15 @@ from vctune.model.device import Device
 from vctune.model.experiment import Baseline, Experiment
 from vctune.simulation.mechanics.hand_changes import (
     HandChanges,
-    called,
+    after_sample,
+    from_state,
     hand_changes,
-    moved_on,
     scenes_of_hands,
     steps_of_hands,
 )
 from vctune.simulation.mechanics.intended_motion import Floats
-from vctune.simulation.mechanics.step import INPUTS, build
+from vctune.simulation.mechanics.step import build
+from vctune.simulation.mechanics.step_inputs import INPUT_NAMES
 from vctune.simulation.scene import Scene, baseline_scene
 
 STANDING = 1e-6
@@ -61,8 +62,8 @@ def loop_matrix(scene: Scene) -> Floats:
     """Return the matrix of a linear scene's step from state to state. The function applies the step to unit states."""
     with interrupt_deferred():
         step = build(scene)
-        size, no_input = len(step.start), np.zeros(INPUTS)
-        answers = [np.asarray(step.one(state, no_input)[0]).ravel() for state in (np.zeros(size), *np.eye(size))]
+        size, no_input = len(step.start), np.zeros(len(INPUT_NAMES))
+        answers = [np.asarray(step.advance(state, no_input)[0]).ravel() for state in (np.zeros(size), *np.eye(size))]
     return np.array([answer - answers[0] for answer in answers[1:]]).T
 
 
@@ -92,8 +93,8 @@ def _period_matrix(scene: Scene, changes: HandChanges) -> Floats:
         size = len(steps[pair].start)
 
         def after(whole: Floats) -> Floats:
-            one = called(steps[pair].one, whole[:-1])
-            state, _, grip = moved_on(one, np.zeros(INPUTS), whole[-1], regrips=regrips)
+            advance = from_state(steps[pair].advance, whole[:-1])
+            state, _, grip = after_sample(advance, np.zeros(len(INPUT_NAMES)), whole[-1], regrips=regrips)
             return np.append(state, grip)
 
         rest = after(np.zeros(size + 1))

@@ -1,0 +1,86 @@
+"""Remarks on what recordings do not show: each is made where its condition holds, and not where it does not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from identification_logs import Log, driven, encoded, multisine
+
+from vctune import identify
+from vctune.document.log import read_log_map
+from vctune.identification.remarks import WEAK_SHARE, remarks_on_gaps
+from vctune.model.device import Device
+from vctune.model.experiment import Friction, Operator
+from vctune.model.parts import Structure
+
+T = 1e-3
+DEVICE = Device(0.5, 2.0, T, 7e-4)
+FRICTION = Friction(0.05, 0.05, 0.005, 1e5, 200.0)
+
+
+def codes(columns, folder: Path, text: str = "") -> set[str]:
+    """Return the codes of the remarks on a log."""
+    return {line.rpartition("[")[2].rstrip("]") for line in identify(*Log(columns, text).write(folder)).record.remarks}
+
+
+@pytest.fixture(scope="module")
+def slow_motion():
+    """Four seconds of a motion without a period."""
+    time = np.arange(4000) * T
+    recorded = driven(DEVICE, FRICTION, 3.0 * np.sin(11 * time + 2 * np.sin(0.7 * time)))
+    return {"time_s": time, "position_m": encoded(recorded["position"], 1e-6), "command_N": recorded["motor"]}
+
+
+@pytest.mark.parametrize(
+    ("text", "lag_in_delay"),
+    [("", True), ("[device]\ndelay = 7e-4\n", False), ("[device.actuator]\nbandwidth_hz = 200.0\n", False)],
+)
+def test_a_motion_shows_neither_lines_nor_what_of_a_delay_is_a_lag(slow_motion, tmp_path, text, lag_in_delay):
+    made = codes(slow_motion, tmp_path, text)
+    assert ("remark-actuator-lag" in made) == lag_in_delay
+    assert "remark-slow-motion" in made and "remark-highest-line" not in made
+
+
+def test_a_delay_is_weak_if_its_interval_is_wider_than_its_middle(slow_motion, tmp_path):
+    paths = Log(slow_motion, "").write(tmp_path)
+    found, known = identify(*paths).found, read_log_map(paths[1])
+    delay = found.bounded("delay")
+    for share, weak in ((WEAK_SHARE * 1.01, True), (WEAK_SHARE * 0.99, False)):
+        wide = replace(delay, low=delay.value * (1 - share), high=delay.value * (1 + share))
+        bounds = [wide if each.key == "delay" else each for each in found.bounds]
+        made = remarks_on_gaps(found.records, bounds, known)
+        assert ("remark-weak-delay" in {note.code for note in made}) == weak
+
+
+@pytest.mark.slow
+def test_a_multisine_shows_nothing_above_its_highest_line(tmp_path):
+    lines, period = np.array([4, 7, 12, 20, 33, 50, 70, 90]), 512
+    wave = 3.0 * multisine(np.random.default_rng(4), lines, period, 8, T)
+    recorded = driven(DEVICE, FRICTION, wave)
+    columns = {"time_s": np.arange(wave.size) * T, "position_m": recorded["position"], "command_N": recorded["motor"]}
+    remarks = identify(*Log(columns, "").write(tmp_path)).record.remarks
+    (line,) = [line for line in remarks if line.endswith("[remark-highest-line]")]
+    assert f"above {lines[-1] / (period * T):.4g} Hz" in line
+    assert not any("remark-slow-motion" in line or "remark-handle-damping" in line for line in remarks)
+
+
+@pytest.mark.slow
+def test_the_damping_of_a_handle_on_a_spring_is_stated(tmp_path):
+    """A damper at the handle, as a hand without mass and spring has it."""
+    device = replace(DEVICE, structure=Structure(0.2, 60.0, 0.01))
+    damper = Operator("reciprocate", 0.0, 1e-12, 1e-12, 1, mass=0.0, damping=4.0, stiffness=0.0)
+    lines = np.unique(np.round(np.geomspace(4, 90, 30))).astype(int)
+    wave = 3.0 * multisine(np.random.default_rng(4), lines, 512, 12, T)
+    recorded = driven(device, FRICTION, wave, hand=damper)
+    columns = {
+        "time_s": np.arange(wave.size) * T,
+        "position_m": recorded["motor_position"],
+        "command_N": recorded["motor"],
+    }
+    remarks = identify(*Log(columns, "").write(tmp_path)).record.remarks
+    (line,) = [line for line in remarks if line.endswith("[remark-handle-damping]")]
+    stated = float(line.partition("damping of its own, ")[2].split()[0])
+    assert stated == pytest.approx(4.0, rel=0.05)

@@ -1,0 +1,31 @@
+"""Name the inputs of a scene's step: the intended motion, the sensor's noise, and the move of the hand's grip."""
+
+from __future__ import annotations
+
+from vctune.simulation.mechanics.intended_motion import Floats
+
+INPUT_NAMES = (
+    "intended",
+    "intended_velocity",
+    "next_intended",
+    "next_intended_velocity",
+    "noise",
+    "regrip",
+)
+"""Inputs of a step: x_i [m] and v_i [m/s] at this sample and at the next, the noise of the force sensor [N], and the
+distance [m] by which the hand's grip moves just after the firmware samples the force."""
+INTENDED, INTENDED_VELOCITY, NEXT_INTENDED, NEXT_INTENDED_VELOCITY, NOISE, REGRIP = range(len(INPUT_NAMES))
+"""Indices of the inputs."""
+
+
+def held_at(inputs: Floats, grip: float) -> Floats:
+    """Return the inputs of a hand that holds at a grip, from those of a hand that holds at 0.
+
+    Parameters
+    ----------
+    inputs : inputs of one sample
+    grip : position at which the hand holds, m
+    """
+    held = inputs.copy()
+    held[[INTENDED, NEXT_INTENDED]] += grip
+    return held

@@ -1,0 +1,178 @@
+"""Name the symbols of one sample of a scene around its firmware, and the values that the firmware reads. This module
+imports casadi."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+
+from vctune.model.loop.drive import drive_at_rest
+from vctune.simulation.firmware.controller import Measurement
+from vctune.simulation.mechanics.assembly import Assembly, applied, assembly, sensing
+from vctune.simulation.mechanics.friction import Slide, friction_force
+from vctune.simulation.mechanics.rigid_motion import timing
+from vctune.simulation.mechanics.step_inputs import INTENDED, INTENDED_VELOCITY, NOISE
+from vctune.simulation.mechanics.stretches import SYMBOLS
+from vctune.simulation.scene import Equilibrium, Scene, equilibrium
+
+
+@dataclass(frozen=True, slots=True)
+class SampleValues:
+    """The values at a sample: motor and handle, f_h, and the newest force of the sensor, N."""
+
+    motor: Slide
+    handle: Slide
+    force: Any
+    sensed: Any
+
+
+@dataclass(frozen=True, slots=True)
+class SampleSymbols:
+    """The symbols of a scene around its firmware.
+
+    Attributes
+    ----------
+    begin : state of the scene at rest
+    mechanism : moving parts; None for a single mass
+    body : states of the moving parts (position and velocity first), then z if there is friction, then the force sensed
+        within the last sample if the sensor takes it between samples
+    inputs : inputs of the step
+    commands : commands of past samples that have not acted completely, the newest first
+    unread : forces of past samples that the sensor has taken and the firmware has not read, the newest first
+    motion : values at the sample
+    measurement : values that the firmware reads
+    """
+
+    begin: Equilibrium
+    mechanism: Assembly | None
+    body: Any
+    inputs: Any
+    commands: list[Any]
+    unread: list[Any]
+    motion: SampleValues
+    measurement: Measurement
+
+
+def sample_symbols(scene: Scene, input_count: int) -> SampleSymbols:
+    """Return the symbols of a scene, and what the firmware reads: the delayed force of the sensor, with its noise.
+
+    Parameters
+    ----------
+    scene : the scene of the run
+    input_count : number of inputs of the step
+    """
+    sensor, mechanism, begin = sensing(scene), assembly(scene), equilibrium(scene)
+    body, inputs = ca.SX.sym("body", len(at_rest(scene, mechanism, begin))), ca.SX.sym("inputs", input_count)
+    # with the new command, those of N whole samples of delay, and one more that ends within a sample; a servo moves
+    # from one position to the next, and thus needs the position before that one
+    count = timing(scene).whole_samples + (2 if _interpolates(scene) else 1)
+    commands = [ca.SX.sym(f"u{age}") for age in range(count)]
+    unread = [ca.SX.sym(f"f{age}") for age in range(sensor.whole_samples)]
+    # the oldest command acts just before the sample, when the new command does not exist yet
+    seen = _seen(scene, mechanism, body, inputs, acting(scene, commands)[-1])
+    delayed = unread[-1] if unread else seen.sensed
+    force = delayed + inputs[NOISE] if scene.force_noise > 0 else delayed
+    return SampleSymbols(
+        begin=begin,
+        mechanism=mechanism,
+        body=body,
+        inputs=inputs,
+        commands=commands,
+        unread=unread,
+        motion=seen,
+        measurement=Measurement(seen.motor.x, seen.motor.v, force),
+    )
+
+
+def _interpolates(scene: Scene) -> bool:
+    """Return whether the device moves linearly from one command to the next."""
+    return scene.law.command == "position"
+
+
+def acting(scene: Scene, commands: list[Any]) -> list[Any]:
+    """Return the held values of commands, one for each sample, the newest first as the commands are.
+
+    A position command becomes the velocity from the previous position, so that the oldest position has no value.
+
+    Parameters
+    ----------
+    scene : the scene of the run
+    commands : the firmware's commands, the newest first
+    """
+    if not _interpolates(scene):
+        return commands
+    return [(newer - older) / scene.device.sample_time for newer, older in pairwise(commands)]
+
+
+def at_rest(scene: Scene, mechanism: Assembly | None, begin: Equilibrium) -> list[float]:
+    """Return the body's part of the state at the start of the motion.
+
+    Parameters
+    ----------
+    scene : the scene of the run
+    mechanism : its moving parts; None for a single mass
+    begin : its equilibrium
+    """
+    not_zero = {"position": begin.position, "bend": begin.bend, "sensed": begin.hand}
+    not_zero |= {name: share * begin.motor for name, share in drive_at_rest(scene.device).items()}
+    states = mechanism.states if mechanism is not None else ("position", "velocity")
+    body = [not_zero.get(name, 0.0) for name in states]
+    body += [0.0] if scene.friction is not None else []
+    return body if sensing(scene).instant is None else [*body, begin.hand]
+
+
+def _seen(scene: Scene, mechanism: Assembly | None, body: Any, inputs: Any, command: Any) -> SampleValues:
+    """Return the values just before a sample, while a held command acts. For a single mass, the handle is the motor."""
+    size = 2 if mechanism is None else mechanism.size
+    motor = Slide(body[0], body[1], body[size] if scene.friction is not None else 0.0)
+    if mechanism is None:
+        force = _hand_force(scene, motor, inputs, command)
+        return SampleValues(motor, motor, force, force)
+    values = values_at(
+        scene, ca.vertsplit(body[: size + (scene.friction is not None)]), size, command, _push(scene, inputs)
+    )
+    handle = Slide(applied(mechanism.position, values), applied(mechanism.velocity, values), 0.0)
+    force = applied(mechanism.force, values)
+    sensed = force if mechanism.sensed is mechanism.force else applied(mechanism.sensed, values)
+    # a sensor that takes the force between samples left it in the body's last state
+    return SampleValues(motor, handle, force, sensed if sensing(scene).instant is None else body[-1])
+
+
+def _push(scene: Scene, inputs: Any) -> Any:
+    """Return the force of the hand's spring and damper on a handle at rest at 0."""
+    return scene.operator.stiffness * inputs[INTENDED] + scene.operator.damping * inputs[INTENDED_VELOCITY]
+
+
+def values_at(scene: Scene, body: list[Any], size: int, motor: Any, push: Any) -> list[Any]:
+    """Return states and inputs at a moment, as in `assembly.GIVEN`; the derivatives of the push are not used.
+
+    Parameters
+    ----------
+    scene : the scene of the run
+    body : states of the moving parts, then z if there is friction
+    size : number of states of the moving parts
+    motor : held command that acts
+    push : force of the hand's spring and damper on a handle at rest at 0, N
+    """
+    friction = 0.0 if scene.friction is None else friction_force(scene.friction, body[1], body[size], SYMBOLS)[0]
+    return [*body[:size], motor, friction, push, 0.0, 0.0, 0.0]
+
+
+def _hand_force(scene: Scene, at: Slide, inputs: Any, motor: Any) -> Any:
+    """Return f_h just before the sample: spring, damper, and the hand's mass with the acceleration at that moment.
+
+    Newton's law of hand and device, m dv/dt = push - pull + motor - resisting, eliminates dv/dt from the hand's own,
+    f_h = push - pull - m_h dv/dt. Hence f_h = (1 - m_h/m)(push - pull) - (m_h/m)(motor - resisting).
+    """
+    hand, carriage, push = scene.operator, scene.carriage, _push(scene, inputs)
+    pull = hand.stiffness * at.x + hand.damping * at.v
+    if hand.mass == 0:
+        return push - pull
+    resisting = scene.device.damping * at.v
+    if scene.friction is not None:
+        resisting = resisting + friction_force(scene.friction, at.v, at.z, SYMBOLS)[0]
+    share = hand.mass / carriage.mass
+    return (1 - share) * (push - pull) - share * (motor - resisting)
