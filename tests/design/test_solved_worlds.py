@@ -34,6 +34,9 @@ EXPECTED = json.loads((REFERENCE / "expected.json").read_text())
 WHEEL = {"device": {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3}}
 
 
+HANDLE = {"mass": 0.1, "damping": 1.0, "sample_time": 1e-3, "display": "impedance"}
+
+
 def reference(name: str) -> Problem:
     """Return a reference problem."""
     return read_problem(REFERENCE / f"{name}.toml").problem
@@ -98,7 +101,10 @@ def test_a_box_without_limits_is_no_box() -> None:
         ({"stability": {"criterion": "both"}}, "allows any passive hand"),
         ({"stability": {"criterion": "passive"}}, "allows any passive hand"),
         ({"uncertainty": {"unmodelled": [[1.0, 0.1]]}}, "is not proved with [environment]"),
-        ({"device": {**WHEEL["device"], "display": "impedance"}}, "not of a box of them"),
+        ({"device": HANDLE, "environment": {"stiffness": {"max": 2e3}, "walls": True}}, "walls are not proved on an"),
+        ({"device": HANDLE, "environment": {"stiffness": {"max": 2e3}, "rule": "implicit"}}, "by the trapezoidal rule"),
+        ({"device": HANDLE, "environment": {"stiffness": {"max": 2e3}, "late": 1}}, "that are on time"),
+        ({"device": HANDLE, "stability": {"criterion": "both"}}, "allows any passive hand"),
         ({"environment": {"mass": {"min": 2.0, "max": 1.0}}}, "swap them"),
         ({"environment": {"wall": True}}, "unknown key"),
     ],
