@@ -8,6 +8,7 @@ from dataclasses import astuple, replace
 import numpy as np
 from device_arithmetic import DOUBLES
 from device_pairs import real_of
+from firmware import Device
 from in_time import Environment, Loop
 from random_devices import decades, ordinary, ordinary_gains
 from random_hands import random_hands
@@ -32,6 +33,38 @@ def matrices(
         Loop(real, law, design.coupling, Held(mass, damping, stiffness), environment, DOUBLES) for damping in dampings
     )
     return np.array([loop.matrix() for loop in loops])
+
+
+def answers(design: Design, hands: Sequence[Held], desired: Sequence[float]) -> list[float]:
+    """Return y = Z_c v_e - f at each sample, N, of a device at rest in a hand that changes just after the samples.
+
+    Parameters
+    ----------
+    design : a velocity loop
+    hands : hand after each sample
+    desired : v_e at each sample, m/s
+    """
+    real, gains, coupling, T = real_of(design.device), design.gains, design.series, design.device.sample_time
+    soft = coupling.damping / (1 + coupling.damping * T / (2 * coupling.mass))
+    memory, reached, mass_moves, found = np.zeros(Device(real, num=DOUBLES).size), 0.0, 0.0, []
+    for hand, v_e in zip(hands, desired, strict=True):
+        device = Device(real, hand, DOUBLES)
+        found.append((coupling.drag + soft) * v_e - soft * mass_moves - float(device.force(memory)))
+        error = reached + T / 2 * v_e - device.position(memory)
+        command = gains.velocity * (v_e - device.velocity(memory)) + gains.position * error
+        memory, reached = device.wait(memory, command), reached + T * v_e
+        mass_moves += T / coupling.mass * soft * (v_e - mass_moves)
+    return found
+
+
+def least_energy(design: Design, hands: Sequence[Held]) -> float:
+    """Return the least energy that a motion v_e supplies while the hand changes, relative to |y|; 0 or more if passive.
+
+    The sum of all v_e y is a quadratic form of the samples of v_e. No environment at all is assumed.
+    """
+    units = np.eye(len(hands))
+    form = np.array([answers(design, hands, unit) for unit in units]).T
+    return float(np.linalg.eigvalsh(form + form.T).min() / np.abs(form).max())
 
 
 def growth(steps: np.ndarray, sequences: np.ndarray) -> np.ndarray:
@@ -72,14 +105,25 @@ def lossless(rng: np.random.Generator, design: Design) -> Environment:
 
 
 def random_certified(rng: np.random.Generator, ratio: float = 1.05) -> tuple[Design, Hands]:
-    """Return a random design of a rigid velocity loop with a least ratio over a box of hands, in floats."""
+    """Return a random design of a velocity loop with a least ratio over a box of hands, in floats.
+
+    Half of the devices are rigid and ideal, with K_p > 0. The others have parts, and some have no K_p.
+    """
     while True:
-        device = replace(
-            ordinary(rng, held=0.0), hold="zoh", velocity=None, actuator=None, force_sensor=None, structure=None
-        )
+        design, hands = random_with_parts(rng, ratio, ideal=rng.random() < 0.5)
+        if design.gains.position > 0 or not design.device.ideal:
+            return design, hands
+
+
+def random_with_parts(rng: np.random.Generator, ratio: float = 1.05, *, ideal: bool = False) -> tuple[Design, Hands]:
+    """Return such a design of a device with parts, or of an ideal one."""
+    while True:
+        device = replace(ordinary(rng, held=0.0), hold="zoh")
+        if ideal:
+            device = replace(device, velocity=None, actuator=None, force_sensor=None, structure=None)
         gains, coupling = ordinary_gains(device, rng)
         hands = random_hands(rng, device)
-        if gains.position == 0 or hands.high.mass == 0:
+        if hands.high.mass == 0:
             continue
         if coupling.drag == 0:
             coupling = replace(coupling, drag=coupling.damping * decades(rng, -3, -0.5))

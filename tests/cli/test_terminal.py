@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
@@ -10,9 +11,12 @@ from pathlib import Path
 import pytest
 from conftest import DEVICE, ROOT
 
+from vctune import compare
 from vctune.api.argument_ranges import STDIN
-from vctune.cli.printing.design_table import print_design
+from vctune.api.experiments import measured_rows, simulation_of
+from vctune.cli.printing.design_table import print_design, print_lines
 from vctune.cli.printing.next_steps import after_bound, after_design
+from vctune.cli.printing.side_by_side import print_comparison, print_simulation
 from vctune.document.records.design_file import read_design
 from vctune.document.records.design_json import RepairRecord
 from vctune.exit_codes import ExitCode
@@ -53,7 +57,7 @@ def test_what_is_proved_comes_first_then_the_design_then_what_limits_it(shown, r
     parts = ["certified", record.promise, "velocity K_v", "coupling", "limited by", "transparency", "warning", "next:"]
     places = [text.index(part) for part in parts]
     assert places == sorted(places)
-    assert record.limits == ["Re Z_c >= safety_factor R in a hand at 74.14 and 412.6 Hz"]
+    assert record.limits == ["Re Z_c >= safety_factor R in a hand at 74.37 and 412.6 Hz"]
     assert all(f"{number:.8g}" in text for number in (record.gains.velocity, record.coupling.mass))
 
 
@@ -108,3 +112,65 @@ def test_an_interrupted_sweep_says_how_it_goes_on(tmp_path, option, without):
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (ExitCode.INTERRUPTED, "")
     assert done.stderr.splitlines()[-1] == f"interrupted; running it again {without}resumes"
+
+
+# what compares, sweeps and simulates
+
+
+@pytest.fixture
+def terminal(capsys, monkeypatch):
+    """Return what a function prints on a terminal of some columns without colour."""
+
+    def shown(columns, what):
+        for name, value in {"COLUMNS": str(columns), "FORCE_COLOR": "1", "TERM": "xterm", "NO_COLOR": "1"}.items():
+            monkeypatch.setenv(name, value)
+        what()
+        out = capsys.readouterr().out
+        assert not COLOUR.search(out)
+        return plain(out).splitlines()
+
+    return shown
+
+
+NAMES = "friction-wheel-hands", "desktop"
+
+
+@pytest.mark.parametrize("columns", [60, 140])
+def test_a_comparison_fits_the_terminal_and_ends_with_the_better_design(terminal, columns):
+    paths = [ROOT / f"results/{name}/design.json" for name in NAMES]
+    found = compare(*paths)
+    lines = terminal(columns, lambda: print_comparison(found))
+    assert lines[-1] == f"next: vctune export {paths[1]}"  # on either yardstick
+    assert max(map(len, lines[:-1])) <= columns or columns == 140
+    for side in (found.a, found.b):
+        assert side.status in " ".join(lines)
+    for value in found.design:
+        for each in (value.a, value.b):
+            if isinstance(each, float):
+                assert any(f"{each:.{value.digits}g}" in line for line in lines), value.label
+
+
+@pytest.mark.parametrize("columns", [60, 140])
+def test_a_simulation_fits_the_terminal_and_keeps_every_cell(terminal, columns, tmp_path):
+    simulation = simulation_of(json.loads((ROOT / "results/friction-wheel/simulation.json").read_text()))
+    lines = terminal(columns, lambda: print_simulation(simulation, tmp_path))
+    assert max(map(len, lines[:-1])) <= columns or columns == 140
+    text = " ".join(lines)
+    assert all(cell in text for row in measured_rows(simulation) for cell in row)
+    (tmp_path / "simulation.svg").touch()
+    assert (
+        terminal(columns, lambda: print_simulation(simulation, tmp_path))[-1] == f"next: open {tmp_path}/simulation.svg"
+    )
+
+
+def test_lines_of_a_region_break_at_words_and_say_what_is_next(terminal, capsys, monkeypatch):
+    lines, folder = (
+        ["of the plane gains.velocity by gains.position, looked at as far as time allowed"],
+        Path("results/w"),
+    )
+    shown = terminal(60, lambda: print_lines(lines, folder, ["open results/w/region.svg"]))
+    assert max(map(len, shown)) <= 60 and " ".join(shown[:-2]) == lines[0]
+    assert shown[-2:] == ["written to results/w", "next: open results/w/region.svg"]
+    monkeypatch.delenv("FORCE_COLOR")
+    print_lines(lines, folder, ["open results/w/region.svg"])
+    assert capsys.readouterr().out == f"{lines[0]}; written to results/w\n"

@@ -101,6 +101,17 @@ def test_the_limit_in_any_passive_hand_is_the_published_one(sample_time, late, b
     assert verdict(device, SpringDamper(b_c, k_c * (1 + 1e-6))) is Verdict.REFUTED
 
 
+@pytest.mark.parametrize("number", range(6))
+def test_walls_are_passive_up_to_the_damping_of_colgate_and_schenkel(number):
+    """b > K T/2 + B for a wall of stiffness K and damping B (Colgate and Schenkel 1997)."""
+    random = np.random.default_rng(number)
+    sample_time, K, wall = 10 ** random.uniform(-4, -2), 10 ** random.uniform(1, 5), 10 ** random.uniform(-2, 1)
+    limit, mass = K * sample_time / 2 + wall, 10 ** random.uniform(-3, 1)
+    for share, found in ((1 + 1e-5, Verdict.PROVED), (1 - 1e-5, Verdict.REFUTED)):
+        device = display(damping=limit * share, mass=mass, sample_time=sample_time)
+        assert verdict(device, SpringDamper(wall, K)) is found
+
+
 @given(st.floats(1e-4, 3.0), st.sampled_from([1, 2]))
 def test_the_admittance_of_a_coupling_has_no_pole_outside(corner, order):
     """A low-pass, or two, of the difference lag by no more than it leads."""

@@ -393,7 +393,7 @@ def test_a_theorem_starts_no_solver(text, monkeypatch):
 
 
 def test_the_command_lists_repairs_in_table_record_and_report(tmp_path):
-    (tmp_path / "stuck.toml").write_text(for_passive_hands(QUICK["no damping, whole axis"]))
+    (tmp_path / "stuck.toml").write_text(for_passive_hands(QUICK["gains too high"]))
     done = run("solve", "stuck.toml", cwd=tmp_path, report=True)
     assert (done.returncode, done.stderr) == (ExitCode.FAILED, "")
     record = json.loads((tmp_path / "results/stuck/design.json").read_text())

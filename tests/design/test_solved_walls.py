@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import replace
 from math import inf, pi
 from pathlib import Path
@@ -13,6 +14,8 @@ from test_solved_worlds import EXPECTED, REFERENCE, WHEEL, fixed, reference
 from vctune import Coupling, Gains, solve
 from vctune.analysis.in_walls import corner_of
 from vctune.design.verdict.judge import judge
+from vctune.design.verdict.parameter_changes import parameter_changes
+from vctune.design.verdict.repair import find_repairs
 from vctune.document.building import problem
 from vctune.document.schema.plausibility import doubts
 from vctune.document.schema.statement import statement
@@ -99,6 +102,20 @@ def test_nothing_is_claimed_of_walls_where_the_linear_box_is_not_proved() -> Non
     outcomes = judge(walled(), Gains(K_v, min(K_p, 1e5)), Coupling(b_c, m_c, b_0)).certificate.outcomes
     assert outcomes["worlds"].verdict is Verdict.REFUTED
     assert outcomes["walls"].verdict is Verdict.UNDECIDED
+
+
+@pytest.mark.slow
+def test_a_design_that_bears_springs_alone_may_do_without_walls() -> None:
+    """The repair turns the walls off, and its line can be written into the file as it is."""
+    tables = tomllib.loads((REFERENCE / "world-heavy-tools.toml").read_text())
+    tables["environment"]["walls"] = True
+    tables["gains"] = {"velocity": 167.34044, "position": 1e5}
+    tables["coupling"] = {"damping": 0.73047156, "mass": 0.0023011791, "drag": 0.68781965}
+    (change,) = (each for each in parameter_changes(tables, problem(tables).problem) if each.key == "environment.walls")
+    (repair,) = find_repairs(tables, [change])
+    assert tomllib.loads(repair.needs) == {"environment": {"walls": False}}
+    assert str(repair) == "environment.walls = false instead of true"
+    assert change.applied(tables, repair.new)["environment"]["walls"] is False
 
 
 def test_a_gains_file_states_the_corner(tmp_path: Path) -> None:

@@ -150,6 +150,7 @@ def test_a_region_that_had_no_time_to_be_proved_again_is_not_lost(folder, ticks)
     assert not (folder / "results/device/lost.json").exists()
 
 
+@pytest.mark.slow
 def test_a_bound_ends_in_time(folder, ticks):
     run("solve", "device.toml", cwd=folder)
     command = ("bound", "device.toml", "results/device/design.json", "--gap", 0.02)

@@ -11,23 +11,41 @@ import numpy as np
 import pytest
 from conftest import ROOT
 from in_time import Environment
+from random_devices import ordinary, ordinary_gains
+from random_servos import device_of as servo_of
+from random_servos import random_servo
+from sampled_device_oracle import Hand as Held
 from scipy.linalg import expm
-from switching_hands import energy_of_cycle, greedy, growth, lossless, matrices, periodic, random_certified, regripped
+from servo_in_time import Mass, Sampled, Servo
+from switching_hands import (
+    answers,
+    energy_of_cycle,
+    greedy,
+    growth,
+    least_energy,
+    lossless,
+    matrices,
+    periodic,
+    random_certified,
+    random_with_parts,
+    regripped,
+)
 
 import vctune
 from vctune.design.verdict.design_record import design_record
 from vctune.document.text.digest import problem_digest
+from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Demands
-from vctune.model.sampled.changing_hand import STAYING, loop_states
+from vctune.model.sampled.changing.loop_states import Law, loop_states
 from vctune.model.sampled.hand_loop import loop_in_hand, offered, required_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.certificate import certify
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.registry import claims_asked
 from vctune.proof.engine.interval import Verdict
-from vctune.proof.storage.barrier import analytic_centre
+from vctune.proof.storage.barrier import Family, analytic_centre
 from vctune.proof.storage.changing import prove_changing
 from vctune.proof.storage.storage_proof import prove_storage
 
@@ -111,9 +129,10 @@ def test_the_states_are_the_loop_of_every_other_proof():
     for delay in (0.0, 3e-4, 1e-3, 2.3e-3):
         device, hand = replace(design.device, delay=delay), Hand(0.2, 5.0, 800.0)
         delays = delays_of(device)
-        states = loop_states(device, design.gains, design.series, hand, hand.damping, delays, FLOATS)
+        plain = device, Law(design.gains, design.series)
+        states = loop_states(plain, plain, hand, hand.damping, FLOATS)
         n = len(states.push)
-        step = np.array(states.change, float) + np.diag(np.arange(n) < STAYING)
+        step = np.array(states.change, float) + np.diag(np.arange(n) < states.staying)
         for theta in (0.01, 0.3, 2.0, 3.0):
             z = np.exp(1j * theta)
             moved = np.linalg.solve(z * np.eye(n) - step, np.array(states.push, float))
@@ -122,6 +141,56 @@ def test_the_states_are_the_loop_of_every_other_proof():
             required = required_in_hand(loop, design.gains)
             resistance = offered(design.coupling, device, theta, FLOATS) - required.lost / required.size
             assert y.real * device.mass / device.sample_time == pytest.approx(resistance, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 3, 5, 8, 9])
+def test_the_states_follow_a_hand_whose_damping_changes_at_every_sample(seed):
+    """Devices with parts from event to event, `firmware.Device`, which knows nothing of the states."""
+    rng = np.random.default_rng(seed)
+    device = replace(ordinary(rng, held=0.0), unmodelled=None)
+    gains, coupling = ordinary_gains(device, rng)
+    gains = replace(gains, position=gains.position * (seed % 3 != 0))
+    unit = device.mass / device.sample_time
+    mass, stiffness = device.mass * rng.uniform(0, 2), unit / device.sample_time * rng.uniform(0, 0.1) * (seed % 4 != 0)
+    dampings, desired = unit * rng.uniform(0, 0.2, 40) * rng.integers(2, size=40), rng.normal(size=40)
+    design = Design(device, gains, coupling)
+    expected = answers(design, [Held(mass, damping, stiffness) for damping in dampings], desired)
+    plain, before, found = (device, Law(gains, coupling)), 0.0, []
+    state, reached = 0, 0.0
+    for damping, v_e in zip(dampings, desired, strict=True):
+        loop = loop_states(plain, plain, Hand(mass, damping, stiffness), before, FLOATS)
+        state = np.zeros(len(loop.push)) + state
+        y = np.dot(np.array(loop.seen, float), state) + loop.spring * reached + loop.direct * v_e
+        step = np.array(loop.change, float) + np.diag(np.arange(len(loop.push)) < loop.staying)
+        state, reached, before = step @ state + np.array(loop.push, float) * v_e, reached + v_e, damping
+        found.append(y * unit)
+    assert found == pytest.approx(expected, rel=1e-7, abs=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_states_of_a_servo_follow_a_hand_whose_damping_changes_at_every_sample(seed):
+    """Servos by matrix exponentials of SciPy, `servo_in_time.Sampled`, whose sensor comes after the hand."""
+    rng = np.random.default_rng(seed)
+    own = replace(random_servo(rng), sensor_delay=0.0)
+    T, count = own.sample_time, 60
+    mass, stiffness = rng.uniform(0, 5), rng.uniform(0, 3000) * (seed % 3 != 0)
+    dampings, desired = rng.uniform(0, 100, count) * rng.integers(2, size=count), rng.normal(size=count)
+    design = Design(servo_of(own), Gains(0.0, 0.0), Coupling(np.inf, 2.0, 40.0))
+    plain, before, reached, last = (design.device, Law(design.gains, design.series)), 0.0, 0.0, 0.0
+    kept, state, found, expected = 0.0, 0.0, [], []
+    for damping, v_e in zip(dampings, desired, strict=True):
+        sensing, moving = (Sampled(Servo(*astuple(own)), Mass(mass, each, stiffness)) for each in (before, damping))
+        kept = np.zeros(sensing.size) + kept
+        expected.append(design.series.drag * v_e - sensing.force(kept))
+        kept = moving.wait(kept, (v_e + last) / 2 if own.position else v_e)
+        loop = loop_states(plain, plain, Hand(mass, damping, stiffness), before, FLOATS)
+        state = np.zeros(len(loop.push)) + state
+        y = np.dot(np.array(loop.seen, float), state) + loop.spring * reached + loop.direct * v_e
+        found.append(y / T)
+        step = np.array(loop.change, float) + np.diag(np.arange(len(loop.push)) < loop.staying)
+        state, reached = step @ state + np.array(loop.push, float) * v_e, reached + v_e
+        before, last = damping, v_e
+    assert found == pytest.approx(expected, rel=1e-7, abs=1e-9 * np.abs(expected).max())
 
 
 def test_a_hand_without_mass_is_left_open_and_named():
@@ -183,6 +252,7 @@ def test_it_is_off_unless_asked_for():
         ),
         ({"stability": {"changing": "damping"}, "environment": {}}, r"proved together with \[environment\]"),
         ({"stability": {"changing": "stiffness"}}, "damping"),
+        ({"stability": {"changing": "damping"}, "device": {"display": "impedance"}}, "a steady force has no rest"),
     ],
 )
 def test_what_is_not_looked_at_is_refused(tables, said):
@@ -211,13 +281,65 @@ def test_no_sequence_of_dampings_makes_the_published_gains_grow():
     assert random < 1 + ROUNDING and adverse < 1 + ROUNDING
 
 
-def falls_while_stiffness_changes(environment, rate):
-    """Return whether one P_0 + K P_1 falls in every sample, K from 0.3 to 3 kN/m changing by `rate`, N/m per s."""
-    stiffnesses, T = np.linspace(300.0, 3000.0, 7), 1e-3
-    steps = [matrices(published(), 0.2, (0.0,), stiffness, environment)[0] for stiffness in stiffnesses]
-    n = len(steps[0])
-    energy, many = np.diag([1e5, 0.4, 1e-5, 1e-5, 1e5, 0.05, environment.mass]), steps[3]
-    for _ in range(40):  # Lyapunov's function of the stiffness in the middle, in whose units all states are alike
+def switching(rng, hands, length):
+    """Return hands of a box whose damping changes at random samples between its ends; mass and stiffness stay."""
+    ends = np.array([astuple(hands.low), astuple(hands.high)])
+    mass, _, stiffness = rng.choice([*ends, rng.uniform(*ends)])
+    return [Held(mass, damping, stiffness) for damping in rng.choice(ends[:, 1], length)]
+
+
+WITH_PARTS = [(5, 1), (5, 3), pytest.param(5, 6, marks=pytest.mark.slow)]
+"""Seeds, and how many designs come before: a low-pass of the velocity, late force sensors, actuators, with and without
+K_p."""
+
+
+def with_parts(seed, skipped):
+    rng = np.random.default_rng(seed)
+    found = [random_with_parts(rng) for _ in range(skipped + 1)]
+    design, box = found[-1]
+    return design, replace(box, low=replace(box.low, mass=max(box.low.mass, 0.1 * box.high.mass)))
+
+
+@pytest.mark.parametrize(("seed", "skipped"), WITH_PARTS)
+def test_devices_with_parts_are_proved_and_supply_no_energy(seed, skipped):
+    design, hands = with_parts(seed, skipped)
+    assert prove_changing(design, hands).verdict is Verdict.PROVED
+    assert least_energy(design, switching(np.random.default_rng(0), hands, 20)) > -ROUNDING
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["arm-contact", "cobot-wrist", pytest.param("flexible-handle", marks=pytest.mark.slow)],
+)
+def test_published_gains_of_servos_and_of_a_flexible_handle_are_proved(name):
+    document = tomllib.loads((ROOT / f"problems/{name}.toml").read_text())
+    law = tomllib.loads((ROOT / f"results/{name}/gains.toml").read_text())
+    document |= {key: law[key] for key in ("gains", "coupling") if key in law}
+    document["stability"] = document.get("stability", {}) | {"changing": "damping"}
+    document.pop("uncertainty", None)
+    problem = vctune.problem(document).problem
+    design = Design(problem.device, *problem.fixed_design)
+    assert problem.demands.changing is not None and problem.demands.changing.low.mass == 0
+    assert prove_changing(design, problem.demands.changing).verdict is Verdict.PROVED
+
+
+def test_a_hand_without_mass_supplies_energy():
+    held = [Held(0.0, 30.0 * (sample % 6 == 5), 3000.0) for sample in range(48)]
+    heavy = [replace(each, mass=0.05) for each in held]
+    assert least_energy(published(), held) < -1e-6 and least_energy(published(), heavy) > -ROUNDING
+
+
+def falls_while_stiffness_changes(environments, rate):
+    """Return whether a storage falls in every sample while K, 0.3 to 3 kN/m, changes by `rate`, N/m per s.
+
+    It is affine in K and, for several environments, in their mass, its logarithm and their stiffness.
+    """
+    T, places = 1e-3, [(K, world) for K in np.linspace(300.0, 3000.0, 7) for world in environments]
+    steps = [matrices(published(), 0.2, (0.0,), K, world)[0] for K, world in places]
+    middle = len(places) // 2
+    n, many = len(steps[0]), steps[middle]
+    energy = np.diag([1e5, 0.4, 1e-5, 1e-5, 1e5, 0.05, places[middle][1].mass])
+    for _ in range(40):  # Lyapunov's function of the one in the middle, in whose units all states are alike
         energy, many = energy + many.T @ energy @ many, many @ many
     unit = np.linalg.cholesky(energy).T
     steps = [unit @ step @ np.linalg.inv(unit) for step in steps]
@@ -225,15 +347,23 @@ def falls_while_stiffness_changes(environment, rate):
     basis = np.zeros((rows.size, n, n))
     basis[np.arange(rows.size), rows, columns] = basis[np.arange(rows.size), columns, rows] = 1.0
 
-    def stored(stiffness):
-        return np.concatenate([basis, (stiffness - 1650.0) / 1350.0 * basis])
+    def shares(K, world):
+        own = [world.mass, np.log(world.mass), world.stiffness / 1e3 - 1.5] if len(environments) > 1 else []
+        return [1.0, (np.clip(K, 300.0, 3000.0) - 1650.0) / 1350.0, *own]
 
-    linear, constant = [], []
-    for stiffness, step in zip(stiffnesses, steps, strict=True):
-        later = (stored(np.clip(stiffness + change * T, 300.0, 3000.0)) for change in (rate, -rate))
-        linear += [stored(stiffness), -stored(stiffness), *(stored(stiffness) - step.T @ each @ step for each in later)]
-        constant += [np.zeros((n, n)), np.eye(n), np.zeros((n, n)), np.zeros((n, n))]
-    return analytic_centre(np.array(constant), np.array(linear)) is not None
+    now, then, kept, after = [], [], [], []
+    for (K, world), step in zip(places, steps, strict=True):
+        for change in {rate, -rate}:
+            now.append(shares(K, world))
+            then.append(shares(K + change * T, world))
+            after.append(step.T @ basis @ step)
+            kept.append(basis - after[-1])
+    # the storage itself is positive where it falls and the loop is stable, and less than 1 in the middle
+    now, then = (np.array([*each, shares(*places[middle])]) for each in (now, then))
+    kept, after, constant = [*kept, -basis], [*after, 0 * basis], np.zeros((len(now), n, n))
+    constant[-1] = np.eye(n)
+    families = Family(now, np.array(kept)), Family(now - then, np.array(after))
+    return analytic_centre(constant, families, np.ones((now.shape[1], rows.size), bool)) is not None
 
 
 SLOWLY = [(2000, 2, 0.5), (200, 0, 0.02), (2000, 0, 0.02), (2000, 0, 0.5), (0, 2, 0.5), (2000, 10, 5)]
@@ -243,20 +373,30 @@ SLOWLY = [(2000, 2, 0.5), (200, 0, 0.02), (2000, 0, 0.02), (2000, 0, 0.5), (0, 2
 @pytest.mark.parametrize("world", [SLOWLY[0], *(pytest.param(each, marks=pytest.mark.slow) for each in SLOWLY[1:])])
 def test_a_stiffness_may_change_slowly_before_a_linear_environment(world):
     stiffness, damping, mass = map(float, world)
-    assert falls_while_stiffness_changes(Environment(mass=mass, damping=damping, stiffness=stiffness), 1e3)
+    assert falls_while_stiffness_changes([Environment(mass=mass, damping=damping, stiffness=stiffness)], 1e3)
 
 
 @pytest.mark.slow
-def test_a_stiffness_may_not_change_much_faster_before_a_heavy_one():
-    heavy = Environment(mass=5.0, stiffness=2000.0)
-    assert falls_while_stiffness_changes(heavy, 1e3) and not falls_while_stiffness_changes(heavy, 3e3)
+@pytest.mark.parametrize(
+    ("mass", "stiffness", "rate", "other"), [(5, 2000, 1, 3), (0.5, 200, 1, 3), (0.02, 2000, 10, 100)]
+)
+def test_a_stiffness_may_not_change_much_faster(mass, stiffness, rate, other):
+    """The table of model/README, section 21."""
+    world = [Environment(mass=float(mass), stiffness=float(stiffness))]
+    assert falls_while_stiffness_changes(world, 1e3 * rate) and not falls_while_stiffness_changes(world, 1e3 * other)
+
+
+@pytest.mark.slow
+def test_no_affine_storage_serves_a_box_of_environments():
+    worlds = [Environment(mass=m, stiffness=k) for m in (0.5, 1.0, 2.0, 5.0) for k in (1000.0, 1500.0, 2000.0)]
+    assert not falls_while_stiffness_changes(worlds, 0.0)
 
 
 @pytest.mark.slow
 def test_random_designs_grow_with_no_sequence_where_they_are_proved():
     """1,000 random sequences and 100 greedy ones for each design, periodic ones beside them, in exact time.
 
-    50 designs take five minutes: 33 are proved, and none grows.
+    Half of the devices have parts. Beside the environments, any motion v_e is tried: none supplies energy.
     """
     rng, designs, proved, growing = np.random.default_rng(1), 0, 0, 0
     while designs < DESIGNS:
@@ -268,7 +408,8 @@ def test_random_designs_grow_with_no_sequence_where_they_are_proved():
         designs += 1
         hands = replace(box, low=replace(box.low, mass=max(box.low.mass, 0.1 * box.high.mass)))
         found = prove_changing(design, hands).verdict is Verdict.PROVED
-        grows = max(no_growth(rng, design, hands, 20, 1000, 100)) > 1 + ROUNDING
+        grows = max(no_growth(rng, design, hands, 10, 1000, 100)) > 1 + ROUNDING
+        assert not found or least_energy(design, switching(rng, hands, 40)) > -ROUNDING, (design, hands)
         proved, growing = proved + found, growing + grows
         assert not (found and grows), (design, hands)
-    assert proved >= DESIGNS / 2, f"{proved} of {designs} designs are proved, {growing} grow with some sequence"
+    assert proved >= DESIGNS / 3, f"{proved} of {designs} designs are proved, {growing} grow with some sequence"

@@ -8,6 +8,13 @@ from functools import cache
 import pytest
 from conftest import DEVICE, FIXED, mostly_slow
 from pages import PARTS, chromium, made, needs_chromium, opened, recorded
+from servo_logs import servo_case
+
+from vctune import export, identify
+from vctune.document.records.design_file import design_of
+from vctune.report.identification_report import identification_files
+from vctune.report.page.axes_page import axes_page
+from vctune.report.page.contents import REPORT
 
 pytestmark = needs_chromium
 CASES = {
@@ -34,7 +41,7 @@ PAPER_WIDER = 4.0
 SHEETS = 5
 """Sheets that a page may take in print."""
 CONTRAST = 4.5
-FIRST = ".verdict", ".warnings", ".gains", ".scale", "h2:text('What limits it') + ul"
+FIRST = ".verdict", ".warnings", ".gains", ".scale", "h2:text-matches('What (limits it|fails)') + ul"
 """What the first screen shows."""
 VISIBLE = """() => {
   const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), found = [];
@@ -86,6 +93,36 @@ def test_on_a_desk(browser, paths, name, scheme):
     assert (ground > ink) == (scheme == "light")
 
 
+@pytest.fixture(scope="module")
+def others(tmp_path_factory):
+    """Return the page of a controller, of an identification and of two axes."""
+    folder = tmp_path_factory.mktemp("others")
+    (folder / "held.toml").write_text(CASES["every hand, held"])
+    record = design_of(recorded(CASES["servo"]), "x")
+    found = identify(servo_case(3, n=800).write(folder), servo=True)
+    texts = {
+        "controller": export(folder / "held.toml", to="json", unproved=True).files["controller.html"],
+        "identification": identification_files(found.found, found.record, folder)[folder / REPORT],
+        "axes": axes_page("arm", {"x": record, "y": record}, reported=True),
+    }
+    for name, text in texts.items():
+        (folder / f"{name}.html").write_text(text)
+    return {name: folder / f"{name}.html" for name in texts}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("name", ["controller", "identification", "axes"])
+def test_other_pages_are_read_on_a_desk_and_on_a_telephone(browser, others, name, scheme):
+    """Contrast, nothing from outside, no error, and no sideways scrolling."""
+    for width in (1280, 390):
+        page = opened(browser, others[name], color_scheme=scheme, viewport={"width": width, "height": 800})
+        assert page.said == [] and len(page.asked) == 1
+        seen = page.evaluate(VISIBLE)
+        assert [each for each in seen if contrast(*each[1:]) < CONTRAST] == [] and len(seen) > 10
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
 @pytest.mark.parametrize("name", mostly_slow(("default", "every part", "servo"), ["servo"]))
 def test_the_first_screen_answers(browser, paths, name):
     """Verdict, warnings, gains, error and limits end above the fold; a wide screen shows them side by side."""
@@ -129,6 +166,47 @@ def test_on_a_telephone(browser, paths, name):
         " parseFloat(getComputedStyle(each).fontSize) * Math.hypot(each.getScreenCTM().a, each.getScreenCTM().b))"
     )
     assert min(heights, default=6.0) >= 6.0
+
+
+@pytest.mark.parametrize("name", mostly_slow(("every hand, held", "servo"), ["every hand, held"]))
+def test_keys_alone_reach_and_move_every_slider(browser, paths, name):
+    """Tab goes through number and slider of each variable; an arrow moves a slider, which says its value and unit."""
+    page = opened(browser, paths(name), viewport={"width": 1280, "height": 800})
+    inputs = page.locator("#try input")
+    assert inputs.count() >= 6
+    inputs.first.focus()
+    for place in range(inputs.count()):
+        focused = page.evaluate("[...document.querySelectorAll('#try input')].indexOf(document.activeElement)")
+        assert focused == place
+        outline = page.evaluate("getComputedStyle(document.activeElement).outlineStyle")
+        assert outline != "none"
+        name_of = inputs.nth(place).get_attribute("aria-label")
+        assert re.match(r"(gains|coupling)\.\w+", name_of)
+        if inputs.nth(place).get_attribute("type") == "range":
+            before = inputs.nth(place).get_attribute("aria-valuetext")
+            page.keyboard.press("ArrowRight")
+            after = inputs.nth(place).get_attribute("aria-valuetext")
+            assert before != after and re.fullmatch(r"[\d.e+-]+ \S.*", after)
+        page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.textContent") == "back to the shipped design"
+    assert "tried, not proved" in page.locator(".mark-of[role=status]").inner_text()
+    page.keyboard.press("Enter")
+    assert "shipped design" in page.locator(".mark-of").inner_text()
+
+
+@pytest.mark.parametrize("name", mostly_slow(("default", "every hand, held", "servo"), ["default"]))
+def test_alternative_texts_say_the_findings(browser, paths, name):
+    """The text of each picture is its title and the sentence below it, with its numbers; the gauge says its errors."""
+    page = opened(browser, paths(name))
+    for figure in page.query_selector_all("figure"):
+        said = figure.query_selector("svg").get_attribute("aria-label")
+        finding = figure.query_selector(".finding")
+        shown = f"{figure.query_selector('h2').inner_text()}. {finding.inner_text() if finding else ''}"
+        assert squeezed(said.replace("_", "")) == squeezed(shown.strip())
+        assert finding is None or re.search(r"\d", said)
+    assert len(page.query_selector_all("figure .finding")) >= len(page.query_selector_all("figure")) - 1
+    gauge = page.query_selector(".scale")
+    assert all(mark in gauge.get_attribute("aria-label") for mark in gauge.inner_text().split("\n")[:2])
 
 
 @pytest.mark.slow

@@ -25,6 +25,7 @@ from vctune.report.figures.experiment_figures import simulation_figure
 from vctune.report.figures.hands_figure import hands_figure
 from vctune.report.figures.region_figure import BAD, GOOD, OPEN
 from vctune.report.figures.style import PAPER
+from vctune.report.page.contents import IDENTIFICATION_READINGS, READINGS
 from vctune.report.page.page import _shortened, inline, svg
 from vctune.simulation.mechanics.intended_motion import stroke_time
 from vctune.simulation.simulation_record import TOLERANCE, simulation_record
@@ -199,7 +200,25 @@ def test_files_are_xml_with_all_shapes_cut_at_their_axes(drawn, in_hands):
 
 def test_letters_of_lines_after_curves_stay():
     path = re.match(".*", 'd="M 1.250 2.0 \nL 3.001 4.0 \nQ 5 6 7 8.00 \nL 9 10.0 \nL 11.0 -0.001 \nz\n"', re.DOTALL)
-    assert _shortened(path) == 'd="M 1.25 2\n3 4\nQ 5 6 7 8\nL 9 10\n11 -0\nz\n"'
+    assert _shortened(path) == 'd="M 1.2 2\nl 1.8 2\nQ 5 6 7 8\nL 9 10\nL 11 -0\nz\n"'
+
+
+@given(st.lists(st.tuples(st.floats(-500, 500), st.floats(-500, 500)), min_size=2, max_size=40))
+def test_the_steps_of_a_curve_lead_where_its_points_are(points):
+    """To half a tenth of a point at every place, however long the curve; what is left out does not move."""
+    text = "M " + "L ".join(f"{x:.6f} {y:.6f} \n" for x, y in points)
+    drawn = _shortened(re.match(".*", f'd="{text}"', re.DOTALL))
+    numbers = np.array(re.findall(r"-?(?:\d+\.?\d*|\.\d+)", drawn), float).reshape(-1, 2)
+    along = np.cumsum(numbers, axis=0)
+    far = [np.abs(along - point).max(axis=1).min() for point in points]
+    assert max(far) <= 0.05 + 1e-5
+    assert np.abs(along[-1] - points[-1]).max() <= 0.05 + 1e-5
+
+
+def test_no_two_figures_of_a_page_share_a_class():
+    """The names of classes are the ends of the figures' names and a number."""
+    for names in (READINGS, IDENTIFICATION_READINGS):
+        assert len({name[0] + name[-1] for name in names}) == len(names)
 
 
 def test_nothing_of_a_figure_is_beyond_its_edge(drawn, in_hands):

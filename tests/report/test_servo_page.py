@@ -86,7 +86,7 @@ def test_damping_in_every_hand_lightens_the_drag():
     assert drag_at_rest([device], Hands(Hand(0.0, 50.0, 0.0), Hand(2.0, 60.0, 1000.0))) == 0.0
     damped = given(ARM.replace("damping = { min = 0.0", "damping = { min = 10.0") + HEAVY.format(120.0))[0].contact
     assert damped.rest_drag == pytest.approx(1.05 * (1000.0 * damped.latency_s - 10.0), rel=1e-9)
-    assert "1.05 K L less what damping every hand has" in {row.unit.partition(": ")[2] for row in damped.rows(LINEAR)}
+    assert "1.05 K L less the damping of every hand" in {row.unit.partition(": ")[2] for row in damped.rows(LINEAR)}
 
 
 def test_the_filter_of_the_samples_is_late_too_and_the_own_spring_asks_for_drag():

@@ -61,6 +61,48 @@ def test_a_damping_that_alternates_grows_as_in_exact_time(samples):
     assert fastest_mode(scene).radius ** (2 * samples) == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.parametrize("change", [{"regrip": True}, {"other_damping": 30.0}])
+def test_given_times_are_those_of_a_dwell_time(change):
+    alike = [{"dwell": 0.05, **change}, {"changes_at": [0.05 * k for k in range(1, 40)], **change}]
+    one, other = (run(scene_of(problem_with(more))) for more in alike)
+    for name in ("position", "force", "motor"):
+        assert np.array_equal(getattr(one, name), getattr(other, name))
+
+
+def test_a_hand_that_changes_at_given_times_is_before_and_after_one_that_stays():
+    """After a damping of 30 ms the motion soon is again that without it; with the other damping it stays another."""
+    change = {"other_damping": 30.0, "damping": 3.0, "cycles": 3}
+    never, once, twice = (
+        run(scene_of(problem_with(change | times if times else {"damping": 3.0, "cycles": 3})))
+        for times in ({}, {"changes_at": [0.2]}, {"changes_at": [0.2, 0.23]})
+    )
+    assert np.array_equal(never.position[:201], once.position[:201]) and never.position[201] != once.position[201]
+    assert np.array_equal(once.position[:231], twice.position[:231])
+    assert (
+        np.abs(never.position - twice.position)[-20:].max() < 1e-6 < np.abs(never.position - once.position)[-20:].max()
+    )
+
+
+def test_the_column_loop_of_given_times_is_that_of_the_worse_hand():
+    scene = scene_of(problem_with({"changes_at": [0.1], "other_damping": 30.0}))
+    held = [scene_of(problem_with({"damping": damping})) for damping in (0.0, 30.0)]
+    assert fastest_mode(scene).radius == max(fastest_mode(each).radius for each in held)
+
+
+@pytest.mark.parametrize(
+    ("operator", "said"),
+    [
+        ({"changes_at": [0.1]}, "nothing changes"),
+        ({"changes_at": [0.1], "dwell": 0.1, "regrip": True}, "leave one of them out"),
+        ({"changes_at": [0.1, 0.05], "regrip": True}, "increasing times"),
+        ({"changes_at": [0.1, 0.1001], "regrip": True}, "at least 0.001 s apart"),
+    ],
+)
+def test_times_that_contradict_each_other_are_refused(operator, said):
+    with pytest.raises(vctune.InputError, match=said):
+        problem_with(operator)
+
+
 def test_a_change_after_the_run_changes_nothing():
     late, never = (run(scene_of(problem_with(more))) for more in ({"dwell": 10.0, "regrip": True}, {}))
     for name in ("position", "force", "motor"):

@@ -102,7 +102,7 @@ def test_a_worse_device_loses_cells(baseline, tmp_path, style):
     arguments = ("check", "device.toml", "--region", baseline / "results/device/region.json", "--format", style)
     code, out, err = run(*arguments, cwd=tmp_path)
     assert code == ExitCode.FAILED
-    assert err == "what was lost is listed and drawn in results/device: lost.json, lost.svg\n"
+    assert err == "the lost cells and gain sets are listed and drawn in results/device: lost.json, lost.svg\n"
     assert ("device.toml" in out or style == "json") and "lost" in out
     lost = json.loads((tmp_path / "results/device/lost.json").read_text())
     assert lost["status"] == "lost" and len(lost["lost_designs"]) == 1
@@ -140,7 +140,7 @@ def test_a_listed_gain_set_below_the_safety_factor_is_lost(baseline, tmp_path):
     (tmp_path / "results/device/gains.toml").write_text("of somebody else")
     code, out, err = run("check", "device.toml", "--region", region_file, cwd=tmp_path)
     assert code == ExitCode.OK and "another version" not in out
-    assert err == "nothing is lost any more: removed lost.json, lost.svg from results/device\n"
+    assert err == "everything is proved again: removed lost.json, lost.svg from results/device\n"
     assert [path.name for path in (tmp_path / "results/device").iterdir()] == ["gains.toml"]
 
 
@@ -279,7 +279,7 @@ def interrupted(baseline, tmp_path, monkeypatch):
     struck(monkeypatch, signal.SIGINT, 3)
     done = run("region", "device.toml", "--resolution", "0.03125", cwd=tmp_path)
     assert done.returncode == ExitCode.UNDECIDED and "[interrupted]" in done.stderr
-    assert "%  interrupted: some of it was not looked at\n" in done.stdout
+    assert "%  interrupted: the search did not examine the whole plane\n" in done.stdout
     monkeypatch.undo()
     return tmp_path
 

@@ -1,1 +1,4 @@
-"""Numbers of a design in double precision: extrema over frequency, margins, feel. They are estimates, not proofs."""
+"""Evaluate a design in double precision: extrema over frequency, margins, feel.
+
+The results are estimates, not proofs.
+"""

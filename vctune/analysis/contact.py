@@ -1,6 +1,8 @@
-"""The drag that a servo's latency requires, and the stiffest contact, in double precision (README.md, section 2).
+"""Compute the drag that a servo's latency requires, and the stiffest contact, in double precision (README.md, section
+2).
 
-For a servo the requirement of a hand is linear in the hand. It is convex if the servo's response lies in a disc.
+For a servo, the drag that a hand requires is linear in the hand's numbers. If the servo's response lies in a disc, this
+drag is convex in them.
 """
 
 from __future__ import annotations
@@ -20,27 +22,27 @@ from vctune.model.sampled.hand_loop import offered
 from vctune.model.sampled.servo_in_hand import Demand, demand_of
 
 LOWEST = 1e-3
-"""Least angle above 0. Below it the constraint equals that at rest to a millionth. Half and twice it change no printed
-digit."""
+"""Least angle omega T above 0, rad. Below it, the constraint equals the constraint at rest to 1e-6. Starting at half or
+twice this angle changes no printed digit."""
 PER_DECADE = 120
-"""Number of angles per decade: neighbours are 2 % apart, with eight angles to each of ten samples of latency at
-Nyquist. Half as many may step over the hardest frequency of a contact; twice as many take twice as long."""
+"""Number of angles per decade. Neighbours are 2 % apart; near Nyquist, a latency of ten samples gets eight angles to
+each turn. Half as many angles may skip the hardest frequency of a contact. Twice as many take twice as long."""
 
 
 HALVINGS = 40
-"""Number of halvings of a range of stiffnesses. They give twelve digits; half as many give six, and twice as many reach
-rounding errors."""
+"""Number of halvings of a range of stiffnesses. They give twelve digits. Half as many halvings give six digits, and
+twice as many reach rounding errors."""
 
 
 @dataclass(frozen=True, slots=True)
 class Greatest:
-    """The greatest requirement of the hands of a box.
+    """The greatest drag that the hands of a box require.
 
     Attributes
     ----------
-    drag : greatest R, N s/m, which is the drag of a coupling without damping and mass
-    omega : its frequency, rad/s
-    hand : its hand
+    drag : greatest R, N s/m; a coupling without damping and mass needs this drag
+    omega : frequency of the greatest R, rad/s
+    hand : hand that requires it
     """
 
     drag: float
@@ -60,7 +62,7 @@ def drag_at_rest(devices: Sequence[Device], hands: Hands) -> float:
 
 
 def greatest_drag(devices: Sequence[Device], hands: Hands) -> Greatest:
-    """Return the greatest requirement of the hands of a box over all frequencies.
+    """Return the greatest drag that the hands of a box require at any frequency.
 
     Parameters
     ----------
@@ -82,7 +84,8 @@ def _greatest(device: Device, demand: Demand, hands: Hands) -> Greatest:
 
 
 def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupling, factor: float) -> float:
-    """Return the greatest stiffness of a contact with which a coupling is stable in the other hands of a box, N/m.
+    """Return the greatest stiffness of a contact, N/m, with which a coupling is stable for all other numbers of the
+    box.
 
     Parameters
     ----------
@@ -99,10 +102,10 @@ def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupl
 
 
 def _stiffest(device: Device, hands: Hands, coupling: AnyCoupling, factor: float) -> float:
-    """Return the least stiffness over the angles at which the requirement equals the coupling's offer.
+    """Return the least stiffness, over all angles, for which the required resistance equals Re Z_c of the coupling.
 
-    The requirement is linear in the stiffness. In a disc of responses it is convex, and the function bisects the
-    stiffness.
+    The required resistance is linear in the stiffness. With a disc of responses it is convex, and the function bisects
+    the stiffness.
     """
     if device.servo is not None and device.servo.radii:
         return _stiffest_in_disc(device, hands, coupling, factor)
@@ -143,7 +146,10 @@ def _stiffest_in_disc(device: Device, hands: Hands, coupling: AnyCoupling, facto
 
 
 def _angles(device: Device) -> Floats:
-    """Return angles up to Nyquist, close enough that the latency turns the phase little between neighbours."""
+    """Return angles up to Nyquist.
+
+    The angles are so close that the latency turns the phase little between neighbours.
+    """
     servo = device.servo
     assert servo is not None
     turns = 4 + device.sensed_latency / device.sample_time

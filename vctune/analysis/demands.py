@@ -1,4 +1,4 @@
-"""The constraints and the objective of a problem at given gains, in double precision.
+"""Evaluate the constraints and the objective of a problem at given gains, in double precision.
 
 See model/README.md, section 8; design/README.md, section 1.
 """
@@ -27,15 +27,15 @@ from vctune.model.sampled.impedance_display import firmware_filter, spring_dampe
 from vctune.model.transparency import Terms, log_quadrature, loop_terms, squared_terms
 
 END_DECADES = 5
-"""Number of sampled decades of an endless band beyond every corner of the device. A value that approaches its limit
-like omega^2 or faster equals it there to 1e-8. With half as many decades it would only be 1e-4, which a search would
-notice; twice as many only make the grid longer."""
+"""Number of decades beyond every corner of the device to which the grid of an endless band extends. At the end of the
+grid, a value that approaches its limit like omega^2 or faster equals the limit to 1e-8. With half as many decades, the
+difference would be 1e-4, which would affect a search. Twice as many decades only make the grid longer."""
 RIPPLE_POINTS = 6
-"""Number of grid points while e^{-2j omega tau} makes one turn. Half as many may miss one of two neighbouring extrema.
-Twice as many make the grid twice as long for bands far above 1/tau."""
+"""Number of grid points for each turn of e^{-2j omega tau}. Half as many grid points may miss one of two neighbouring
+extrema. Twice as many double the length of the grid for bands far above 1/tau."""
 QUADRATURE_TOLERANCE = 1e-9
-"""Relative change of the mean squares at which doubling the panels ends. The error of Gauss's rule falls so fast that
-the last change is far greater than the error. Half and twice this change end at the same number of panels."""
+"""Relative change of the mean squares at which the code stops doubling the panels. The error of Gauss's rule falls so
+fast that the last change far exceeds the error. Half or twice this threshold leads to the same number of panels."""
 
 
 def response(device: Device, gains: Gains, omega: Floats) -> LoopResponse:
@@ -69,7 +69,7 @@ def stability_ratio(device: Device, gains: Gains, coupling: AnyCoupling, omega: 
 
 
 def ratio_or_resistance(device: Device, gains: Gains, coupling: AnyCoupling, omega: Floats) -> Floats:
-    """Return Re Z_c / R; where the loop's resistance is not positive, return the resistance relative to |N D| instead.
+    """Return Re Z_c / R, or the resistance of the loop relative to |N D| where this resistance is not positive.
 
     The result is a continuous function, so that a descent can use it.
 
@@ -106,10 +106,10 @@ def rollett_factor_at(device: Device, gains: Gains, coupling: AnyCoupling, omega
 
 
 def sampled_span(problem: Problem) -> tuple[float, float]:
-    """Return the part of the stability band that sampling can reach.
+    """Return the part of the stability band that a grid covers.
 
     The code cuts a band from 0 or to inf at `END_DECADES` decades beyond every corner of the device and of the
-    transparency band. Beyond these, the limits at the ends of the axis hold to better than 1e-8.
+    transparency band. Further out, the values equal their limits at the ends of the axis to better than 1e-8.
     """
     device, band = problem.device, problem.stability.band
     corners = [problem.transparency.band.min, problem.transparency.band.max, problem.nyquist]
@@ -124,8 +124,8 @@ def sampled_span(problem: Problem) -> tuple[float, float]:
 def towards_zero(problem: Problem) -> Floats:
     """Return a frequency at which R and Re Z_c have reached their limits for omega -> 0; empty if the band excludes 0.
 
-    With K_p > 0 the limit of R is positive, while Re Z_c falls to the drag. If m_c is large, this happens far below
-    `sampled_span`.
+    With K_p > 0 the limit of R is positive, while Re Z_c falls to the drag. If m_c is large, Re Z_c reaches the drag
+    only far below `sampled_span`.
     """
     bounds = problem.bounds
     if problem.stability.band.min > 0 or bounds.position.max == 0:
@@ -149,7 +149,7 @@ def demand_grid(device: Device, low: float, high: float) -> Floats:
 
 
 def _ripple_delay(device: Device) -> float:
-    """Return the delay of the ripple that never decays, s; 0 for hold "lag" without delay."""
+    """Return the delay, s, that causes a ripple over frequency which never decays; 0 for hold "lag" without delay."""
     sensor = float(device.sensing.delay)
     if device.hold == "lag" and device.delay == 0 and device.velocity is None:
         return sensor
@@ -194,7 +194,8 @@ def sensitivity_maxima(problem: Problem, gains: Gains) -> Minima:
 
 
 def unmodelled_maxima(problem: Problem, gains: Gains) -> Minima:
-    """Return the local maxima of |1 - S| r of the sampled loop as minima of its negative; r is the unmodelled radius.
+    """Return the local maxima of |1 - S| r of the sampled loop as minima of -|1 - S| r, where r is the unmodelled
+    radius.
 
     Parameters
     ----------
@@ -220,7 +221,8 @@ def unmodelled_maxima(problem: Problem, gains: Gains) -> Minima:
 def slowest_resonance(problem: Problem, velocity: float) -> float:
     """Return a frequency, rad/s, below which |S| has no peak above 1 for any loop with at least this K_v.
 
-    Without lag a loop rings at sqrt(K_p/m) if that is above (b + K_v)/(2 m). Half of it leaves room for the lag.
+    Without lag, a loop rings at sqrt(K_p/m) if this frequency exceeds (b + K_v)/(2 m). The function returns half of it,
+    as an allowance for the lag.
 
     Parameters
     ----------
@@ -238,7 +240,7 @@ def slowest_resonance(problem: Problem, velocity: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class TransparencyError:
-    """The objective and its unweighted terms |Z_0 G_hh|, |1 - G_he|, |Z_c|/Z_0 in the problem's norm."""
+    """The objective, and its unweighted terms |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0, in the problem's norm."""
 
     error: float
     admittance: float
@@ -299,7 +301,8 @@ def weighted_square(weights: Terms, squares: Terms) -> Floats:
 
 
 def transparency_error(problem: Problem, gains: Gains, coupling: AnyCoupling) -> TransparencyError:
-    """Return the error of a design and its three terms, to about 1e-9 relative (model/README.md, section 8).
+    """Return the error of a design and its three terms, with a relative accuracy of about 1e-9 (model/README.md,
+    section 8).
 
     Parameters
     ----------

@@ -1,13 +1,13 @@
 """Find the passive environment that makes a refuted loop grow in a hand (model/README.md, section 14).
 
 Where Re(Z_c + Z_seen) < 0, a spring or mass cancels the imaginary part. A damper in parallel supplies the missing
-resistance and thus holds a pole on the unit circle. The code follows the pole while it removes the damper. If the
-constraint is just missed, the pole moves outwards. If it is missed by much, the pole may come back, and some of the
-damper remains. The functions of the loop in a hand are analytic in theta, z = e^(j theta), so the same formulas
-describe the moving pole.
+resistance and thus holds a pole on the unit circle. The code removes the damper step by step and follows the pole. If
+the design just violates the constraint, the pole moves outwards. If the violation is large, the pole may come back, and
+some of the damper remains. The functions of the loop in a hand are analytic in theta, z = e^(j theta), so the same
+formulas describe the moving pole.
 
-For an impedance display the same holds with admittances. A spring or mass cancels the imaginary part of 1/Z_c + G_y/(1
-+ K_v F G_y). A damper in series with it holds the pole and is then removed (section 15).
+An impedance display requires the same steps with admittances. A spring or mass cancels the imaginary part of 1/Z_c +
+G_y/(1 + K_v F G_y). A damper in series holds the pole, and the code then removes this damper (section 15).
 """
 
 from __future__ import annotations
@@ -31,29 +31,32 @@ from vctune.model.sampled.plant_in_hand import AnyPlantInHand, delays_of, plant_
 from vctune.model.worlds import WorldRule, Worlds
 
 LEAST = 1e-7
-"""Least angle omega T for a spring; at 0 no spring is soft enough. Half and twice this angle find the same growth."""
-NYQUIST = 1e-6
-"""Distance from pi within which no environment has a reactance and none is needed. Half and twice it find the same
+"""Least angle omega T for a spring, because at 0 no spring is soft enough. Half or twice this angle gives the same
 growth."""
+NYQUIST = 1e-6
+"""Distance from pi within which no environment has a reactance, and none is needed. Half or twice this distance gives
+the same growth."""
 FIRST, LAST = 0.125, 1e-4
-"""Shares of the damper that are removed at once: the first share, and the least. Half and twice them follow the same
-poles."""
+"""Shares of the damper that the code removes in one step: the first share, and the least one. With half or twice these
+shares, the code follows the same poles."""
 FARTHEST = 0.2
-"""Greatest move of a pole in one step, relative to its angle. Half takes more steps; twice may lead to another pole."""
+"""Greatest move of a pole in one step, relative to the pole's angle. Steps of half this size are more numerous; steps
+of twice this size may lead to another pole."""
 MOST = 64
-"""Greatest number of steps along which a pole is followed; most take eight. Half and twice as many follow the same
-poles."""
+"""Greatest number of steps along which the code follows a pole. Most poles take eight. With half or twice this number,
+the code follows the same poles."""
 GROWTH = 1e-10
-"""Growth per radian above which a motion counts as growing. It exceeds the rounding error of Newton's method. Half and
-twice it find the same growth."""
+"""Growth per radian above which a motion counts as growing. This threshold exceeds the rounding error of Newton's
+method. Half or twice this threshold gives the same growth."""
 STEPS, CONVERGED, DIFFERENCE = 8, 1e-12, 1e-6
-"""Number of Newton's steps, the relative step that ends them, and the relative difference for the derivative, which is
-then correct to 1e-10. Half and twice as many steps follow the same poles."""
+"""Number of Newton's steps, the relative step that ends them, and the relative difference for the derivative. The
+difference gives the derivative with an error of 1e-10. With half or twice as many steps, the code follows the same
+poles."""
 
 
 @dataclass(frozen=True, slots=True)
 class GrowingEnvironment:
-    """A spring or a mass as the firmware runs it, and the motion of the loop with it.
+    """A spring or a mass in its discrete form, and the motion of the loop with this environment.
 
     Attributes
     ----------
@@ -63,7 +66,7 @@ class GrowingEnvironment:
     growth : growth rate of the motion, 1/s, > 0
     omega : frequency of its oscillation, rad/s
     stiffness : stiffness of a spring in parallel with a mass, N/m, >= 0
-    rule, late : how it is stepped, and by how many samples its force is late
+    rule, late : rule by which the firmware integrates it, and number of samples by which its force is late
     """
 
     kind: Literal["spring", "mass"]
@@ -77,20 +80,20 @@ class GrowingEnvironment:
 
     @property
     def quantity(self) -> Literal["stiffness", "mass"]:
-        """The quantity of its value (`vctune.model.numbers.units`)."""
+        """The quantity of the environment's value (`vctune.model.numbers.units`)."""
         return "stiffness" if self.kind == "spring" else "mass"
 
 
 def destabilising(
     device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, omega: float
 ) -> GrowingEnvironment | None:
-    """Return the environment with which a loop in a hand grows, for a frequency at which Re(Z_c + Z_seen) < 0.
+    """Return the environment with which a loop in a hand grows, given a frequency at which Re(Z_c + Z_seen) < 0.
 
     Parameters
     ----------
     device, gains, coupling : a design with plain numbers
     hand : hand in which the constraint is violated
-    omega : frequency where it does not hold, rad/s, from 0 to pi/T
+    omega : frequency at which the constraint is violated, rad/s, from 0 to pi/T
 
     Returns
     -------
@@ -117,7 +120,7 @@ def growing_in_worlds(
     ----------
     device, gains, coupling : a design with plain numbers
     hand : hand in which the constraint is violated
-    omega : frequency where it does not hold, rad/s, from 0 to pi/T
+    omega : frequency at which the constraint is violated, rad/s, from 0 to pi/T
     worlds : the box of environments
 
     Returns
@@ -167,11 +170,11 @@ def reaction(
 def reaction_in(
     device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, factor: float = 1.0
 ) -> Callable[[complex], complex]:
-    """Return the same as a function of the angle, for many of them.
+    """Return `reaction` as a function of the angle, to evaluate it at many angles.
 
     Parameters
     ----------
-    device, gains, coupling, hand, factor : as of `reaction`
+    device, gains, coupling, hand, factor : see `reaction`
     """
     plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
 
@@ -215,7 +218,7 @@ def growing_with(
     """
     theta = min(max(theta, LEAST), pi)
     reactance, at = alone(theta).imag if theta < pi - NYQUIST else 0.0, _warped(theta, sample_time).real
-    # a mass m and a spring k; for an impedance display 1/k and 1/m
+    # numbers of a mass m and a spring k; for an impedance display 1/k and 1/m
     mass, stiffness = max(0.0, -reactance / at), max(0.0, reactance * at)
 
     def unbalance(theta: complex, *, damping: float) -> complex:
@@ -238,7 +241,7 @@ def growing_without(alone: Callable[[complex], complex], theta: float, sample_ti
     Parameters
     ----------
     alone : -1 - 1/L of the loop, analytic in the angle
-    theta : angle, rad, in (0, pi), at which L is real and less than -1, so that a part of the gain puts a pole there
+    theta : angle, rad, in (0, pi), at which L is real and less than -1; a share of the gain puts a pole there
     sample_time : T, s
     """
     found = _outwards(lambda theta, *, damping: alone(theta) + damping, theta)
@@ -279,9 +282,9 @@ def _dual(compliance: float, mobility: float, damping: float, growth: float, ome
 
 
 def _followed(unbalance: Callable[..., complex], theta: float, damping: float) -> list[tuple[float, complex]]:
-    """Follow a pole from the unit circle while the damper that holds it there is removed, step by step.
+    """Follow a pole from the unit circle while removing, step by step, the damper that holds it there.
 
-    The path is empty without such a damper. It ends where the pole cannot be followed further.
+    If no damper holds a pole there, the path is empty. The path ends where the function can no longer follow the pole.
     """
     pole, left, share, path = complex(theta), 1.0, FIRST, []
     for _ in range(MOST):
@@ -298,7 +301,7 @@ def _followed(unbalance: Callable[..., complex], theta: float, damping: float) -
 
 
 def _warped(theta: complex, sample_time: float) -> complex:
-    """Return omega of the trapezoidal rule, (2/T) tan(theta/2), rad/s."""
+    """Return the frequency (2/T) tan(theta/2) of the trapezoidal rule, rad/s."""
     return complex(2 / sample_time * np.tan(theta / 2))
 
 
@@ -323,8 +326,8 @@ def _seen(plant: AnyPlantInHand, gains: Gains, theta: complex) -> complex:
     """Return Z_seen = P/(2 j s F).
 
     The form is o/(2 N) + e/(2 j s N) with e + j s o = P (F.even - j s F.odd) and N = F.even^2 + s^2 F.odd^2. On the
-    circle its terms are the real and the imaginary part. Near theta = 0 the rounding error of one would otherwise
-    exceed the other.
+    unit circle, the two terms are the real and the imaginary part. With a single quotient, the rounding error of one
+    part would exceed the other part near theta = 0.
     """
     loop, s = loop_in_hand(plant, theta, FLOATS), complex(np.sin(theta / 2))
     F, P = loop.closed(gains), loop.numerator(gains)
@@ -339,7 +342,7 @@ def zero_near(f: Callable[[complex], complex], start: complex) -> complex | None
     Parameters
     ----------
     f : the function
-    start : where it begins, not 0
+    start : start of the iteration, not 0
     """
     at = start
     for _ in range(STEPS):

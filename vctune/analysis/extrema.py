@@ -1,4 +1,4 @@
-"""Find the extrema of a function of frequency: a logarithmic grid, whose local extrema are then refined."""
+"""Find the extrema of a function of frequency. The code evaluates a logarithmic grid, and refines the local extrema."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from vctune.running import check_time
 Floats = NDArray[np.float64]
 
 POINTS_PER_DECADE = 60
-"""Points per decade of the grid, 4 % apart, whose local minima are refined. Half as many would merge two minima within
-8 % of each other. Twice as many double the evaluations in every judgement of a design."""
+"""Points per decade of the grid; neighbours are 4 % apart. Half as many points would merge two minima within 8 % of
+each other. Twice as many points double the evaluations each time vctune judges a design."""
 ZOOMS = 3
-"""Number of rounds with a finer grid, each of which narrows an interval 8 times. Half as many leave the parabola an
-interval 23 times as wide, and a frequency correct to 1e-5. Twice as many narrow it below what rounding permits for a
-minimum."""
+"""Number of rounds with a finer grid. Each round narrows an interval by a factor of 8. Half as many rounds leave an
+interval 23 times as wide, and give the frequency only to 1e-5. Twice as many rounds narrow the interval below what
+rounding permits for a minimum."""
 ZOOM_POINTS = 17
-"""Number of points of a finer grid, including both ends. Half and twice as many narrow it 4 and 16 times in each
-round."""
+"""Number of points of a finer grid, including both ends. Half as many points narrow an interval 4 times in each round,
+and twice as many points 16 times."""
 
 
 @dataclass(frozen=True, slots=True)
 class Minima:
-    """Local minima, the lowest first: their frequencies, rad/s, and values."""
+    """Frequencies, rad/s, and values of local minima, the lowest first."""
 
     omega: Floats
     value: Floats
@@ -38,7 +38,9 @@ class Minima:
 def frequency_grid(
     omega_min: float, omega_max: float, points_per_decade: int = POINTS_PER_DECADE, widest: float = inf
 ) -> Floats:
-    """Return a logarithmic grid that contains both ends exactly, with equal steps where they would exceed `widest`.
+    """Return a logarithmic grid that contains both ends exactly.
+
+    Where its steps would exceed `widest`, they equal `widest`.
 
     Parameters
     ----------
@@ -49,7 +51,7 @@ def frequency_grid(
     Returns
     -------
     array of float
-        In ascending order and read-only, since all callers with the same arguments share it.
+        In ascending order; read-only, because all callers with the same arguments share the array.
     """
     decades = np.log10(omega_max / omega_min)
     grid = np.geomspace(omega_min, omega_max, max(9, int(np.ceil(decades * points_per_decade)) + 1))
@@ -65,9 +67,9 @@ def frequency_grid(
 def local_minima(f: Callable[[Floats], Floats], grid: Floats) -> Minima:
     """Find the local minima of f over the grid's span, ends included.
 
-    Each local minimum of the grid is refined, all of them together, by `ZOOMS` rounds of a finer grid between its
-    neighbours, and by the vertex of the parabola through the last points. For a smooth f the frequency is correct to
-    about 1e-7, and the value to 1e-14 of its variation.
+    The function refines all local minima of the grid together. The refinement makes `ZOOMS` rounds with a finer grid
+    between the neighbours of a minimum, and then takes the vertex of the parabola through the last points. For a smooth
+    f the frequency is correct to about 1e-7, and the value to 1e-14 of its variation.
 
     Parameters
     ----------
@@ -113,7 +115,10 @@ def local_minima(f: Callable[[Floats], Floats], grid: Floats) -> Minima:
 
 
 def _vertex(points: Floats, values: Floats, rows: NDArray[np.intp], k: NDArray[np.intp]) -> Floats:
-    """Return the minima of the parabolas through the k-th points and their neighbours; the point itself at an end."""
+    """Return the minima of the parabolas through the k-th points and their neighbours.
+
+    At an end, return the point itself.
+    """
     middle = np.clip(k, 1, ZOOM_POINTS - 2)
     left, centre, right = (values[rows, middle + side] for side in (-1, 0, 1))
     with np.errstate(all="ignore"):

@@ -1,4 +1,4 @@
-"""How a device feels in the hand, in double precision: numbers of the frequency model (README.md, section 1)."""
+"""Compute how a device feels in the hand, from the frequency model in double precision (README.md, section 1)."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
 
 FREE_HZ = (1.0, 10.0)
-"""Frequencies in Hz for the numbers of free motion: a slow reach, and the fastest voluntary motion of an arm."""
+"""Frequencies, Hz, at which mass and damping of free motion are evaluated: a slow reach, and the fastest voluntary
+motion of an arm."""
 WALL_HZ = 10.0
-"""Frequency in Hz for the wall and for the force path: the upper end of voluntary motion and force."""
+"""Frequency, Hz, at which the wall and the force path are evaluated: the upper end of voluntary motion and force."""
 SPEED = 0.1
 """Speed of the steady motion of the handle, m/s or rad/s."""
 HALF_POWER = sqrt(0.5)
@@ -31,20 +32,23 @@ HALF_POWER = sqrt(0.5)
 LOWEST = 1e-6
 """Lowest frequency of the search for the end of tracking, relative to Nyquist: half a millihertz at 1 kHz."""
 ZOOMS, ZOOM_POINTS = 3, 33
-"""Number of finer grids between the two frequencies where tracking ends, and points of each: 4 % become 1e-6."""
+"""Number of finer grids between the two frequencies where tracking ends, and number of points of each. The finer grids
+reduce a spacing of 4 % to 1e-6."""
 NO_LOOP = Gains(0.0, 0.0), Coupling(0.0, 0.0, 0.0)
-"""The design of the bare device: no gains and no coupling."""
+"""Gains and coupling that stand for the bare device: all 0."""
 
 
 @dataclass(frozen=True, slots=True)
 class Feel:
-    """How a device feels, with a design or without a loop. None for a number that does not exist, or above Nyquist.
+    """Numbers that describe how a device feels, with a design or without a loop.
+
+    A number is None if it does not exist or if its frequency is above Nyquist.
 
     Attributes
     ----------
     mass, damping : apparent mass and damping in free motion at each of `FREE_HZ`, kg and N s/m
-    static_stiffness, stiffness : stiffness of the stiffest wall at 0 and at `WALL_HZ`, N/m; inf for a servo, which
-        stands still
+    static_stiffness, stiffness : stiffness of the stiffest wall at 0 and at `WALL_HZ`, N/m; inf for a servo, which the
+        hand cannot push
     force : force that moves the handle steadily at `SPEED`, N
     loop_latency : lag around the loop at low frequency, s; for a servo, the lag from its command to its motion
     force_latency : lag from the hand's force to the resulting velocity at `WALL_HZ`, s
@@ -162,9 +166,9 @@ def _free(device: Device, gains: Gains, coupling: AnyCoupling, hz: float) -> com
 
 
 def _static_stiffness(device: Device, gains: Gains, coupling: AnyCoupling) -> float:
-    """Return the limit of |j omega D/N| for omega -> 0. D carries the scale omega, so without an integrator it is 0.
+    """Return the limit of |j omega D/N| for omega -> 0. Without an integrator this limit is 0.
 
-    For an impedance display it is the stiffness of the coupling's spring in series with that of a structure.
+    For an impedance display, the limit is the stiffness of the coupling's spring in series with the structure's spring.
     """
     if isinstance(coupling, SpringDamper):
         give = 0.0 if device.structure is None else 1 / mechanism(device, device.structure, FLOATS).stiffness
@@ -203,7 +207,7 @@ def _tracking(device: Device, gains: Gains, omega: Floats) -> Floats:
 
 
 def _loop_latency(device: Device) -> float:
-    """Return the lag of A H F for omega -> 0."""
+    """Return the lag of A H F in the limit omega -> 0, s."""
     at = device_response(device, np.zeros(1), FLOATS)
     lag = np.asarray(at.drive.lag + (0.0 if at.estimate is None else at.estimate.lag))
     return float(lag.ravel()[0])

@@ -1,4 +1,5 @@
-"""The requirement of hands on a coupling, and the hand near a point that requires the most, in double precision."""
+"""Evaluate what hands require of a coupling, and find the hand that requires the most near a point, in double
+precision."""
 
 from __future__ import annotations
 
@@ -34,12 +35,12 @@ from vctune.model.worlds import WorldsMet
 from vctune.running import check_time
 
 ROUNDS = 22
-"""Number of refinement steps, each of which moves to the best neighbour or halves the distance: down to 1e-4 of the
-first distance, whose square affects the ratio. Half as many reach 1e-2, and the prover finds the rest at its own
-cost."""
+"""Number of refinement steps. Each step moves to the best neighbour or halves the distance, down to 1e-4 of the first
+distance. The square of this distance affects the ratio. Half as many steps reach 1e-2, and the prover would then have
+to find the exact hand."""
 DRIVEN = 1e6
-"""Value of 1/ratio above which a coupling supplies energy where it must not. Half and twice it give the same
-designs."""
+"""Value of 1/ratio above which a coupling supplies energy where it must absorb energy. Half or twice this value gives
+the same designs."""
 
 
 @np.errstate(all="ignore")
@@ -52,12 +53,14 @@ def needs_in_worlds(
     met: WorldsMet,
     share: float = 1.0,
 ) -> dict[str, Floats]:
-    """Return 1/ratio for each of the margins of which one must be positive (`model.sampled.worlds.loop_in_worlds`).
+    """Return 1/ratio for each margin.
 
-    For the real part, the ratio is (Re Z_c + g b_1)/R. For a share of an impedance display's coupling it is g times the
-    resistance that this share and the environment give, divided by what the loop lacks. For a reactance, it is g times
-    the exponential of its relative reserve. In either case a ratio of g suffices, and the ratio tells the missing or
-    the spare share.
+    At least one of the margins must be positive (`model.sampled.worlds.loop_in_worlds`).
+
+    For the real part, the ratio is (Re Z_c + g b_1)/R. For a share of an impedance display's coupling, it is g times
+    the resistance that this share and the environment give, divided by what the loop lacks. For a reactance, it is g
+    times the exponential of its relative reserve. In either case a ratio of g suffices, and a greater ratio leaves a
+    reserve.
 
     Parameters
     ----------
@@ -109,7 +112,7 @@ def needs_in_hands(
 def _need_in_time(
     loop: AnyLoopInHand, device: Device, gains: Gains, coupling: Coupling, theta: Floats, met: WorldsMet
 ) -> Floats:
-    """Return 1/ratio with environments that run late or by Euler's rules: as with walls, of `open_sides`."""
+    """Return 1/ratio with environments that run late or by Euler's rules, from the margins of `open_sides`."""
     T, worlds = device.sample_time, met.worlds
     seen, at = seen_in_hand(loop, gains), offered_at(coupling, T, theta, FLOATS)
     planes = open_sides(worlds, T, theta)
@@ -131,7 +134,7 @@ def _need_in_walls(
 
 
 class AtWall(NamedTuple):
-    """Share of the coupling, and l of the stepping rule, in a condition of walls at an angle in a hand."""
+    """The share of the coupling and the l of the integration rule in a condition for walls."""
 
     share: float
     lead: float
@@ -139,9 +142,10 @@ class AtWall(NamedTuple):
 
 @np.errstate(all="ignore")
 def rooms_at_walls(seen: Seen, at: Offered, sample_time: float, theta: Floats, met: WorldsMet) -> dict[AtWall, Floats]:
-    """Return the relative reserve of the condition of walls, for some shares of the coupling and both stepping rules.
+    """Return the relative reserve of the condition for walls, for some shares of the coupling and both integration
+    rules.
 
-    The reserve is the greatest among those of the margins, of which one must be positive.
+    The reserve is the greatest one among the margins, because a single positive margin suffices.
 
     Parameters
     ----------
@@ -164,7 +168,7 @@ def rooms_at_walls(seen: Seen, at: Offered, sample_time: float, theta: Floats, m
 def tightest_at_wall(
     device: Device, gains: Gains, coupling: AnyCoupling, omega: float, hand: Hand, met: WorldsMet
 ) -> AtWall:
-    """Return the share of a coupling, and the stepping rule, with which walls have the least reserve at one place.
+    """Return the share of a coupling and the integration rule with which walls have the least reserve at one place.
 
     Parameters
     ----------
@@ -182,7 +186,7 @@ def tightest_at_wall(
 
 
 def shares_of_coupling(factor: float) -> tuple[float, ...]:
-    """Return the shares of a coupling that are looked at in double precision, each by itself: 1, 1/g and one between.
+    """Return the shares of a coupling that the double-precision search examines: 1, 1/g and one between them.
 
     Parameters
     ----------
@@ -193,7 +197,10 @@ def shares_of_coupling(factor: float) -> tuple[float, ...]:
 
 @np.errstate(all="ignore")
 def _need(required: Floats, there: Floats) -> Floats:
-    """Return 1/ratio, continuous where R changes its sign. For a coupling that drives, it is 0 or exceeds any other."""
+    """Return 1/ratio as a function that is continuous where R changes its sign.
+
+    For a coupling with negative resistance, the result is 0 or exceeds any other.
+    """
     drives = np.where(required < there, 0.0, DRIVEN * (2 + (required - there) / (np.abs(required) - there)))
     return np.where(there < 0, drives, required / np.maximum(there, 1e-300))
 
@@ -229,7 +236,7 @@ def hardest_near(
     safe = np.where(width > 0, width, 1.0)
     share = np.sqrt((np.array([*starts.hands.numbers.values()]) - low[:, None]) / safe[:, None])
     step_hand, step_angle = np.full(theta.size, 0.2), np.full(theta.size, 2.3 / PER_DECADE)
-    # the requirement of a servo is convex in the hand: a search that starts at a vertex stays there
+    # what a hand requires of a servo is convex in the hand: a search that starts at a vertex stays there
     at_vertices = device.servo is not None and met is None
     offsets = np.zeros((count, 1)) if at_vertices else np.array(list(product((-1, 0, 1), repeat=count))).T
     turns = np.array([-1, 0, 1])
@@ -239,13 +246,13 @@ def hardest_near(
         near = np.clip(share[:, :, None] + offsets[:, None, :] * step_hand[:, None], 0.0, 1.0)
         angle = np.minimum(theta[:, None] * np.exp(turns * step_angle[:, None]), np.pi)
         hand = Hand(*((low[:, None, None] + width[:, None, None] * near**2)[..., None]))
-        if isinstance(plant, ServoInHand):  # no hand moves a servo
+        if isinstance(plant, ServoInHand):  # a hand cannot move a servo
             plant = replace(plant, hand=hand)
         else:
             plant = plant_in_hand(device, hand, delays, FLOATS)
         loop = loop_in_hand(plant, angle[:, None, :], FLOATS)
         need = needs_in_hands(loop, device, gains, coupling, angle[:, None, :], met).reshape(theta.size, -1)
-        need = np.nan_to_num(need, nan=-inf, posinf=inf)  # 0/0 at rest without an integrator requires nothing
+        need = np.nan_to_num(need, nan=-inf, posinf=inf)  # 0/0 at rest without an integrator counts as no requirement
         at = np.argmax(need, axis=1)
         rows, (which, turn) = np.arange(theta.size), np.unravel_index(at, (offsets.shape[1], 3))
         better = need[rows, at] > best

@@ -1,4 +1,5 @@
-"""Re Z_c / R in the hands of a box up to Nyquist, in double precision (model/README.md, section 14)."""
+"""Find the local minima of Re Z_c / R in the hands of a box up to Nyquist, in double precision (model/README.md,
+section 14)."""
 
 from __future__ import annotations
 
@@ -26,14 +27,15 @@ from vctune.model.sampled.several_devices import alike
 from vctune.model.worlds import WorldsMet
 
 SEARCHED = 6
-"""Number of local minima over the angle that are refined. Half as many miss none of the reference problems' worst
-hands."""
+"""Number of local minima over the angle that the code refines. With half as many minima, the code still finds the worst
+hand of every reference problem."""
 SHARP = 0.03
-"""Damping ratio below which the code evaluates the angles where a hand resonates with the device, which no grid meets.
-Half and twice this ratio lead to the same design of a display with hardly any damping."""
+"""Damping ratio below which the code also evaluates the angles where a hand resonates with the device, because a grid
+would miss them. Half or twice this ratio gives the same design for a display with hardly any damping."""
 
 TOGETHER = 32
-"""Devices that are looked at together: their arrays stay in the processor's cache. Half and twice take as long."""
+"""Number of devices that the code evaluates together. The arrays of so many devices fit into the processor's cache.
+Half or twice as many devices take the same time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,9 +44,9 @@ class RatioInHand:
 
     Attributes
     ----------
-    ratio : Re Z_c / R; inf if nothing is required
-    omega : its frequency, rad/s
-    hand : its hand
+    ratio : Re Z_c / R; inf if the hand requires nothing
+    omega : frequency of the minimum, rad/s
+    hand : hand of the minimum
     """
 
     ratio: float
@@ -68,7 +70,9 @@ class RatioInAnyHand:
 
 
 def least_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[RatioInHand | RatioInAnyHand]:
-    """Return the local minima of the ratio in the hands of a problem, the lowest first for each kind of hand.
+    """Return the local minima of the ratio in the hands of a problem.
+
+    For each kind of hand, the lowest minimum comes first.
 
     Parameters
     ----------
@@ -81,11 +85,11 @@ def least_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[
 def least_ratios_of_each(
     problems: Sequence[Problem], gains: Gains, coupling: AnyCoupling
 ) -> list[list[RatioInHand | RatioInAnyHand]]:
-    """Return the local minima of the ratio in the hands of several problems, as `least_ratios` does of one.
+    """Return the local minima of the ratio in the hands of several problems, as `least_ratios` does for one problem.
 
     Parameters
     ----------
-    problems : at least one, that differ in their devices alone
+    problems : at least one problem; they differ in their devices alone
     gains, coupling : plain floats, in the problems' units
     """
     found: list[list[RatioInHand | RatioInAnyHand]] = [[] for _ in problems]
@@ -122,7 +126,7 @@ def least_ratios_in_hands(
 def least_ratios_of_devices(
     devices: Sequence[Device], hands: Hands, gains: Gains, coupling: AnyCoupling, met: WorldsMet | None = None
 ) -> list[list[RatioInHand]]:
-    """Return what `least_ratios_in_hands` does for several devices; devices that are alike are looked at together.
+    """Return `least_ratios_in_hands` for several devices. The function evaluates alike devices together.
 
     Parameters
     ----------
@@ -145,7 +149,7 @@ def least_ratios_of_devices(
 def _steepest(
     device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, met: WorldsMet | None
 ) -> PlacesInHands:
-    """Return where to look closer: the local minima in some hands, and places that no grid meets."""
+    """Return the places to refine: the local minima in some hands, and places that a grid would miss."""
     where = loops_in_hands(device, hands)
     need = needs_in_hands(where.loop, device, gains, coupling, where.theta, met)
     hand = np.argmax(need, axis=0)
@@ -159,8 +163,8 @@ def _steepest(
 
 
 WINDOW = np.exp(np.linspace(-0.3, 0.3, 121))
-"""Relative range of angles around a worst angle at which the environments of a box are tried. Half and twice the range,
-or the number of angles, give the same designs."""
+"""Relative range, and number, of the angles around a worst angle at which the code evaluates the environments of a box.
+Half or twice the range or the number gives the same designs."""
 
 
 def windows(
@@ -170,10 +174,9 @@ def windows(
     worst: Sequence[RatioInHand | RatioInAnyHand],
     met: WorldsMet,
 ) -> list[RatioInHand]:
-    """Return the ends of the windows of angles in which the constraint for a box of environments is violated.
+    """Return the ends of the windows of angles in which a design violates the constraint for a box of environments.
 
-    A constraint at each end makes one margin take over where another fails. A constraint in the middle alone would only
-    move the window.
+    A constraint at each end of a window closes the window. A constraint in the middle alone would only move it.
 
     Parameters
     ----------
@@ -274,8 +277,8 @@ def ratio_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling, theta
 def _resonant(device: Device, hands: Hands, gains: Gains) -> list[tuple[float, Hand]]:
     """Return angles at which hands resonate sharply with the device, and those hands.
 
-    They are the stiffest hands, where the angle is greatest and the damping ratio least, and hands with a hundredth of
-    their stiffness.
+    The function returns the stiffest hands, which have the greatest angle and the least damping ratio, and hands with a
+    hundredth of their stiffness.
     """
     found = []
     damping = device.damping + hands.low.damping + gains.velocity
@@ -309,5 +312,5 @@ def _closest(
 
 
 def _inverse(need: float) -> float:
-    """Return the ratio from 1/ratio; it is 0 where Re Z_c is 0."""
+    """Return the ratio, given 1/ratio. The ratio is 0 where Re Z_c is 0."""
     return inf if need <= 0 else 1 / need if need < 1e200 else 0.0

@@ -16,25 +16,27 @@ from vctune.model.sampled.worlds.loop_in_worlds import offered_at
 from vctune.model.worlds import WorldsMet
 
 HIGHEST = 1 - 1e-5
-"""Greatest corner, in units of 2/T. At 1 the multiplier becomes a difference. This value is so far below 1 that
-rounding a corner to six digits cannot reach 1. With half this distance rounding might reach 1; twice the distance is as
-good."""
+"""Greatest corner, in units of 2/T. At 1 the multiplier would become a difference. This value is so far below 1 that
+rounding to six digits cannot reach 1. With half the distance from 1, rounding might reach 1. Twice the distance serves
+as well."""
 LOWEST = 1e-4
-"""Least corner that is evaluated, in units of 2/T, below all hands' frequencies. Ten times and a tenth of it give the
-same corners."""
+"""Least corner that the search evaluates, in units of 2/T. This corner is below the frequencies of all hands. Ten times
+this corner or a tenth of it leads to the same result."""
 CORNERS = 17
-"""Number of corners that are evaluated first, evenly spaced on a log scale, since the reserve may have two maxima. Half
-and twice as many give the same corner."""
+"""Number of corners that the search evaluates first, evenly spaced on a log scale, because the reserve may have two
+maxima. Half or twice as many corners lead to the same result."""
 FINER = 3
-"""Number of times that the spacing around the best corner is then quartered, down to 1 %. Half as many find corners
-that lose a hundredth of the reserve; twice as many find the same corner."""
+"""Number of times that the search then quarters the spacing around the best corner, down to 1 %. Half as many steps
+find corners with 1 % less reserve. Twice as many steps find the same corner."""
 SHARES, PER_DECADE = (0.0, 0.1, 1.0), 16
-"""Shares of hands, and angles per decade, that are evaluated. Half as many miss the binding hand or angle; twice as
-many lead to the same corner."""
+"""Shares of hands, and number of angles per decade, that the search evaluates. Half as many hands and angles miss the
+binding hand or angle. Twice as many lead to the same corner."""
 
 
 def corner_of(problem: Problem, gains: Gains, coupling: AnyCoupling) -> float:
-    """Return the corner with which the condition of walls has the most reserve, rad/s; it has six digits in hertz.
+    """Return the corner, rad/s, with which the condition for walls has the greatest reserve.
+
+    In hertz, the corner has six digits.
 
     Parameters
     ----------

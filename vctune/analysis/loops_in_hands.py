@@ -1,4 +1,7 @@
-"""Loops in some hands of a box at some angles, in double precision: the first points in the search for the worst."""
+"""Evaluate loops in some hands of a box at some angles, in double precision.
+
+The search for the worst hand starts from them.
+"""
 
 from __future__ import annotations
 
@@ -20,14 +23,16 @@ from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.sampled.worlds.loop_in_worlds import Seen
 
 SHARES = (0.0, 0.01, 0.1, 0.4, 1.0)
-"""Shares of each range of hands that are evaluated first. The worst hand is usually at an end, and near 0 the
-requirement changes quickly. Half or twice as many lead to the same designs, in more rounds or in more time."""
+"""Shares of each range of hands that the search evaluates first. The worst hand is usually at an end, and near 0 the
+required resistance changes quickly. Half or twice as many shares lead to the same designs, in more rounds or in more
+time."""
 LOWEST, PER_DECADE = 1e-4, 24
-"""Least angle omega T above 0, and angles per decade. Values below the least angle equal their limit to 1e-8. Half as
-many angles may miss one of two neighbouring extrema; twice as many take twice the time."""
+"""Least angle omega T above 0, and number of angles per decade. Values below the least angle equal their limit to 1e-8.
+Half as many angles may miss one of two neighbouring extrema. Twice as many angles take twice the time."""
 SOFT = np.geomspace(1e-12, 1.0, 97)
-"""Shares of the range of stiffness that are evaluated at angle 0. There a soft spring and a late loop require drag, the
-most at about K_p, which is small in slow loops. Half or twice as many find the same hand, which is then refined."""
+"""Shares of the range of stiffness that the search evaluates at angle 0. At this angle, a late loop in a soft spring
+requires drag. The required drag is greatest for a stiffness of about K_p, which is small in slow loops. Half or twice
+as many shares lead to the same hand after refinement."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +55,7 @@ class LoopsInHands:
         found = required_in_hand(self.loop, gains)
         with np.errstate(divide="ignore", invalid="ignore"):
             R = np.asarray(found.lost / found.size)
-        return np.broadcast_to(R, np.broadcast_shapes(R.shape, np.shape(gains.velocity)))  # a servo's R is constant
+        return np.broadcast_to(R, np.broadcast_shapes(R.shape, np.shape(gains.velocity)))  # no gain affects a servo's R
 
     def seen(self, gains: Gains) -> Seen:
         """Return Z_seen with the shape of `required`."""
@@ -151,7 +156,7 @@ def angles(device: Device, per_decade: int) -> Floats:
 
 @lru_cache(maxsize=64)
 def loops_at_rest(device: Device, hands: Hands, spacing: int = 1) -> LoopsInHands:
-    """Return the loop of a device at angle 0 in soft springs; the spring that requires most depends on the gains.
+    """Return the loop of a device at angle 0 in soft springs. The spring that requires the most depends on the gains.
 
     Parameters
     ----------

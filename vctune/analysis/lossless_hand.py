@@ -1,9 +1,9 @@
 """Find the lossless hand in which a refused impedance display grows (model/README.md, section 15).
 
-The disc of any hand is a sum of discs, one for each alias of the frequency. At its worst point each of them is at its
-edge, which requires a certain reactance of the hand at each alias. By Foster's theorem a mass or a spring with
-resonators has this reactance at any number of aliases. In this hand, the search for the environment with which the
-exact sampled loop grows is the same as in a hand of a box.
+The disc of any hand is a sum of discs, one for each alias of the frequency. At the worst point of the sum, each of
+these discs is at its edge. To reach all these edges, the hand must have a certain reactance at each alias. By Foster's
+theorem, a mass or a spring with resonators can have these reactances at any number of aliases. In this hand, the search
+for the environment with which the exact sampled loop grows is the same as in a hand of a box.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ from vctune.model.sampled.any_hand import drive_at, motor_disc
 from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
 
 TURNED = (1, 3, 5, 9, 17, 33)
-"""Numbers of aliases, the nearest first, at which the hand has the worst reactance; the search uses the least number
-that suffices. Among designs that are refused by 1 % or more, one in 160 needs 33 aliases. Every second of these
-numbers, or twice as many, serve the same other designs."""
+"""Numbers of aliases, the nearest first, at which the hand has the worst reactance. The search uses the least number
+that suffices. Among designs that violate the constraint by 1 % or more, one in 160 needs 33 aliases. With every second
+of these numbers, or with twice as many, the search finds hands for the same other designs."""
 DETUNED = (0.1, 1e-2, 1e-3, 1e-4)
-"""Relative distances of a resonator from its alias. The smaller the distance, the less the resonator acts at other
-aliases, and the slower a motion grows. Half as many distances find growth up to eight times slower; twice as many find
-a hand for one more design in 60."""
+"""Relative distances of a resonator from its alias. With a smaller distance, the resonator acts less at other aliases,
+and a motion grows more slowly. With half as many distances, the growth found is up to eight times slower. With twice as
+many, the search finds a hand for one more design in 60."""
 SUMMED = 250
-"""Number of aliases on either side that are summed for the hand's response; the rest is below 1e-5. Half and twice as
-many give the same growth to four digits."""
+"""Number of aliases on either side that the code sums for the hand's response; the rest is below 1e-5. Half or twice as
+many aliases give the same growth to four digits."""
 FROM_ENDS = (0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3)
-"""Distances from 0 Hz and Nyquist, where nothing grows, at which the hand is sought, rad; the first success ends the
-search. Half and twice as many find hands for the same designs, some with a sixth of the growth and some with six times
-the growth."""
+"""Distances, rad, from 0 Hz and from Nyquist at which the code searches for a hand, because nothing grows at these
+ends. The search ends at the first success. Half or twice as many distances find hands for the same designs, with a
+sixth to six times the growth."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,10 @@ def growing_in_any_hand(
 def _growing_in(
     device: Device, gains: Gains, coupling: SpringDamper, hand: LosslessHand, theta: float
 ) -> GrowingEnvironment | None:
-    """Return the environment with which a loop grows in a hand; none is rendered if the loop of K_v alone grows."""
+    """Return the environment with which a loop grows in a hand.
+
+    The value of the environment is 0 if the loop of K_v alone grows.
+    """
 
     def loop(theta: complex) -> complex:
         """Return K_v F G_y."""
@@ -112,7 +115,7 @@ def _growing_in(
 
 
 def _places(device: Device, gains: Gains, coupling: SpringDamper) -> Iterator[float]:
-    """Yield angles at which the coupling offers less than any hand requires: local minima away from the ends."""
+    """Yield the angles at which Re(1/Z_c) is less than some hand requires: local minima away from the ends."""
 
     def missed(theta: float) -> bool:
         return bool(ratio_in_any_hand(device, gains, coupling, np.array([theta]))[0] < 1)
@@ -140,7 +143,7 @@ def _hands(device: Device, gains: Gains, theta: float, count: int) -> Iterator[L
 
 
 def _reactance(device: Device, gains: Gains, theta: float, at: Floats) -> Floats:
-    """Return the hand's worst reactance, which puts the motor's response at the edge of its disc.
+    """Return the worst reactance of a hand, with which the motor's response is at the edge of its disc.
 
     Parameters
     ----------
@@ -221,7 +224,7 @@ def _low_pass(device: Device, theta: complex) -> complex:
 
 
 def _motor(device: Device) -> tuple[float, float]:
-    """Return the mass and damping that the motor moves directly, including those of a rigid least operator."""
+    """Return the mass and damping that the motor moves directly, including a rigid least operator."""
     held = device.operator if device.operator is not None else LeastOperator(0.0, 0.0)
     return device.motor_mass + held.mass, device.least_damping
 

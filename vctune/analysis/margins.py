@@ -1,4 +1,4 @@
-"""Gain, phase and delay margins of the exact sampled loop L = K_v G_v + K_p G_x, in double precision."""
+"""Compute the gain, phase and delay margins of the exact sampled loop L = K_v G_v + K_p G_x, in double precision."""
 
 from __future__ import annotations
 
@@ -17,33 +17,36 @@ from vctune.model.gains import Gains
 from vctune.model.numbers.pair import Pair
 
 BISECTIONS = 40
-"""Number of bisections of an interval of the grid, down to 1e-12 of it, which is finer than the output shows. Half as
-many reach 1e-6, which the output shows; twice as many reach rounding errors."""
+"""Number of bisections of an interval of the grid. The bisections narrow an interval to 1e-12, which the output does
+not show. Half as many bisections would reach 1e-6, which the output would show. Twice as many reach rounding errors."""
 MARGIN_POINTS_PER_DECADE = 100
-"""Points per decade of the grid for crossings. Half as many may miss two crossings within 5 %; twice as many take twice
-the time."""
+"""Number of points per decade of the grid for crossings. Half as many points may miss two crossings within 5 %. Twice
+as many points take twice the time."""
 DECADES_BELOW_NYQUIST = 7
-"""Number of decades below Nyquist that are searched. Only a loop with a bandwidth of a millionth of its sampling rate
-crosses over that far below. Half as many miss crossings of slow loops; twice as many are wasted."""
+"""Number of decades below Nyquist that the code searches. Only a loop with a bandwidth of a millionth of its sampling
+rate has a crossover that far below. Half as many decades miss crossovers of slow loops. Twice as many decades bring
+nothing."""
 STEPS, FARTHEST = 16, 32
-"""Number of steps in which the delay grows to its estimated margin, and the multiple of the margin up to which it is
-followed. With half as many steps, an unstable interval of delays that is stepped over may be twice as long. Twice as
-many take twice the time."""
+"""Number of steps in which the code increases the delay to its estimated margin, and the multiple of this margin at
+which it stops. With half as many steps, the code may skip an unstable interval of delays that is twice as long. Twice
+as many take twice the time."""
 NEWTON_STEPS = 8
-"""Number of Newton's steps. From the accuracy of ten bisections, quadratic convergence takes three; the others serve a
-double crossing, where convergence is linear. Half as many suffice for a simple crossing; twice as many reach rounding
-errors."""
+"""Number of Newton's steps. After ten bisections, quadratic convergence takes three steps. The other steps serve a
+double crossing, where convergence is linear. Half as many steps suffice for a simple crossing. Twice as many steps
+reach rounding errors."""
 DIFFERENCE = 1e-6
-"""Step of the central differences in Newton's method, in log omega and in delay over sample time. Its error of 1e-12
-and its rounding error of 1e-10 slow the method down but do not change its limit, nor do half and twice this step."""
+"""Step of the central differences in Newton's method, in log omega and in delay over sample time. The differences have
+an error of 1e-12 and a rounding error of 1e-10. Errors of this size slow the method down but do not change its limit.
+Half or twice this step does not change the limit either."""
 FARTHEST_CORRECTION = 0.05
-"""Greatest share of the delay by which Newton's method may correct a bisection, which is correct to 1e-4 of the
-estimate. If it moves farther, it has found another crossing. Half and twice this share decide alike."""
+"""Greatest share of the delay by which Newton's method may correct a bisection. The bisection is correct to 1e-4 of the
+estimate. A larger correction means that the method has found another crossing. Half or twice this share gives the same
+decisions."""
 
 
 @dataclass(frozen=True, slots=True)
 class Margins:
-    """The margins nearest to instability; inf if there is no crossing.
+    """The margins of a loop. A margin is inf if there is no crossing.
 
     Attributes
     ----------
@@ -63,7 +66,7 @@ def loop_margins(device: Device, gains: Gains) -> Margins:
     Parameters
     ----------
     device : device without a hand, with plain numbers
-    gains : gains with which its sampled loop is stable
+    gains : gains with which the device's sampled loop is stable
 
     Returns
     -------
@@ -101,7 +104,9 @@ def unit_gain_frequencies(device: Device, gains: Gains) -> Floats:
 
 
 def unstable_poles(device: Device, gains: Gains) -> int:
-    """Return the number of poles of the closed sampled loop outside the unit circle, from the turns of F around 0.
+    """Return the number of poles of the closed sampled loop outside the unit circle.
+
+    The function counts the turns of F around 0.
 
     Parameters
     ----------
@@ -131,8 +136,8 @@ def _circle(device: Device, gains: Gains) -> Pair:
 def _delay_margin(device: Device, gains: Gains, estimate: float) -> float:
     """Return the least delay with which F passes through 0; inf if there is no such delay.
 
-    The estimate, phase divided by frequency, is good only far below Nyquist. A fraction of a sample of delay even eases
-    a loop that rings at Nyquist, because the held force then acts on two samples.
+    The usual estimate, phase margin divided by frequency, is good only far below Nyquist. If a loop rings at Nyquist, a
+    delay by a fraction of a sample even stabilises it, because the held force then acts on two samples.
     """
 
     def stable(delay: float) -> bool:

@@ -1,4 +1,4 @@
-"""Phases of the parts of a device around the velocity loop and along the force path, in double precision.
+"""Compute the phase of each part of a device around the velocity loop and along the force path, in double precision.
 
 See model/README.md, sections 1, 7 and 12.
 """
@@ -25,7 +25,7 @@ SENSOR, SENSOR_DELAY, ESTIMATE, LAW = "force sensor", "force sensor's delay", "v
 HOLD, DELAY, ACTUATOR, MECHANISM = "hold", "delay", "actuator", "mechanism"
 FEEDBACK, ALIASES = "feedback", "aliases of sampling"
 PARTS = (SENSOR, SENSOR_DELAY, ESTIMATE, LAW, HOLD, DELAY, ACTUATOR, MECHANISM, FEEDBACK, ALIASES)
-"""Names of the parts with a phase, as a page shows them, beginning at the hand."""
+"""Names of the parts with a phase, in the order of the report's page, which begins at the hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ def crossover(device: Device, gains: Gains) -> float | None:
 def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
     """Return the contribution of each part to the phase of L = A H (K_v F + K_p/s) P_mu of the sampled loop.
 
-    Sampling itself, which the frequency model lacks, has a share of its own. The hold is the exact one.
+    Sampling itself, which the frequency model lacks, has a share of its own. The function uses the exact hold.
 
     Parameters
     ----------
@@ -87,7 +87,8 @@ def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
 def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
     """Return the contribution of each part to the phase of q = F_s G_he, with G_he = P_hu C_0/(1 + P_mu C_f).
 
-    The feedback, 1/(1 + P_mu C_f), makes up for most of the lag within the loop. Nothing makes up for the force sensor.
+    The feedback, 1/(1 + P_mu C_f), compensates most of the lag within the loop. The feedback does not compensate the
+    lag of the force sensor.
 
     Parameters
     ----------
@@ -102,7 +103,7 @@ def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
     shares |= _law_phase(gains, omega)
     shares |= _drive_phases(device, omega)
     idle, e = _without_loop(known), _number(known.factor)
-    shares[MECHANISM] = _angle(e / idle) - _angle(e)  # separate: beyond a resonance it continues past -180 deg
+    shares[MECHANISM] = _angle(e / idle) - _angle(e)  # separate: beyond a resonance it passes -180 deg
     shares[FEEDBACK] = -_angle(_number(known.D.closed(gains)) / idle)
     return Phases(omega, shares)
 
@@ -134,7 +135,7 @@ def _constants(device: Device, omega: float) -> LoopConstants:
 
 
 def _without_loop(known: LoopConstants) -> complex:
-    """Return D of the device without a loop."""
+    """Return D of the device with all gains 0."""
     assert known.D.constant is not None
     return _number(known.D.constant)
 

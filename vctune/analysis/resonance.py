@@ -1,4 +1,4 @@
-"""Frequencies near the resonance of a handle on a spring, which a grid of constant spacing may miss."""
+"""Add frequencies near the resonance of a handle on a spring, which a grid of constant spacing may miss."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from vctune.analysis.extrema import Floats
 from vctune.model.device import Device
 
 RESONANCE_REACH, NARROWEST = 1.1, 2e-3
-"""Range around a structure's resonances in which the grid's spacing is half their damping ratio, and its finest
-spacing. Half and twice the range decide alike, because the loop moves a resonance between the two. A grid half as fine
-may miss the effect of a resonance between two frequencies, which the proof would then find. A grid twice as fine takes
-twice the time there."""
+"""Range around a structure's resonances in which the relative spacing of the grid is half their damping ratio, and the
+finest relative spacing. Half or twice this range leads to the same decisions, because the loop moves a resonance to a
+place between the two. A grid half as fine may miss a resonance between two frequencies; the proof would then find it. A
+grid twice as fine takes twice the time in this range."""
 NARROWER = 6.0
-"""Factor by which a drawn curve samples a resonance more finely than its width. Half this factor shows corners; twice
-this factor makes the file twice as long."""
+"""Number of points that a drawn curve has within the width of a resonance. With half as many points, the curve shows
+corners. Twice as many points double the length of the file."""
 
 
 def with_resonance(device: Device, grid: Floats) -> Floats:
     """Return a grid, rad/s, with more frequencies between the resonance of the handle alone and that of both masses.
 
-    A rigid device has no resonance, so its grid stays as it is.
+    A rigid device has no resonance, so the function returns the given grid.
 
     Parameters
     ----------

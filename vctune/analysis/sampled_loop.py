@@ -1,4 +1,4 @@
-"""The exact sampled loop at frequencies up to Nyquist, in double precision. The margins come from it."""
+"""Evaluate the exact sampled loop at frequencies up to Nyquist, in double precision."""
 
 from __future__ import annotations
 
@@ -36,8 +36,9 @@ def _sampled(device: Device) -> SampledPlant:
 
 
 _sampled_once = lru_cache(maxsize=1024)(_sampled)
-"""Cache for devices with exactly known numbers, because all frequencies and all rounds of an exchange need the same
-exponential. Its size is the number of devices tried in a box; half and twice as many take the same time."""
+"""Return a device's plant from a cache, because all frequencies and all rounds of an exchange need the same
+exponential. The cache holds as many devices as the search tries in a box. Half or twice its size takes the same
+time."""
 
 
 def return_difference_at(device: Device, omega: Floats, *, position: bool) -> ReturnDifference:
@@ -53,7 +54,7 @@ def return_difference_at(device: Device, omega: Floats, *, position: bool) -> Re
 
 
 def sensitivity_of(device: Device, gains: Gains) -> Callable[[Floats], Floats]:
-    """Return |S| as a function of frequencies omega > 0, rad/s. The plant is sampled once for all of them.
+    """Return |S| as a function of frequencies omega > 0, rad/s. The function samples the plant only once.
 
     Parameters
     ----------
@@ -69,7 +70,9 @@ def sensitivity_of(device: Device, gains: Gains) -> Callable[[Floats], Floats]:
 
 
 def pulse_transfer(device: Device, omega: Floats, *, position: bool) -> tuple[Complex, Complex]:
-    """Return G_v and G_x, from the held force to velocity and position, at omega > 0; G_x is 0 if the loop lacks it.
+    """Return G_v and G_x, from the held force to velocity and position, at omega > 0.
+
+    G_x is 0 if the loop does not contain the position.
 
     Parameters
     ----------

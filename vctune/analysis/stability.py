@@ -1,4 +1,4 @@
-"""Stability of both loops on grids, and the stability boundary: estimates for the search, not proofs.
+"""Estimate the stability of both loops on grids, and the stability boundary, for the search. These are not proofs.
 
 See model/README.md, section 7.
 """
@@ -24,22 +24,25 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.velocity_loop import ReturnDifference, return_difference
 
 FIRST_ANGLE, ANGLES_PER_DECADE = 1e-4, 46
-"""Grid for counting turns. Neighbours are 5 % apart. The chord between them passes 0 on the same side as the curve,
-unless the curve is too close to 0 (`TOO_CLOSE`). A loop slower than the first angle has no lag with which to turn. With
-half as many angles the proof has to decide more loops; twice as many take twice the time of a scan."""
+"""Grid for counting turns. Neighbouring angles are 5 % apart. The chord between two points of the curve passes 0 on the
+same side as the curve, unless the curve is too close to 0 (`TOO_CLOSE`). A loop slower than the first angle has too
+little lag to turn. With half as many angles, the proof must decide more loops. Twice as many double the time of a
+scan."""
 TOO_CLOSE = 0.03
-"""Least |F| at which the grid counts as reliable, slightly less than the distance of neighbouring angles. With half of
-it, chords may pass 0 on the wrong side; with twice, the proof has to decide more loops. Neither endangers a verdict."""
+"""Least |F| with which the code relies on the grid. This value is slightly less than the distance of neighbouring
+angles. With half this value, chords may pass 0 on the wrong side. With twice this value, the proof must decide more
+loops. Neither makes a verdict wrong."""
 LARGEST_TURN = 1.0
-"""Greatest turn between neighbouring angles that counts as reliable, rad. It is well below half a turn, at which the
-direction is lost. Half and twice it leave more and fewer loops to the proof."""
+"""Greatest turn between neighbouring angles with which the code relies on the grid, rad. This turn is well below half a
+turn, at which the direction would be ambiguous. Half this value leaves more loops to the proof, and twice this value
+fewer."""
 CROSSING_POINTS, CROSSING_ROUNDS = 33, 3
-"""Number of points, and of rounds, in the search along a segment of gains for a pole's crossing, down to 1/32768 of the
-segment. A cut need not be closer, because several rounds follow. Half and twice as many points reach 1/4096 and
-1/262144."""
+"""Number of points, and number of rounds, in the search along a segment of gains for a pole's crossing. The search
+locates the crossing to 1/32768 of the segment. A cut need not be closer, because several cuts follow. Half as many
+points reach 1/4096, and twice as many 1/262144."""
 DIFFERENCE = 1e-4
-"""Relative step of the central difference in theta that gives the direction of a cut, correct to 1e-8 with a rounding
-error of 1e-12. Half and twice this step give the same direction."""
+"""Relative step of the central difference in theta that gives the direction of a cut. The difference has an error of
+1e-8 and a rounding error of 1e-12. Half or twice this step gives the same direction."""
 
 Curve = Callable[[Floats, Floats, Floats], Complex]
 """The function F(theta, K_v, K_p) = 1 + loop gain, affine in the gains; theta is omega T, rad."""
@@ -77,7 +80,7 @@ def model_curve(device: Device) -> Curve:
 
 
 def angles(device: Device, first: float = FIRST_ANGLE) -> Floats:
-    """Return the grid on which the turns of a device's curves are counted.
+    """Return the grid on which the code counts the turns of a device's curves.
 
     Parameters
     ----------
@@ -121,11 +124,12 @@ def unit_circle(device: Device, first: float = FIRST_ANGLE, *, position: bool) -
 
 
 def makes_no_turn(F: Pair) -> NDArray[np.bool_]:
-    """Return whether a closed loop's return difference on `unit_circle`, the last axis, makes no turn around 0.
+    """Return whether a closed loop's return difference on `unit_circle` makes no turn around 0.
 
-    F is real at the last angle. The turn from the first angle to the last is the angle from F at the first to the
-    positive real axis, plus a full turn for each crossing of the negative real axis, which chords between neighbouring
-    angles show.
+    The last axis is the angle.
+
+    F is real at the last angle. The total turn is the angle from F at the first angle to the positive real axis, plus a
+    full turn for each crossing of the negative real axis. Chords between neighbouring angles show these crossings.
     """
     up = F.im >= 0
     cross = F.re[..., :-1] * F.im[..., 1:] - F.re[..., 1:] * F.im[..., :-1]
@@ -163,7 +167,10 @@ def clearly_stable(device: Device, gains: Gains) -> bool | None:
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """The half plane open + K_v velocity + K_p position >= 0, which keeps the gains inside the boundary."""
+    """The half plane open + K_v velocity + K_p position >= 0.
+
+    The half plane keeps the gains inside the stability boundary.
+    """
 
     open: float
     velocity: float
@@ -180,7 +187,7 @@ def stability_cut(device: Device, inside: Gains, outside: Gains, level: float) -
     ----------
     device : device, dimensionless
     inside, outside : stable and unstable gains
-    level : distance kept from the tangent, as a share of F with the loop open
+    level : required distance from the tangent, as a share of F with the loop open
     """
     position = inside.position > 0 or outside.position > 0
     for curve in (sampled_curve(device, position=position), model_curve(device)):
@@ -194,7 +201,10 @@ def stability_cut(device: Device, inside: Gains, outside: Gains, level: float) -
 
 
 def _crossing(curve: Curve, theta: Floats, inside: Gains, outside: Gains) -> Gains | None:
-    """Return the gains at which the number of turns first differs from that at `inside`; None if it does not differ."""
+    """Return the gains at which the number of turns first differs from that at `inside`.
+
+    Return None if it never differs.
+    """
     low, high = 0.0, 1.0
     for _ in range(CROSSING_ROUNDS):
         t = np.linspace(low, high, CROSSING_POINTS)[:, None]

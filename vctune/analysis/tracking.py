@@ -1,4 +1,4 @@
-"""The tracking term of many loops at once."""
+"""Estimate the tracking term of many loops at once."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vctune.model.problem import Problem
 from vctune.model.transparency import log_quadrature, loop_terms
 
 NODES = 64
-"""Number of frequencies of `tracking_terms`; half as many draw the same line."""
+"""Number of frequencies that `tracking_terms` evaluates. With half as many frequencies, the drawn line is the same."""
 
 
 def tracking_terms(problem: Problem, gains: Gains) -> Floats:

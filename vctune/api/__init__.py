@@ -1,4 +1,4 @@
-"""The commands as functions: `from vctune import ...`.
+"""Provide the commands as functions: `from vctune import ...`.
 
 A command reads its options, calls one of these functions and prints the result. Every function that takes a problem
 accepts the path of its file, its tables as a dict, a `Problem`, or the `ProblemFile` that `problem` makes of any of

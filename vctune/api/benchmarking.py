@@ -1,4 +1,4 @@
-"""`vctune bench`, as a function."""
+"""Provide `vctune bench` as a function."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ def benchmark(
 
     Parameters
     ----------
-    name : name of a module of `vctune.bench` that measures
+    name : name of a benchmark's module in `vctune.bench`
     folder : folder for the files; the function creates it if it does not exist
-    quick : whether to stay under a minute
+    quick : whether to make a quick run of less than a minute
     seed : seed of the random devices
-    command : shell command that repeats the benchmark, for its page
+    command : shell command that repeats the benchmark; the page states it
     progress : function that receives the current stage
 
     Raises

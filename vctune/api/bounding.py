@@ -1,4 +1,4 @@
-"""`vctune bound`, as a function."""
+"""Provide `vctune bound` as a function."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ SAVED = "bound.npz"
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """The design that is known before a search for a bound.
+    """The known design with which a search for a bound begins.
 
     Attributes
     ----------
@@ -64,7 +64,8 @@ class Bounded:
     file : the problem
     record : record of the design, including the bound; `to_json()` is the object of design.json
     judgement : judgement of the best known design; None if no design is known
-    optimality : `bound`, `gap` and `proved`; None if the problem was known to be infeasible, or time was too short
+    optimality : `bound`, `gap` and `proved`; None if the problem was known to be infeasible, or if the time was too
+        short
     """
 
     file: ProblemFile
@@ -79,7 +80,7 @@ class Bounded:
 
     @property
     def proved(self) -> bool:
-        """Whether the bound is within the required gap."""
+        """Whether the gap between error and bound is at most the required one."""
         return self.optimality is not None and self.optimality.proved
 
     @property
@@ -108,19 +109,19 @@ def bound(
 
     Parameters
     ----------
-    problem : path of a problem file, its tables as a dict, or the problem; it must leave a number free
+    problem : path of a problem file, its tables as a dict, or the problem; it must leave at least one number free
     design : the result of `solve`, or the path of a design.json; None to solve the problem first
-    gap : the search ends when the design's error is at most 1 + gap times the bound
+    gap : the search ends when the design's error is at most (1 + gap) times the bound
     jobs : number of threads
-    time_limit : seconds after which the function returns the bound reached so far; solving the problem first counts
+    time_limit : seconds after which the function returns the bound reached so far. The time to solve the problem counts
     stopped : function that returns whether to end the search now
     progress : function that receives the state of the search
 
     Returns
     -------
     Bounded
-        The bound is valid whenever the search ends. `optimality` is None if the time limit ended before the design was
-            proved or before the search began.
+        The bound is valid at any time, even if the search is stopped. `optimality` is None if the time limit came
+            before the proof of the design or before the search.
 
     Raises
     ------
@@ -154,7 +155,7 @@ def bound(
 
 
 def require_free(file: ProblemFile, purpose: str = "choose") -> ProblemFile:
-    """Return a problem, which must leave a number free.
+    """Return a problem. Refuse it if it leaves no number free.
 
     Parameters
     ----------
@@ -172,7 +173,7 @@ def require_free(file: ProblemFile, purpose: str = "choose") -> ProblemFile:
 
 
 def known_design(file: ProblemFile, path: Path, *, given: bool) -> Known | None:
-    """Return the given design, or the design of an unfinished search; None if there is neither.
+    """Return the given design, or the design of an unfinished search. Return None if there is neither.
 
     Parameters
     ----------
@@ -204,7 +205,7 @@ def write_bounded(bounded: Bounded, path: Path) -> None:
     Parameters
     ----------
     bounded : result of a search
-    path : path of the design.json; under another file name it is written alone, without gains.toml
+    path : path of the design.json. If the file has another name, the function does not write gains.toml
 
     Raises
     ------
@@ -234,7 +235,7 @@ def _known(file: ProblemFile, design: Solved | Known | str | Path | None, progre
 
 
 def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None]:
-    """Return the record in a design.json of the problem, and this version's verdict on the design."""
+    """Return the record in a design.json of the problem, and the verdict of this version on the design."""
     record = read_design(path)
     if record.problem.sha256 != file.sha256:
         require_record_of(file, record.problem, str(path), "design")
@@ -255,7 +256,7 @@ def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None
 def _added(file: ProblemFile, record: DesignRecord, found: Optimality) -> DesignRecord:
     """Return the design's record with the bound added.
 
-    If the search found a better design, it is the record of that.
+    If the search found a better design, return the record of that design.
     """
     if found.improved is not None:
         solved = Solved(problem=file.problem, judgement=found.improved, optimality=found)

@@ -1,4 +1,4 @@
-"""`vctune check`, as a function. It imports the optimiser only if it needs it."""
+"""Provide `vctune check` as a function. This module imports the optimiser only if a check needs it."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def check(
     *,
     time_limit: float = inf,
 ) -> Checked:
-    """Prove a design that already exists.
+    """Prove the claims about a given design.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def check(
     gains : N s/m and N/m, given together with `coupling`; or a gains file or its path; None if the problem fixes every
         number
     coupling : coupling of the design, N s/m and kg
-    time_limit : seconds after which claims that are not proved yet are undecided
+    time_limit : seconds after which all unproved claims are undecided
 
     Returns
     -------
@@ -67,7 +67,7 @@ def check(
 
 
 def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
-    """Prove the cells and gain sets of a region file again, for the problem as it is today.
+    """Prove the cells and gain sets of a region file again for the present problem.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
 
 
 def recheck(file: ProblemFile, baseline: Path, progress: Progress = lambda stage: None) -> tuple[Checked, Recheck]:
-    """Prove a region again, as `check_region` does; return the check, and the verdicts on cells and gain sets.
+    """Prove a region again, as `check_region` does. Return the check, and the verdicts on cells and gain sets.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def check_parameter_files(
 
     Parameters
     ----------
-    problems : path of the problem file of the device; a list of one
+    problems : path of the problem file of the device; a list with one path
     files : paths of the parameter files
     axes : names of the axes to check; empty for all axes that the files select
     progress : function that receives the current stage
@@ -141,7 +141,8 @@ def check_parameter_files(
 
 
 def check_object(checked: Checked) -> dict[str, Any]:
-    """Return a check as an object: the object of design.json, the verdict on a region, or why there is neither."""
+    """Return a check as an object: the object of design.json, the verdict on a region, or the reason why there is
+    neither."""
     if checked.finding is not None:
         return checked.finding.record()
     return RefusalRecord(
@@ -159,8 +160,8 @@ def write_lost(checked: Checked, again: Recheck, folder: Path) -> None:
 
     Parameters
     ----------
-    checked : check whose finding is written to lost.json
-    again : cells and gain sets that are drawn in lost.svg
+    checked : check; the function writes its finding to lost.json
+    again : cells and gain sets; the function draws them in lost.svg
     folder : folder for the files; the function creates it if it does not exist
 
     Raises
@@ -177,7 +178,10 @@ def write_lost(checked: Checked, again: Recheck, folder: Path) -> None:
 
 
 def remove_lost(folder: Path) -> list[str]:
-    """Remove the lost.json and lost.svg of an earlier check if this check has no losses; return their names."""
+    """Remove the lost.json and lost.svg of an earlier check if this check has no losses.
+
+    Return the names of the removed files.
+    """
     gone = [path for name in LOST if (path := folder / name).exists()]
     for path in gone:
         path.unlink()

@@ -1,4 +1,4 @@
-"""`vctune compare`, as a function."""
+"""Provide `vctune compare` as a function."""
 
 from __future__ import annotations
 
@@ -23,16 +23,19 @@ from vctune.document.records.design_json import DesignRecord
 from vctune.model.problem import Problem, Transparency
 
 SAME = 1e-9
-"""Greatest relative difference of two numbers that count as equal. One may be computed, the other read from a file."""
+"""Greatest relative difference of two numbers that count as equal. One number may be computed, and the other read from
+a file."""
 
 
 def compare(
     a: ProblemSource | DesignRecord, b: ProblemSource | DesignRecord, *, progress: Progress = lambda stage: None
 ) -> ComparisonRecord:
-    """Compare two designs. vctune solves a problem that comes without a design; it writes nothing.
+    """Compare two designs. If an argument is a problem without a design, vctune first solves the problem. The function
+    writes no files.
 
-    Both errors are measured over the band and with the Z_0 of `a`, and a problem `b` is solved for that band and Z_0.
-    If `b` states its own band or Z_0, or is a design that was made for another, both errors are given for both.
+    The function measures both errors over the band and with the Z_0 of `a`. If `b` is a problem, the function solves it
+    for this band and Z_0. If `b` states another band or Z_0, or is a design for another one, the result contains both
+    errors on both scales.
 
     Parameters
     ----------
@@ -47,7 +50,7 @@ def compare(
     Raises
     ------
     InputError
-        If one of them is invalid.
+        If `a` or `b` is invalid.
     """
     record_a, problem_a = _designed(a, None, progress)
     record_b, problem_b = _designed(b, problem_a, progress)
@@ -59,7 +62,10 @@ def compare(
 
 
 def _designed(source: Any, base: Problem | None, progress: Progress) -> tuple[DesignRecord, Problem]:
-    """Return a design with its problem. A problem without a yardstick of its own is solved on the base's yardstick."""
+    """Return a design with its problem.
+
+    If the problem states no band and no Z_0, the function uses those of the base.
+    """
     known = known_record(source)
     if known is not None:
         return known, parse_problem(known.problem.text, known.problem.name, known.problem.name)
@@ -77,7 +83,7 @@ def _alike(a: Problem, b: Problem) -> bool:
 def _same(a: Transparency, b: Transparency) -> bool:
     """Return whether two yardsticks are equal.
 
-    The last digits of a number may differ, where one problem states it and the other takes the default.
+    The last digits of a number may differ if one problem states the number and the other takes the default.
     """
     numbers = [(each.band.min, each.band.max, each.reference_impedance) for each in (a, b)]
     close = all(isclose(*pair, rel_tol=SAME) for pair in zip(*numbers, strict=True))
@@ -95,7 +101,10 @@ def _side(source: Any, record: DesignRecord, problem: Problem, yardsticks: Seque
 
 
 def _measured(record: DesignRecord, problem: Problem, yardstick: Transparency) -> MeasuredRecord | None:
-    """Return a design's error on a yardstick; None without a design, or if its device cannot have that yardstick."""
+    """Return a design's error on a yardstick.
+
+    Return None without a design, or if the yardstick is impossible for the device.
+    """
     if record.design is None or yardstick.band.max > problem.nyquist:
         return None
     posed = pose(replace(problem, transparency=yardstick)).problem

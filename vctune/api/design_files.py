@@ -45,7 +45,8 @@ def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> 
     Raises
     ------
     InputError
-        If the folder cannot be written, or holds the design of another problem or file; its files then stay.
+        If the folder cannot be written, or holds the design of another problem or file. The function then changes no
+        file.
     """
     file, folder = problem_of(problem), Path(folder)
     claim_folder(file, folder)
@@ -78,9 +79,9 @@ def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: 
 
     Parameters
     ----------
-    design : path of a design.json, its object, or its record
+    design : path of a design.json, the file's object, or its record
     folder : folder for the report; the function creates it if it does not exist. None for the design's own folder. If
-        either folder has a simulation.json of the design, the report shows the simulation, too
+        either folder has a simulation.json of the design, the report also shows the simulation
 
     Returns
     -------
@@ -107,7 +108,7 @@ def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: 
 
 
 def known_record(source: Any) -> DesignRecord | None:
-    """Read the record of a design from its file or its object; return None for a source that states a problem.
+    """Read the record of a design from a file or an object. Return None if the source states a problem.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""`vctune example`, as functions: the problems that come with the package."""
+"""Provide `vctune example` as functions: the problems that come with the package."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def example_text(name: str) -> str:
 
 
 def write_example(name: str, folder: Path) -> Path:
-    """Write an example's problem file. It never replaces another file.
+    """Write the problem file of an example. The function never replaces an existing file.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def write_example(name: str, folder: Path) -> Path:
     Raises
     ------
     InputError
-        If there is no example of this name, or the file exists already.
+        If there is no example of this name, or the file already exists.
     """
     text, path = example_text(name), folder / f"{name}.toml"
     if path.exists():

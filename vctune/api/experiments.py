@@ -1,4 +1,4 @@
-"""`vctune simulate`, as a function."""
+"""Provide `vctune simulate` as a function."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Simulation:
     experiments : results of the experiments; each has the runs of the design and of the regular PID (`traces`,
         `metrics`, `mode`)
     controller : name of the compiled controller that ran instead of the design's own; None without one
-    made_for : digest of the problem that this controller was made for; None without one
+    made_for : digest of the problem for which this controller was made; None without one
     """
 
     file: ProblemFile
@@ -58,8 +58,10 @@ class Simulation:
 
     @property
     def agrees(self) -> bool:
-        """Whether a compiled controller commanded the same as the design, except for rounding; True without a
-        controller."""
+        """Whether the commands of a compiled controller equal the design's, except for rounding.
+
+        True without a controller.
+        """
         return all(one.difference is None or one.difference.passes for one in self.experiments)
 
     @property
@@ -96,9 +98,9 @@ def simulate(
     problem : path of a problem file, its tables as a dict, or the problem
     gains : N s/m and N/m, given together with `coupling`; or a gains file or its path; None for the design of `solve`
     coupling : coupling of the design, N s/m and kg
-    experiment : the only experiment to simulate, by name or as an object; None for all experiments of the problem
-    controller : a compiled controller, its path, or its folder, to run instead of the design's own; each experiment
-        then has its `difference`
+    experiment : experiment to simulate, by name or as an object; None for all experiments of the problem
+    controller : a compiled controller, its path, or its folder. It runs instead of the design's own, and each
+        experiment then has a `difference`
     tolerance : greatest permitted difference between its commands and the design's, in their unit; None for the effect
         of rounding
     progress : function that receives the current stage
@@ -202,7 +204,9 @@ def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
 
 
 def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
-    """Write simulation.json, traces.npz and their figure. If the folder's design is this one, write its report again.
+    """Write simulation.json, traces.npz and their figure.
+
+    If the folder holds the simulated design, write its report again.
 
     Parameters
     ----------

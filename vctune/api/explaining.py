@@ -1,4 +1,4 @@
-"""`vctune explain`, as a function: the guides' text on a code, a key, a term or a claim."""
+"""Provide `vctune explain` as a function: return the guides' text on a code, a key, a term or a claim."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from vctune.proof.claims.registry import CLAIMS, Claim
 
 GUIDE = "README.md"
 CODE = re.compile(r"^### `([a-z-]+)`\n(.*?)(?=^#|\Z)", re.MULTILINE | re.DOTALL)
-"""Matches the page of a code in a guide: the code of a refusal, warning or omitted line, and the text below it."""
+"""Pattern of a code's section in a guide: the heading with the code, and the text below it."""
 KEYS = re.compile(r"<!-- (?:reference|log|columns) -->\n(.*?)<!-- /", re.DOTALL)
 KEY = re.compile(r"^\| \*{0,2}`\[{0,2}([\w.]+)\]{0,2}`\*{0,2} \| (.*) \|$", re.MULTILINE)
 GLOSSARY = re.compile(r"^## Glossary\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
@@ -32,21 +32,22 @@ LABEL_ENDS = (
     r" [A-Za-z](_\w+)?$",
     r"_(hz|db|deg|s|per_s)$",
 )
-"""Endings that a table's label or a JSON key adds to a word: a frequency, the number of a part, a symbol, a unit."""
+"""Pattern of an ending that a table's label or a JSON key adds to a word: a frequency, the number of a part, a symbol,
+a unit."""
 TURNING = (("inertia", "mass"), ("torque", "force"))
-"""Words for a rotary device, each with the word for a linear device."""
+"""Words for a rotary device, each with the corresponding word for a linear device."""
 CLAIMS_GUIDE = "vctune/proof/README.md"
 CELLS = re.compile(r"(?<!\\)\|")
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """The guides' text on one name.
+    """The text of the guides on one name.
 
     Attributes
     ----------
     kind : "code", "key", "term" or "claim"
-    names : names under which the entry is found
+    names : names under which `vctune explain` finds the entry
     text : text in Markdown
     guide : path of the guide that contains it
     """
@@ -62,7 +63,7 @@ def explain(name: str) -> ExplanationRecord:
 
     Parameters
     ----------
-    name : a code as it stands in brackets after a message; a key, in full or its last part; a word or symbol of the
+    name : a code, as in the brackets after a message; a key, complete or only its last part; a word or symbol of the
         glossary; or a claim's identifier or label
 
     Returns
@@ -90,13 +91,13 @@ def explain(name: str) -> ExplanationRecord:
 
 
 def contents() -> ExplanationRecord:
-    """Return all names that can be explained, without their texts."""
+    """Return all names that `explain` knows, without their texts."""
     listed = [EntryRecord(kind=each.kind, name=each.names[0], text="", guide=each.guide) for each in entries()]
     return ExplanationRecord(name=None, entries=listed)
 
 
 def _alike(asked: str) -> Iterator[str]:
-    """Yield the names under which the guides may explain a label: the label itself, and the label without variable
+    """Yield the names under which the guides may explain a label: the whole label, and the label without its variable
     parts."""
     linear = reduce(lambda words, pair: words.replace(*pair), TURNING, asked)
     stems = [re.sub(end, "", linear) for end in ("", *LABEL_ENDS)]
@@ -104,7 +105,7 @@ def _alike(asked: str) -> Iterator[str]:
 
 
 def _called(asked: str, compared: Callable[[str], str] = str) -> list[Entry]:
-    """Return the entries of a name, or the keys whose last part is the name."""
+    """Return the entries of a name. If there is none, return the keys whose last part is the name."""
     return [
         entry
         for entry in entries()
@@ -115,7 +116,7 @@ def _called(asked: str, compared: Callable[[str], str] = str) -> list[Entry]:
 
 @cache
 def entries() -> tuple[Entry, ...]:
-    """Return everything that can be explained, in the order of the guides."""
+    """Return all entries, in the order of the guides."""
     told = (entry for guide, text in _guides(files("vctune"), "vctune") for entry in _entries(guide, text))
     return (*told, *map(_claim, CLAIMS.values()))
 

@@ -1,4 +1,4 @@
-"""`vctune export`, as a function."""
+"""Provide `vctune export` as a function."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.simulation.firmware.stepped import Precision as Precision
 
 Files = Mapping[str, Content]
-"""Contents of files by their names."""
+"""Contents of files, by name."""
 FOLDER = "firmware"
 """Name of the folder for exported files, inside the design's folder."""
 
@@ -42,7 +42,7 @@ class Exported:
     Attributes
     ----------
     file : the problem
-    firmware : the exported design; its `certified` says whether it is proved
+    firmware : the exported design; `certified` states whether all its claims are proved
     files : contents of the files by name
     """
 
@@ -72,7 +72,7 @@ def export(
     to : "c" for C source with vectors to replay, "fmu", "json", or "ros2" for the parameters of an
         admittance_controller
     precision : precision of the firmware's numbers
-    unproved : whether to export a design that is not proved, too; every file then says so at its top
+    unproved : whether to also export a design that is not proved. The head of every file then says that it is not
     progress : function that receives the current stage
 
     Returns
@@ -103,7 +103,8 @@ def export(
 
 
 def require_double(precision: Precision) -> None:
-    """Make sure that a ROS 2 controller is exported in double precision, which it computes in.
+    """Check that a ROS 2 controller is exported in double precision, because the controller computes in double
+    precision.
 
     Raises
     ------
@@ -118,19 +119,20 @@ def require_double(precision: Precision) -> None:
 def export_parameters(
     named: ProblemFile, axes: Sequence[RosAxis], *, unproved: bool = False, progress: Progress = lambda stage: None
 ) -> Exported:
-    """Prove designs as a ROS 2 admittance_controller computes them, and make its parameter file.
+    """Prove designs with the arithmetic of a ROS 2 admittance_controller, and make its parameter file.
 
     Parameters
     ----------
     named : the problem that gives the export its name
     axes : the designs, at least one
-    unproved : whether to export a design that is not proved, too
+    unproved : whether to also export a design that is not proved
     progress : function that receives the current stage
 
     Returns
     -------
     Exported
-        Its firmware is that of the first design that is not certified, or else of the first design.
+        `firmware` belongs to the first design that is not certified. If all are certified, it belongs to the first
+        design.
 
     Raises
     ------
@@ -151,11 +153,11 @@ def export_parameters(
 RIGID = (
     "; the controller renders mass and drag alone, without a damper in a row: write coupling.damping = inf, solve again"
 )
-"""Hint for a design that is refuted in the way an admittance_controller computes it."""
+"""Hint for a design that is refuted with the arithmetic of an admittance_controller."""
 
 
 class NotCertifiedError(InputError):
-    """A design is not exported because it is not certified. `status` is the design's status."""
+    """Error: vctune does not export a design because it is not certified. `status` is the design's status."""
 
     def __init__(self, made: Firmware, also: str = "") -> None:
         single = " with the constants rounded to single precision" if made.precision == "single" else ""
@@ -210,7 +212,7 @@ def export_record(exported: Exported, place: Path) -> ExportRecord:
 def stated_design(
     source: ProblemSource | DesignRecord, gains: DesignSource | None, coupling: AnyCoupling | None
 ) -> tuple[ProblemFile, tuple[Gains, AnyCoupling]]:
-    """Return the problem and the design that are meant.
+    """Return the problem and the design that the arguments name.
 
     Parameters
     ----------
@@ -252,7 +254,7 @@ def stated_design(
 def _stated_corner(
     source: ProblemSource | DesignRecord, gains: DesignSource | None, coupling: AnyCoupling | None, file: ProblemFile
 ) -> float | None:
-    """Return the corner frequency, rad/s, with which the walls of a design were proved; None if nothing states it."""
+    """Return the corner frequency, rad/s, that proved the walls of a design; None if no file states it."""
     record = known_record(source)
     if record is None:
         return None if gains is None else design_for(file, gains, coupling).corner
@@ -289,4 +291,4 @@ FILES: dict[Format, Callable[[ProblemFile, Firmware, Progress], Files]] = {
     "fmu": _fmu_files,
     "json": _json_files,
 }
-"""The function that makes the files, for each format."""
+"""Function that makes the files, for each format."""

@@ -1,4 +1,4 @@
-"""The folder of a design: which problem file owns it, and which files of an earlier design it contains."""
+"""Manage the folder of a design: the problem file that owns it, and the files of an earlier design in it."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from vctune.document.text.output_files import write_together
 
 DESIGN_FILE, GAINS_FILE = "design.json", "gains.toml"
 OWNER_FILE = "problem-file.txt"
-"""File with the path of the problem file that owns the folder, relative to the folder, so that both may move
-together."""
+"""File with the path of the problem file that owns the folder. The path is relative to the folder, so that both may
+move together."""
 OF_DESIGN = ("firmware", "in-the-loop", "simulation.json", "traces.npz")
 """Files that other commands write for a design, in its folder."""
 OF_PROBLEM = ("region.json", "region.svg", "z-width.json", "z-width.svg", "front")
@@ -47,10 +47,10 @@ def design_folder(file: ProblemFile, out: Path) -> Path:
 
 
 def claim_folder(file: ProblemFile, folder: Path) -> None:
-    """Create a folder if needed, and make sure that a design of this problem overwrites no other work in it.
+    """Create a folder if needed, and check that a design of this problem overwrites no other work in it.
 
-    A problem that was read from a file becomes the owner of the folder. If another file owns the folder, the problem is
-    refused, unless the design in the folder belongs to the same problem.
+    A problem file becomes the owner of the folder. If another file owns the folder, the function refuses the problem,
+    unless the design in the folder belongs to the same problem.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def claim_folder(file: ProblemFile, folder: Path) -> None:
 
 
 def outdated(folder: Path, record: DesignRecord) -> list[Path]:
-    """Return the files in a folder that belong to its previous design, if that design differs.
+    """Return the files in a folder that belong to its previous design, if the new design differs.
 
     Parameters
     ----------
@@ -125,7 +125,10 @@ def _same(one: Path, other: Path) -> bool:
 
 
 def _from(folder: Path, source: Path) -> str:
-    """Return the relative path from a folder to a file, with slashes. Between drives it is the absolute path."""
+    """Return the relative path from a folder to a file, with slashes.
+
+    If the two are on different drives, return the absolute path.
+    """
     try:
         return Path(os.path.relpath(source, folder.resolve())).as_posix()
     except ValueError:

@@ -1,4 +1,4 @@
-"""`vctune identify`, as a function."""
+"""Provide `vctune identify` as a function."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from vctune.identification.identify import Identified
 
 LONGEST_NAME = 200
-"""Greatest length of a name in a problem file. The name of a log file may be longer."""
+"""Greatest length of a name in a problem file. A log file may have a longer name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Identification:
     found : fits, box and distances
     record : the object of identification.json
     text : text of device.toml
-    excitation : a multisine that would reduce the uncertainty of the numbers; None if not requested
+    excitation : a multisine that would reduce the uncertainty of the numbers; None if the user did not request it
     """
 
     found: Identified
@@ -69,7 +69,7 @@ def identify(
     ----------
     logs : CSV files, plain or .gz, all from the same device
     config : the log.toml that assigns the columns; None if the headers name them
-    servo : whether the recordings are of a servo's command and position
+    servo : whether the recordings contain a servo's command and position
     excitation : whether to suggest a multisine that would reduce the uncertainty of the numbers
     progress : function that receives the current stage
 
@@ -108,7 +108,7 @@ def identify(
 def write_identification(identified: Identification, folder: str | Path, *, report: bool = True) -> Path:
     """Write device.toml, identification.json and the report with its figures.
 
-    Remove those of an earlier identification.
+    Also remove the files of an earlier identification.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def _excitation_text(made: Excitation, record: IdentificationRecord) -> str:
 
 
 def require_scipy() -> None:
-    """Make sure that SciPy is installed.
+    """Check that SciPy is installed.
 
     Raises
     ------

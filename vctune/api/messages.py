@@ -1,4 +1,7 @@
-"""Versions, doubts and schemas for the commands. The module imports heavy packages only when it needs them."""
+"""Provide versions, probable mistakes and schemas for the commands.
+
+This module imports heavy packages only when it needs them.
+"""
 
 from __future__ import annotations
 

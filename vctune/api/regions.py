@@ -1,4 +1,4 @@
-"""`vctune region`, as a function."""
+"""Provide `vctune region` as a function."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ from vctune.study.region_record import Design, region_record
 from vctune.study.world_region import world_plane, world_plane_errors, world_region
 
 REGION_FILES, WORLD_FILES = ("region.json", "region.svg"), ("z-width.json", "z-width.svg")
-"""Files of a region over design variables, and of a region over environments: the record and the picture."""
+"""File names of record and picture, for a region over design variables and for a region over environments."""
 SOLVING = 0.5
-"""Greatest share of a time limit for solving. A region shows the design but does not need it."""
+"""Greatest share of a time limit for solving the problem. A region shows the best design, but does not need it."""
 DRAWING = 1.5
 """Seconds reserved for the picture of the cells, at most half of the remaining time. With half as many seconds, a slow
-machine leaves regions without a picture; with twice as many, the search leaves more cells undecided."""
+machine leaves regions without a picture. With twice as many, the search leaves more cells undecided."""
 LOADING = 0.5
-"""Seconds to load the drawing packages, which nothing can interrupt. If less time is left, vctune draws no picture.
-With half as many seconds, the command ends late."""
+"""Seconds that loading the drawing packages may take. Nothing can interrupt this. If less time is left, vctune draws no
+picture. With half as many seconds, the command would end late."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class AdmissibleGains:
     Attributes
     ----------
     file : the problem
-    region : the cells; its `interrupted` says whether the search was stopped
+    region : the cells; `interrupted` states whether the search was stopped
     solved : the problem's best design, if it has one; None if the search did not need it
     design : the gains and the coupling that render the environments of the cells; None for a plane of design variables
     marked : gains and coupling that the picture of a plane of design variables marks, proved or not
@@ -82,7 +82,8 @@ class AdmissibleGains:
 
     @property
     def status(self) -> Status:
-        """Certified if a cell or design is feasible, infeasible if all cells are infeasible, undecided otherwise."""
+        """The status: certified if a cell or design is feasible, infeasible if all cells are infeasible, undecided
+        otherwise."""
         kinds = self.region.kinds
         if (kinds == Kind.FEASIBLE).any() or (self.designs and self.design is None):
             return Status.CERTIFIED
@@ -121,7 +122,7 @@ def region(
         variables are free, a cell is feasible if some of their values within their bounds suffice. If x and y are
         numbers of an environment, the region has the environments that may be rendered in every hand of the problem
     gains, coupling : the design that renders the environments, or its file; None for the problem's own design. The
-        picture of a plane of design variables marks it
+        picture of a plane of design variables marks this design
     resolution : side of the smallest cell as a share of the plane's side, 1/2048 to 1/8
     solved : the result of `solve` for the problem; None to solve it first
     time_limit : seconds after which the function returns the result so far
@@ -162,7 +163,7 @@ def region(
 
 def _best(file: ProblemFile, solved: Solved | None) -> Design:
     if solved is None or solved.judgement is None:
-        message = f"has no design whose environments could be looked at: {solved.reason if solved else 'none given'}"
+        message = f"has no design that could render environments: {solved.reason if solved else 'none given'}"
         raise InputError.of(file.source, "no-design", message)
     return solved.judgement.gains, solved.judgement.coupling
 
@@ -198,7 +199,7 @@ def axes_of(problem: Problem, x: str | None, y: str | None) -> tuple[str, str]:
 
 
 def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
-    """Return a problem, which must have a region in the plane of x and y.
+    """Return a problem. Refuse it if it has no region in the plane of x and y.
 
     Parameters
     ----------
@@ -227,7 +228,7 @@ def write_region(found: AdmissibleGains, folder: Path) -> tuple[Path | None, boo
 
     Parameters
     ----------
-    found : the region; an interrupted search does not replace an earlier complete region
+    found : the region. An interrupted search does not replace an earlier complete region
     folder : an existing folder
 
     Returns

@@ -1,4 +1,4 @@
-"""`vctune solve`, as a function."""
+"""Provide `vctune solve` as a function."""
 
 from __future__ import annotations
 
@@ -26,13 +26,16 @@ def solve(
     time_limit: float = inf,
     progress: Progress = lambda stage: None,
 ) -> Solved:
-    """Find the most transparent feasible design and prove it. If the problem fixes every number, judge that design.
+    """Find the most transparent feasible design and prove it.
+
+    If the problem fixes every number, judge the fixed design.
 
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
-    gap : prove that no design's error is lower by more than this share; None for no such proof
-    prices : whether to compute how much the error would fall if each number of the device were better by a hundredth
+    gap : share by which a better design's error could be lower; the function proves that it is not lower by more. None
+        for no such proof
+    prices : whether to compute the prices: how much the error would fall if a number of the device were better by 1 %
     time_limit : seconds after which the function returns the result so far; `cut` then names the missing parts
     progress : function that receives the current stage
 
@@ -62,7 +65,7 @@ def solve(
 
 
 def require_gap(gap: float) -> None:
-    """Make sure that a gap is in the range that can be proved.
+    """Check that a gap is in the range that vctune can prove.
 
     Raises
     ------
@@ -75,7 +78,7 @@ def require_gap(gap: float) -> None:
 
 
 def require_bounded(file: ProblemFile) -> ProblemFile:
-    """Return a problem, which must be of a kind with a known lower bound on the error.
+    """Return a problem. Refuse it if no lower bound on its error is known.
 
     Parameters
     ----------
@@ -84,12 +87,13 @@ def require_bounded(file: ProblemFile) -> ProblemFile:
     Raises
     ------
     InputError
-        If the problem's environments form a box.
+        If the environments run late or by Euler's rules, or an impedance display renders a box of them.
     """
-    if file.problem.worlds is not None:
+    worlds = file.problem.worlds
+    if worlds is not None and (not worlds.lossless or file.problem.device.kind.inverse):
         message = (
-            "environment: no lower bound on the error is known where a reactance may stand in for resistance; "
-            "leave the table out, for a bound with every passive environment"
+            "environment: no lower bound on the error is known for environments that run late or by Euler's rules, nor "
+            "on an impedance display; leave the table out, for a bound with every passive environment"
         )
         raise InputError.of(file.source, "no-bound", message)
     return file

@@ -1,4 +1,4 @@
-"""`vctune sweep` and `vctune front`, as functions."""
+"""Provide `vctune sweep` and `vctune front` as functions."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Swept:
     ----------
     study : the solved study
     table : one row for each point: its axes, status, error, design and least ratio
-    dropped : number of torn lines from an interrupted earlier run; their points were solved again
+    dropped : number of torn lines from an interrupted earlier run; the sweep solved their points again
     """
 
     study: Study
@@ -89,7 +89,7 @@ class Fronts:
     band: Table | None
 
     def record(self, problem: str) -> FrontRecord:
-        """Return both fronts as one record; they have the same units."""
+        """Return both fronts as one record. Both have the same units."""
         band = None if self.band is None else self.band.rows()
         return FrontRecord(problem=problem, units=self.terms.units, terms=self.terms.rows(), band=band)
 
@@ -153,7 +153,7 @@ def front(
     time_limit: float = inf,
     bar: Bar = lambda name, points: nullcontext(lambda: None),
 ) -> Fronts:
-    """Find the Pareto fronts of a problem: those between the three terms of the error, and that between error and band.
+    """Find two Pareto fronts of a problem: one between the three terms of the error, one between error and band.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def _study(problem: ProblemSource | Study, axes: Mapping[str, Any] | None, sampl
 
 @contextmanager
 def _kept(folder: str | Path | None) -> Iterator[Path]:
-    """Yield the given folder, created if needed; or a temporary folder if none is given."""
+    """Yield the given folder, and create it if needed. Without a given folder, yield a temporary one."""
     if folder is None:
         with tempfile.TemporaryDirectory() as name:
             yield Path(name)
@@ -227,7 +227,10 @@ def _write(swept: Swept, folder: Path) -> None:
 
 
 def _write_fronts(fronts: Fronts, edge: float, folder: Path) -> None:
-    """Write the fronts as tables and pictures. The band's front marks the transparency band's upper edge, Hz."""
+    """Write the fronts as tables and pictures.
+
+    The picture of error and band marks the upper edge of the transparency band, Hz.
+    """
     from vctune.report.figures.sweep_figures import band_figure, terms_figure
     from vctune.report.page.page import figure_file
 

@@ -1,6 +1,6 @@
 """Solve, check and export problems with several uncoupled axes.
 
-Each axis is a problem; equal problems are solved once.
+Each axis is a problem. vctune solves equal problems only once.
 """
 
 from __future__ import annotations
@@ -71,8 +71,8 @@ def of_each(
     ----------
     axes : problem file with several axes
     work : function of an axis; called once for each distinct problem
-    given : function that returns the other inputs of the work on an axis; axes share a call only if these are equal,
-        too
+    given : function that returns the other inputs of the work on an axis. Axes share a call only if these inputs are
+        also equal
 
     Returns
     -------
@@ -92,7 +92,7 @@ def of_each(
 def solve_axes(
     axes: AxesFile, *, gap: float | None = None, prices: bool = False, progress: Progress = lambda stage: None
 ) -> list[AxisDesign]:
-    """Solve the problem of each axis. Axes that state the same problem are solved once.
+    """Solve the problem of each axis. vctune solves the problem of equal axes only once.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def solve_axes(
 
 
 def axis_folder(axes: AxesFile, axis: AxisProblem, out: Path) -> Path:
-    """Return the folder of an axis: OUT, the problem's name, the axis's name.
+    """Return the folder of an axis: OUT/PROBLEM/AXIS.
 
     Parameters
     ----------
@@ -145,7 +145,9 @@ def claim_axes(axes: AxesFile, out: Path) -> None:
 
 
 def write_axes(axes: AxesFile, designs: list[AxisDesign], out: Path, *, reported: bool) -> dict[Path, Path]:
-    """Write the design of each axis into its folder, and into the problem's folder a page with one line for each axis.
+    """Write the design of each axis into the axis's folder.
+
+    Write a page with one line for each axis into the problem's folder.
 
     Parameters
     ----------
@@ -199,7 +201,7 @@ def check_axes(
     Returns
     -------
     list of Checked
-        One check for each axis, in the order of the file. Equal axes are proved once.
+        One check for each axis, in the order of the file. vctune proves equal axes only once.
     """
 
     def work(axis: AxisProblem) -> Checked:
@@ -219,7 +221,7 @@ def check_parameters(
     only: Sequence[str] = (),
     progress: Progress = lambda stage: None,
 ) -> list[Checked]:
-    """Check the selected axes of a ROS 2 parameter file. Each belongs to the problem's axis of the same name.
+    """Check the selected axes of a ROS 2 parameter file. Each belongs to the axis of the same name in the problem file.
 
     Parameters
     ----------
@@ -298,7 +300,7 @@ def export_axes(
 ) -> list[tuple[Exported, Path]]:
     """Export each axis into its own folder, or all axes as the parameters of one ROS 2 controller.
 
-    The parameters of a controller go into the problem's folder.
+    The parameter file of a controller goes into the problem's folder.
 
     Parameters
     ----------

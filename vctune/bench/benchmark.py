@@ -1,4 +1,4 @@
-"""What every benchmark has: a table of frozen rows, findings, a picture, and the files that hold them."""
+"""Define the common parts of all benchmarks: a table of frozen rows, findings, a picture, and their files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vctune.report.figures.benchmark_figures import Panel, benchmark_figure
 from vctune.report.page.page import svg
 
 Tick = Callable[[str], None]
-"""A function that receives the name of the current stage of the measurement."""
+"""Type of a function that receives the name of the current stage of the measurement."""
 DIGITS = 6
 
 
@@ -62,7 +62,8 @@ def _cell(value: Any) -> str:
 
 
 def page(name: str, measured: Measured, command: str, machine: str) -> str:
-    """Return a benchmark's page in Markdown: the picture, how to read it, the findings, and how to repeat the run.
+    """Return a benchmark's page in Markdown: the picture, how to read the picture, the findings, and how to repeat the
+    run.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The design problem on a fixed grid, as a problem for any solver, with exact derivatives. Imports casadi.
+"""Pose the design problem on a fixed grid for any solver, with exact derivatives. This module imports casadi.
 
 Every peer gets vctune's own formulation: logarithmic variables, log-ratio constraints, the bounds, and the starts of
 the scan. CasADi's algorithmic differentiation supplies the derivatives.
@@ -26,7 +26,7 @@ from vctune.interrupt import interrupt_deferred
 from vctune.model.gains import AnyCoupling, Gains
 
 PANELS = 16
-"""Number of panels of the objective's quadrature. They give nine digits on the reference problems."""
+"""Number of panels of the objective's quadrature. These panels give nine digits on the reference problems."""
 MISSED = 1e3
 SETTINGS: dict[str, Any] = {**OPTIONS, "ipopt.max_iter": 500}
 
@@ -53,8 +53,8 @@ class Dense:
     def values(self, z: Floats) -> tuple[Floats, Floats]:
         """Return the logarithm of the error, and the constraints minus their levels.
 
-        A design satisfies a constraint if its number is >= 0. Where Re G_hh <= 0 the logarithm does not exist, and the
-        number of such a constraint is `MISSED`.
+        A design satisfies a constraint if its number is >= 0. Where Re G_hh <= 0, the logarithm in a constraint does
+        not exist, and the function returns `MISSED`.
         """
         f, g = functions(self.structure).values(z, self.numbers.parameters)
         beyond = np.nan_to_num(np.array(g).ravel()[self.posed] - self.levels, nan=-MISSED, neginf=-MISSED)
@@ -67,7 +67,7 @@ class Dense:
 
     @property
     def posed(self) -> Any:
-        """The mask of the constraint slots that are in use."""
+        """Mask that marks the constraint slots in use."""
         return self.numbers.least > -np.inf
 
     @property
@@ -104,15 +104,15 @@ def functions(structure: NlpStructure) -> Functions:
 
 
 def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> Dense:
-    """Impose the constraints of a problem on a fixed grid: `count` frequencies for Llewellyn's conditions, `count` for
-    |S|.
+    """Impose the constraints of a problem on a fixed grid: `count` frequencies for Llewellyn's conditions, and `count`
+    for |S|.
 
     Both grids are log-spaced.
 
     Parameters
     ----------
     prepared : the problem
-    start : start; it decides whether the law has an integrator
+    start : start of the solver; it decides whether the law has an integrator
     count : number of frequencies of each kind
     reserve : relative tightening of the constraints
 

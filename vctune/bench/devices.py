@@ -1,4 +1,7 @@
-"""Random devices over ten decades of mass, damping, sample time, delay, bounds and bands. A seed reproduces each."""
+"""Make random devices over ten decades of mass, damping, sample time, delay, bounds and bands.
+
+A seed reproduces each device.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,9 @@ MOST_DELAY = 150.0
 
 
 def device(seed: int, number: int) -> tuple[dict[str, Any], Problem]:
-    """Return the number-th device of a seed, as a document and as a problem. An invalid problem is drawn again.
+    """Return the device with a given number in the series of a seed, as a document and as a problem.
+
+    The function replaces an invalid problem by another draw.
 
     Parameters
     ----------

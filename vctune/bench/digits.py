@@ -1,4 +1,4 @@
-"""The theory evaluated from its definitions in mpmath with fifty digits, for one case at one frequency, in SI units."""
+"""Evaluate the theory from its definitions with fifty digits (mpmath), for one case at one frequency, in SI units."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from vctune.bench.evaluator import Case
 
 DIGITS = 50
 GUARD = 70
-"""Digits beyond `DIGITS`; the definitions cancel fewer."""
+"""Number of additional digits for the computation. The definitions lose fewer digits by cancellation."""
 
 
 @dataclass(frozen=True, slots=True)
 class Exact:
-    """The values of the definitions at a frequency.
+    """The defined quantities at one frequency.
 
     Attributes
     ----------
@@ -40,12 +40,12 @@ class Exact:
 def exact(case: Case, omega: Any) -> Exact:
     """Evaluate the definitions for one case at one frequency, with `DIGITS` digits.
 
-    The two-port with the operator's Z_h absorbed: h11 = 1/(W + C), h12 = -C/(W + C), h21 = (Z_d + C)/(W + C), h22 = Z_h
-    C/(W + C), W = Z_d + Z_h. With q = -h12 h21, R = (|q| - Re q)/(2 Re h11) - Re h22.
+    The two-port includes the operator's Z_h: h11 = 1/(W + C), h12 = -C/(W + C), h21 = (Z_d + C)/(W + C), h22 = Z_h C/(W
+    + C), W = Z_d + Z_h. With q = -h12 h21, R = (|q| - Re q)/(2 Re h11) - Re h22.
 
     Parameters
     ----------
-    case : one case of plain numbers; each float stands for the decimal that it prints as
+    case : one case of plain numbers; each float stands for the decimal that Python prints for it
     omega : frequency, rad/s, > 0
 
     Returns
@@ -100,7 +100,7 @@ def characteristic(case: Case, law: Sequence[Any]) -> list[Any]:
 
     Parameters
     ----------
-    case : one case; whether its K_p is positive decides the polynomial's order
+    case : one case; the polynomial has a higher order if K_p > 0
     law : K_v and K_p, N s/m and N/m, instead of the case's own; both 0 for the open loop
 
     Returns
@@ -152,7 +152,10 @@ def _value(poly: list[Any], z: Any) -> Any:
 
 
 def _all_inside(poly: list[Any]) -> bool:
-    """Return whether every root lies inside the unit circle, by Jury's table, in which each row is shorter by one."""
+    """Return whether every root lies inside the unit circle, by Jury's table.
+
+    Each row of the table is one shorter than the row above.
+    """
     while poly and poly[-1] == 0:
         poly = poly[:-1]
     while len(poly) > 1:

@@ -1,8 +1,8 @@
-"""An independent implementation of the theory in plain complex numbers, which shares no code with the model.
+"""Implement the theory independently, in plain complex numbers, without any code of the model.
 
-It uses dense grids instead of a proof, and matrix exponentials and eigenvalues instead of a return difference. The
-tests also judge designs with it, many at a time. For one `Case`, a function of k frequencies (rad/s, not 0) returns k
-numbers in SI units; for n cases it returns n rows of k numbers.
+This module uses dense grids instead of a proof, and matrix exponentials and eigenvalues instead of a return difference.
+The tests also judge many designs at a time with it. For one `Case`, a function of k frequencies (rad/s, not 0) returns
+k numbers in SI units; for n cases it returns n rows of k numbers.
 """
 
 from __future__ import annotations
@@ -22,18 +22,20 @@ from vctune.model.problem import Problem
 Floats = NDArray[np.float64]
 
 POINTS = 20_001
-"""Number of frequencies evaluated in each band; odd, for Simpson's rule."""
+"""Number of frequencies in each band. The number is odd, as Simpson's rule requires."""
 ENDLESS = 1e-6
-"""Lower end used for a band that begins at 0, relative to the other frequencies. Its reciprocal replaces inf."""
+"""Factor that stands for 0 as the lower end of a band, relative to the other frequencies. Its reciprocal stands for
+inf."""
 WHOLE = 1e-12
-"""Share of a sample by which a delay may deviate from a whole number of samples."""
+"""Share of a sample by which a delay may deviate from a whole number of samples and still count as whole."""
 SERIES = 1e-2
-"""Argument up to which (1 - e^-x)/x and its integral are Taylor series, because their closed forms cancel."""
+"""Argument up to which the code uses Taylor series for (1 - e^-x)/x and its integral, because the closed forms
+cancel."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Numbers in SI units.
+    """A device with a design, or many of them, in SI units.
 
     Each except `sample_time` and `hold` is one number, or an array with one number for each case.
 
@@ -65,8 +67,8 @@ class Case:
 
     @property
     def loops(self) -> tuple[Case, ...]:
-        """The loops that must be stable on their own: without a hand and, if the problem has an operator, in the
-        hand."""
+        """The loops that must be stable on their own: without a hand and, if the problem has a least operator, with
+        it."""
         if self.m_h == self.b_h == 0:
             return (self,)
         return self.bare, replace(self.bare, mass=self.mass + self.m_h, damping=self.damping + self.b_h)
@@ -157,7 +159,8 @@ def required(case: Case, omega: Any) -> Any:
 
     The two-port has absorbed the operator's damping: h11 = 1/(W + C), h22 = b_h C/(W + C), q = -h12 h21 = C (Z_d +
     C)/(W + C)^2 with W = Z_d + b_h. Where Re q > 0, the code computes |q| - Re q as (Im q)^2/(|q| + Re q), and Im q
-    from 1 - q, so that no digits cancel. A mass in the hand changes nothing, because any reactance is allowed anyway.
+    from 1 - q, so that no digits cancel. A mass in the hand has no effect, because the condition already covers any
+    reactance.
 
     Parameters
     ----------
@@ -202,7 +205,7 @@ def sensitivity(case: Case, omega: Any) -> Any:
     """Return |S| = 1/|1 + K_v G_v + K_p G_x| of the sampled loop without a hand.
 
     G_v and G_x are the sampled velocity and the sampled position, divided by the commanded force. A commanded force
-    acts `whole` samples and `late` seconds later.
+    acts after `whole` samples plus `late` seconds.
 
     Parameters
     ----------
@@ -274,10 +277,10 @@ def by_kind(case: Case, work: Callable[[Case], Floats]) -> Any:
 
 
 def loop_matrices(case: Case) -> Floats:
-    """Return the matrices that advance v, x and the forces on their way by one sample.
+    """Return the matrices that advance v, x and the delayed forces by one sample.
 
-    The cases are arrays with the same number of whole samples of delay. Either all have K_p > 0, or none; without K_p
-    the state has no x.
+    The cases are arrays with the same number of whole samples of delay. Either all cases have K_p > 0, or none has.
+    Without K_p, the state does not contain x.
     """
     order, whole = 2 if case.K_p[0] > 0 else 1, int(_samples(case)[0][0])
     late, n = _samples(case)[1], len(case.K_v)
@@ -298,7 +301,7 @@ def loop_matrices(case: Case) -> Floats:
 
 
 def _motion(case: Case, t: Floats, order: int) -> tuple[Floats, Floats]:
-    """Return the motion over a time t: its matrix, and the effect of a constant unit force."""
+    """Return the matrix of the motion over a time t, and the effect of a constant unit force."""
     rates = np.zeros((len(t), order + 1, order + 1))
     rates[:, 0, 0], rates[:, 0, order], rates[:, 1:order, 0] = -case.damping / case.mass, 1 / case.mass, 1.0
     whole = _exponentials(rates * t[:, None, None])
@@ -367,7 +370,7 @@ def squared_error(problem: Problem, case: Case, omega: Any) -> Any:
 def violation(problem: Problem, case: Case, extra: Sequence[float] = ()) -> float:
     """Return the logarithm of one case's greatest violation of the constraints on Re Z_c/R and |S|.
 
-    The function evaluates dense grids and the extra frequencies. It returns 0 if the case meets both constraints.
+    The function evaluates dense grids and the extra frequencies. The result is 0 if the case meets both constraints.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Judge the answer of any solver, by vctune's prover and by the independent evaluator."""
+"""Judge the answer of any solver with vctune's prover and with the independent evaluator."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 
 AGREEMENT = 1e-6
-"""Relative difference of the prover's and the evaluator's error above which the two contradict each other."""
+"""Relative difference between the errors from prover and evaluator above which the two contradict each other."""
 
 
 @dataclass(frozen=True, slots=True)
 class Worth:
-    """The judgement of an answer.
+    """The judgement on an answer.
 
     Attributes
     ----------

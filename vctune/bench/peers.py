@@ -1,4 +1,4 @@
-"""The usual alternative to vctune's search: SciPy's SLSQP on a fixed grid."""
+"""Solve a problem by the usual alternative to vctune's search: SciPy's SLSQP on a fixed grid."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PACKAGES = {"scipy": "SciPy", "mpmath": "mpmath"}
 
 
 def need(package: str) -> None:
-    """Make sure that a package of the extra `bench` is installed.
+    """Check that a package of the extra `bench` is installed.
 
     Raises
     ------

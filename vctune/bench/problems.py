@@ -1,6 +1,6 @@
-"""The reference problems, for any passive hand on a band.
+"""List the reference problems, for any passive hand on a band.
 
-They cover free and fixed loops, both holds, delays, K_p = 0, active bounds, and a problem with two basins.
+The problems cover free and fixed loops, both holds, delays, K_p = 0, active bounds, and a problem with two basins.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ DOCUMENTS: dict[str, dict[str, Any]] = {
     "at-bound": _wheel(LIMITS, 250.0, mass=1.0, delay=5e-4),
     "fixed-loop": _wheel({"velocity": 150.0, "position": 6000.0}, 100.0),
 }
-"""The problems by name, as files would state them. The first has two basins, and constraints that bind between the
+"""The problems by name, in the form of files. The first one has two basins, and constraints that are active between the
 frequencies of a grid."""
 
 

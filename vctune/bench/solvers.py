@@ -1,4 +1,4 @@
-"""vctune against the usual alternatives: the same problems, the same starts, the same judges."""
+"""Compare vctune with the usual alternatives: the same problems, the same starts, the same judges."""
 
 from __future__ import annotations
 
@@ -27,15 +27,16 @@ from vctune.model.problem import Problem
 from vctune.report.figures.benchmark_figures import Panel, Series
 
 GRID = 2000
-"""Frequencies for Llewellyn's conditions in the grid of most peers, and as many for |S|."""
+"""Number of frequencies for Llewellyn's conditions in the grid of most other solvers, and also for |S|."""
 GRIDS = (8, 32, 128, 512)
-"""Coarser grids for IPOPT."""
+"""Numbers of frequencies of the coarser grids for IPOPT."""
 RESERVE = 1e-5
-"""Relative tightening of the peers' constraints on `GRID`. It is about their violation between two grid points."""
+"""Relative tightening of the other solvers' constraints on `GRID`. The tightening is about the size of the violation
+between two grid points."""
 MET = 1e-6
-"""Greatest violation on the grid at which the benchmark accepts a peer's answer."""
+"""Greatest violation on the grid with which the benchmark accepts another solver's answer."""
 REPEATS, SLOW = 5, 1.0
-"""Number of timed pairs of a solver and vctune, and the run time, s, above which only one pair is timed."""
+"""Number of timed pairs of a solver and vctune, and the run time, s, above which the benchmark times only one pair."""
 OURS, MULTISTART, IPOPT = "vctune", "SciPy SLSQP", "IPOPT, "
 AIM = 1 / 3
 """Largest share of the multi-start's time that vctune may take for a certified design."""
@@ -45,14 +46,14 @@ Work = Callable[[Dense], Stopped]
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """A solver.
+    """A solver that the benchmark compares.
 
     Attributes
     ----------
     name : name of the solver
     count : number of frequencies of each kind in its grid
     work : function that solves a problem
-    reserve : relative tightening of its constraints
+    reserve : relative tightening of the solver's constraints
     """
 
     name: str
@@ -68,13 +69,13 @@ class Row:
     Attributes
     ----------
     grid : number of frequencies of each kind; 0 for vctune, which chooses its own
-    seconds : median processor time; every solver's functions are compiled before. Only vctune's time includes the scan
-        for the starts and the proof
-    pace : vctune's time divided by the solver's time, the median over pairs measured one after the other
+    seconds : median processor time, without compiling the solver's functions. Only vctune's time includes the scan for
+        the starts and the proof
+    pace : vctune's time divided by the solver's time, the median over pairs of consecutive runs
     starts : number of the solver's starts
-    unstable : number of its answers whose sampled loop is unstable
+    unstable : number of the solver's answers with an unstable sampled loop
     succeeded : whether the solver reports success
-    gap : relative difference between its error and the least proved error of all solvers
+    gap : relative difference between the solver's error and the least proved error of all solvers
     error, violation, stable, verdict, consistent : see `vctune.bench.judged.Worth`
     """
 
@@ -179,7 +180,7 @@ def _theirs(name: str, prepared: Prepared, seen: ScanResult, peer: Peer) -> Row:
 
 
 def _starts(seen: ScanResult) -> list[Start]:
-    """Return the starts that vctune's own search would polish."""
+    """Return the starts that vctune's own search would hand to its optimiser."""
     return [start for start in seen.starts if start.admissible] or seen.starts[:2]
 
 
@@ -193,14 +194,17 @@ class _Answer:
 
     @property
     def rank(self) -> tuple[bool, float]:
-        """Sort key: first the answers that satisfy their grid in a stable loop, by error; then the others, by
-        violation."""
+        """Return the sort key of an answer.
+
+        Answers that meet the constraints on their grid with a stable loop come first, by error; then all others, by
+        violation.
+        """
         good = self.missed <= MET and self.stable
         return (not good, self.error if good else self.missed + 1e3 * (not self.stable))
 
 
 def _multistart(posed: list[Dense], seen: ScanResult, peer: Peer) -> tuple[list[_Answer], float]:
-    """Run a peer from every start that can still win; return its answers and the processor time, s."""
+    """Run another solver from every start that can still win. Return its answers and the processor time, s."""
     answers: list[_Answer] = []
     began = process_time()
     for given, start in zip(posed, _starts(seen), strict=True):
@@ -219,7 +223,7 @@ CLOSE = 1e-3
 
 
 def facts(rows: list[Row]) -> list[str]:
-    """Return the findings: which solver is best on which problem, and how the other answers compare."""
+    """Return the findings: the best solver for each problem, and how the other answers compare."""
     fixed = [row for row in rows if row.solver.startswith(IPOPT) and row.succeeded]
     refuted = sum(row.verdict == Status.VIOLATED for row in fixed)
     better = [row for row in rows if row.solver == OURS and row.gap > LEAST_GAP]
@@ -252,7 +256,7 @@ def _named(rows: list[Row]) -> str:
 
 
 def panels(rows: list[Row]) -> list[Panel]:
-    """Draw gap against run time, with the proved answers marked, and violation against run time."""
+    """Draw the gap over the run time, with the proved answers marked, and the violation over the run time."""
     by_solver = {name: [row for row in rows if row.solver == name] for name in dict.fromkeys(r.solver for r in rows)}
     drawn = []
     for title, proved in (("proved", True), ("not proved", False)):
@@ -262,4 +266,4 @@ def panels(rows: list[Row]) -> list[Panel]:
             series.append(Series(solver, [row.seconds for row in own], [row.gap for row in own]))
         drawn.append(Panel(title, "processor time, s", "gap to the best proved error", series, LEAST_GAP))
     missed = [Series(name, [r.seconds for r in own], [r.violation for r in own]) for name, own in by_solver.items()]
-    return [*drawn, Panel("all", "processor time, s", "greatest violation of a demand, relative", missed, LEAST_GAP)]
+    return [*drawn, Panel("all", "processor time, s", "greatest relative violation of a constraint", missed, LEAST_GAP)]

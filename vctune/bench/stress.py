@@ -28,7 +28,7 @@ QUICK, FULL = 40, 3000
 PATIENCE = 20.0
 """Processor time, s, after which the benchmark records a device as failed."""
 FREQUENCIES = 40
-"""Number of frequencies at which 50 digits check a certified design, log-spaced over each of its bands."""
+"""Number of frequencies, log-spaced over each band, at which the benchmark checks a certified design with 50 digits."""
 FAILED = "failed"
 SCAN_GAINS, SCAN_DAMPING, SCAN_FREQUENCIES = 28, 48, 120
 SLOWEST = 8
@@ -130,12 +130,14 @@ def examined(seed: int, number: int) -> Row:
 
 
 def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
-    """Return how 50 digits contradict a certified design ("" if they do not), and the floats' largest relative error.
+    """Check a certified design with 50 digits.
+
+    Return the contradiction ("" if there is none), and the largest relative error of the floats.
 
     Parameters
     ----------
     problem : problem with its constraints
-    judgement : judgement of a design, of any status; only a certified one can be contradicted
+    judgement : judgement of a design; only a certified design can be contradicted
     """
     from vctune.bench import digits
 
@@ -173,7 +175,7 @@ def _floats(problem: Problem, judgement: Judgement, omega: float) -> tuple[float
 def feasible(problem: Problem) -> str | None:
     """Search gains and couplings with the independent evaluator. Return a design that meets all constraints, or None.
 
-    The scan varies the gains and b_c. It keeps m_c and b_0 at their upper bounds, which ease the constraints.
+    The scan varies the gains and b_c. m_c and b_0 stay at their upper bounds, which ease the constraints.
     """
     bounds, stability = problem.bounds, problem.stability
     omega = np.geomspace(*demands.sampled_span(problem), SCAN_FREQUENCIES)
@@ -202,7 +204,7 @@ def _spread(bounds: Range, count: int) -> list[float]:
 
 
 def facts(rows: list[Row]) -> list[str]:
-    """Return the findings on the devices' results and on wrong verdicts."""
+    """Return the findings: the results of the devices, and wrong verdicts."""
     counts = Counter(row.status for row in rows)
     shares = ", ".join(f"{status} {count} ({count / len(rows):.2%})" for status, count in counts.most_common())
     wrong = [row for row in rows if row.wrong]

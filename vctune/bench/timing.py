@@ -1,4 +1,4 @@
-"""Time measurements on a shared machine: the median processor time of several runs."""
+"""Measure times on a shared machine: the median processor time of several runs."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def timed(work: Callable[[], Made], repeats: int = 1) -> tuple[Made, float]:
     Parameters
     ----------
     work : function to measure
-    repeats : number of runs; the result of the last is returned
+    repeats : number of runs; the function returns the result of the last run
     """
     seconds = []
     for _ in range(repeats):
@@ -47,7 +47,7 @@ def timed(work: Callable[[], Made], repeats: int = 1) -> tuple[Made, float]:
 
 @contextmanager
 def patience(seconds: float) -> Iterator[None]:
-    """Raise TimeoutError in the block after so many seconds of processor time; only in a process's main thread.
+    """Raise TimeoutError in the block after a given processor time. The limit works only in a process's main thread.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Random devices with uncertain numbers, under the default criterion: how long an answer takes."""
+"""Measure how long an answer takes for random devices with uncertain numbers, under the default criterion."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from vctune.study.executors import available_cores, worker_pool
 
 QUICK, FULL = 7, 300
 PATIENCE = 60.0
-"""Processor time, s, after which a device is recorded as late."""
+"""Processor time, s, after which the benchmark records a device as late."""
 LATE = "late"
 MOST = 0.9
 """Greatest relative half-width of a number."""
@@ -33,15 +33,15 @@ COMBINATIONS = tuple(some for count in (1, 2, 3) for some in combinations(NUMBER
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One device.
+    """One device, with the result.
 
     Attributes
     ----------
-    mass, damping, sample_time, delay : its numbers, SI units
-    uncertain : the uncertain ones with their relative half-widths
+    mass, damping, sample_time, delay : numbers of the device, SI units
+    uncertain : the uncertain numbers with their relative half-widths
     status : certified, infeasible, undecided, or late: no answer within `PATIENCE`
     seconds : processor time of the solve
-    error : of its design; nan if there is none
+    error : error of the design; nan if there is none
     """
 
     number: int
@@ -67,7 +67,7 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
     Returns
     -------
     Measured
-        A row for each device, and sentences on their times.
+        A row for each device, and findings on the times.
     """
     count, rows = QUICK if quick else FULL, list[Row]()
     with worker_pool("processes", available_cores()) as pool:
@@ -76,7 +76,7 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
             tick(f"{len(rows)} of {count} devices")
     return Measured(
         "Uncertain devices under the default criterion",
-        "How long each device took, by what became of it.",
+        "The time of each device, by its status.",
         rows,
         facts(rows),
         panels(rows),
@@ -84,12 +84,14 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
 
 
 def drawn(seed: int, number: int) -> tuple[dict[str, Any], Problem]:
-    """Return the number-th device of a seed as document and as problem; the combinations of numbers take turns.
+    """Return the device with a given number in the series of a seed, as a document and as a problem.
+
+    The combinations of uncertain numbers take turns.
 
     Parameters
     ----------
     seed : seed of the whole series
-    number : within it
+    number : index of the device in the series
     """
     rng = np.random.default_rng((seed, number))
 
@@ -111,12 +113,12 @@ def solved(seed: int, number: int) -> Row:
 
     Parameters
     ----------
-    seed, number : those of the device
+    seed, number : seed of the series, and index of the device in it
 
     Returns
     -------
     Row
-        Its numbers, its status and its time.
+        The device's numbers, status and time.
     """
     document, problem = drawn(seed, number)
     named = ", ".join(f"{key} {width:g}" for key, width in document["uncertainty"].items())
@@ -129,7 +131,7 @@ def solved(seed: int, number: int) -> Row:
 
 
 def facts(rows: list[Row]) -> list[str]:
-    """Return sentences on the devices' results and times."""
+    """Return findings on the devices' results and times."""
     counts = Counter(row.status for row in rows)
     shares = ", ".join(f"{status} {count} ({count / len(rows):.1%})" for status, count in counts.most_common())
     times, slowest = sorted(row.seconds for row in rows), max(rows, key=lambda row: row.seconds)
@@ -143,7 +145,7 @@ def facts(rows: list[Row]) -> list[str]:
 
 
 def panels(rows: list[Row]) -> list[Panel]:
-    """Draw times in order."""
+    """Draw the times in ascending order."""
     series = []
     for status in dict.fromkeys(row.status for row in rows):
         times = sorted((row.seconds for row in rows if row.status == status), reverse=True)

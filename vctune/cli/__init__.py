@@ -1,6 +1,6 @@
-"""The command line: one small file for each command, which reads, calls and prints.
+"""Provide the command line. Each command is one small file, which reads, calls and prints.
 
-This module imports nothing heavy before it can handle an interrupt.
+Before this module can handle an interrupt, it imports nothing heavy.
 """
 
 from __future__ import annotations

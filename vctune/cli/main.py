@@ -1,4 +1,4 @@
-"""The `vctune` command: it turns each error into a clear line on stderr and a documented exit code."""
+"""Define the `vctune` command. The command turns each error into a clear line on stderr and a documented exit code."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ COMMANDS = (
     "bench", "bound", "check", "compare", "example", "explain", "export", "front", "identify", "region", "report",
     "schema", "simulate", "solve", "sweep",
 )  # fmt: skip
-"""Names of the commands. Each is also the name of a module of `vctune.cli.commands`."""
+"""Names of the commands. Each command has a module of the same name in `vctune.cli.commands`."""
 
 
 class _Commands(click.Group):
-    """The group of commands. It imports only the commands that are run or listed."""
+    """The group of all commands. The group imports a command only to run or list it."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
@@ -61,7 +61,10 @@ def main() -> None:
 
 
 def execute() -> int:
-    """Run the command line and return one of the codes in `ExitCode`. Only KeyboardInterrupt passes through."""
+    """Run the command line and return one of the codes in `ExitCode`.
+
+    KeyboardInterrupt is the only exception that it raises.
+    """
     try:
         code = main(standalone_mode=False)
     except InputError as error:
@@ -71,11 +74,11 @@ def execute() -> int:
         code = ExitCode.BAD_INPUT
     except click.Abort:
         raise KeyboardInterrupt from None
-    except SystemExit:  # click exits in this way if the reader of --help or --version has gone away
+    except SystemExit:  # click exits in this way if the reader of --help or --version has closed the pipe
         code = ExitCode.OK
     except OSError as error:
         code = _complain(coded(f"{error.filename or 'output'}: {error.strerror}", "cannot-write"), ExitCode.BAD_INPUT)
-    except Exception as error:  # the last line of defence: a fault of vctune, reported without a traceback
+    except Exception as error:  # an error in vctune itself: report it without a traceback
         if RECEIVED:
             raise KeyboardInterrupt from None
         place = _innermost(error)

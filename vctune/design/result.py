@@ -95,7 +95,7 @@ class Repair:
     Attributes
     ----------
     key : dotted key
-    old, new : old and new value, in the unit of the file
+    old, new : old and new value, in the unit of the file; 1 and 0 for true and false
     change : meaning of the change, in words
     needs : the new line of the file, in TOML
     size : change relative to the greater of both values; among repairs with the same error the smallest comes first
@@ -111,6 +111,8 @@ class Repair:
     error: float
 
     def __str__(self) -> str:
+        if self.needs == f"{self.key} = false":
+            return f"{self.needs} instead of true"
         return f"{self.key} = {self.new:.12g} instead of {self.old:.12g}"
 
     @property

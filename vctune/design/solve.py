@@ -96,7 +96,7 @@ def _found(problem: Problem, progress: Progress, gap: float | None, *, exhaustiv
     scanned = scan(prepared.scaled)
     seconds = {"scan": perf_counter() - began}
     admissible = any(start.admissible for start in scanned.starts)
-    exhaustive &= problem.worlds is None  # for environments no lower bound of the coupling is known
+    exhaustive &= problem.worlds is None or gap is not None  # a bound with environments proves few problems infeasible
     early = _early(prepared) if exhaustive and not admissible else None
     if early is not None and early.proved:
         seconds["bound"] = perf_counter() - began - seconds["scan"]

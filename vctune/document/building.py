@@ -1,4 +1,4 @@
-"""Make problems and designs from a program's data: a path, tables, or the objects themselves."""
+"""Make problems and designs from the data that a program passes: a path, tables, or the objects themselves."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ DesignSource = Gains | GainsFile | str | Path
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Device(devices.Device):
-    """An admittance display as a user states it, checked against the [device] table of a problem file.
+    """An admittance display as a user states it, with the same checks as the [device] table of a problem file.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Device(devices.Device):
     delay : delay from sampling to actuation in addition to the hold, s
     hold : "zoh", the exact zero-order hold, or "lag", the first-order lag 2/(2 + sT)
     operator : the least impedance that is always at the handle; None if there may be none
-    velocity, actuator, ... : parts of the device (`vctune.model.parts`); None for a part that it lacks or that is ideal
+    velocity, actuator, ... : parts of the device (`vctune.model.parts`); None for a part that is absent or ideal
     units : "linear", or "rotary" with kg m2, N m s/rad and so on instead of kg and N s/m
 
     Raises
@@ -178,7 +178,7 @@ def plain(value: Any) -> Any:
 
 
 def _tables(source: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the tables of a document. The operator in a `Device` becomes a table of its own."""
+    """Return the tables of a document. The operator in a `Device` becomes the table [operator]."""
     document: dict[str, Any] = plain(source)
     if isinstance(source.get("device"), devices.Device) and "operator" in document["device"]:
         document["operator"] = document["device"].pop("operator")

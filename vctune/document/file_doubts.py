@@ -1,4 +1,4 @@
-"""Values in a problem file that are probably not intended, each with its line and its key."""
+"""Find the values in a problem file that are probably not intended, each with its line and its key."""
 
 from __future__ import annotations
 

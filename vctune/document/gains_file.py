@@ -1,4 +1,5 @@
-"""The gains file: the tables [gains] and [coupling], to paste into a problem, and [design] for their origin.
+"""Write the gains file. The user can paste its tables [gains] and [coupling] into a problem; [design] states their
+origin.
 
 See document/README.md, section 2.
 """
@@ -16,7 +17,7 @@ from vctune.model.numbers.units import UNITS, UnitSystem
 
 
 def design_numbers(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[str, float]:
-    """Return the numbers of a design by their keys, in order, without numbers that its kind of display lacks.
+    """Return the numbers of a design by their keys, in order. Numbers that this kind of display lacks are left out.
 
     Parameters
     ----------
@@ -54,7 +55,9 @@ def numbers_text(kind: Display, gains: Gains, coupling: AnyCoupling) -> str:
 
 
 def numbers_in(text: str, kind: Display) -> dict[str, float]:
-    """Return the numbers that `numbers_text` wrote, by their keys; empty if they do not fit the kind of display.
+    """Return the numbers that `numbers_text` wrote, by their keys.
+
+    The result is empty if they do not fit the kind of display.
 
     Parameters
     ----------

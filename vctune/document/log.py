@@ -1,4 +1,4 @@
-"""Read logs: the columns of a table of numbers by their roles, and the map that assigns the roles."""
+"""Read logs. The map in a log.toml assigns a role, such as position or command, to each column."""
 
 from __future__ import annotations
 
@@ -46,16 +46,16 @@ class LogMap:
 
     @property
     def roles(self) -> tuple[str, ...]:
-        """The roles of a column."""
+        """The roles that a column can have."""
         return SERVO_ROLES if self.servo else ROLES
 
 
 def read_log_map(path: Path | None, *, servo: bool = False) -> LogMap:
-    """Read a log.toml, or return the map of logs whose headers suffice.
+    """Read a log.toml. Without a file, return the map for logs whose headers state their roles.
 
     Parameters
     ----------
-    path : path of the file; None for logs whose headers suffice
+    path : path of the file; None for logs whose headers state their roles
     servo : whether the logs are of a servo and its command
 
     Returns
@@ -136,7 +136,7 @@ def _columns(path: Path, headers: list[str], known: LogMap) -> dict[str, ColumnT
 
 
 def _stood_for(stated: Mapping[str, ColumnTable]) -> tuple[str, ...]:
-    """Return the roles that are not needed, because a servo receives only one command."""
+    """Return the roles that the log may lack. A servo receives only one of the two commands."""
     return SERVO_COMMANDS if set(SERVO_COMMANDS) & set(stated) else ()
 
 
@@ -145,7 +145,7 @@ def _table(entry: str | ColumnTable) -> ColumnTable:
 
 
 def _usual(role: str, headers: list[str], taken: set[str]) -> ColumnTable | None:
-    """Return the column whose header is a role with a unit, unless the map assigns the role."""
+    """Return the column whose header states the role and a unit, unless the map assigns the role to another column."""
     ends = [f"{role}_{_in_header(unit)}" for unit in KINDS[KIND_OF.get(role, role)]]
     return next((ColumnTable(column=header) for header in headers if header in ends and header not in taken), None)
 

@@ -1,4 +1,4 @@
-"""Read the text of a log as a table of headers and numbers, or as faults with line and column."""
+"""Read the text of a log: either a table of headers and numbers, or a list of faults with line and column."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vctune.document.schema.validation import MAX_MISTAKES, shown
 from vctune.document.text.errors import InputError, Mistake
 
 MAX_BYTES = 400_000_000
-"""Greatest size of a log. A log of a million samples with ten columns has a quarter of this size."""
+"""Greatest size of a log, bytes. The limit is four times the size of a log of a million samples with ten columns."""
 GZIP, ZIP, OLE = b"\x1f\x8b", b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 """First bytes of gzipped files, of new workbooks, and of old workbooks."""
 SEPARATORS = (",", ";", "\t")
@@ -35,7 +35,7 @@ class LogTable:
     ----------
     headers : headers of the columns
     numbers : finite numbers, shape (rows, columns)
-    first_line : line of the file that has the first row
+    first_line : line of the file that contains the first row
     sha256 : digest of the file
     """
 
@@ -151,7 +151,10 @@ def _is_number(text: str) -> bool:
 
 
 def _at_once(data: bytes, separator: str, columns: int, first_line: int) -> Floats | None:
-    """Return the samples of a table without faults, without making a list of its lines; None for any other table."""
+    """Return the samples of a table without faults; None if the table has a fault.
+
+    The function makes no list of lines, to save memory.
+    """
     stream = _stream(data)
     try:
         for _ in range(first_line - 1):
@@ -181,7 +184,7 @@ def _row_by_row(path: Path, data: bytes, separator: str, headers: list[str], fir
 
 
 def _check_point(path: Path, lines: list[str], separator: str, columns: int, first_line: int) -> None:
-    """Raise one error for decimal commas, which split every row if commas also separate columns."""
+    """Raise one error for decimal commas. If commas also separate columns, decimal commas split every row."""
     rows = [[cell.strip() for cell in line.split(separator)] for line in lines]
     whole = separator == "," and all(WHOLE.fullmatch(cell) for cells in rows for cell in cells)
     torn = whole and 2 * sum(columns < len(cells) <= 2 * columns for cells in rows) > len(rows)

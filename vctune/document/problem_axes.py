@@ -1,4 +1,7 @@
-"""Problem files with several uncoupled axes. Each [[axis]] overrides the file's tables and so states a problem."""
+"""Read problem files with several uncoupled axes.
+
+Each [[axis]] states a problem: the tables of the file, with its own keys in place of theirs.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ from vctune.document.text.toml_writing import toml_text
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
 OWN = ("name", "description", "experiment", "axis")
-"""Keys of a file that an axis does not override."""
+"""Keys that an axis cannot override."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +30,7 @@ class AxisProblem:
     Attributes
     ----------
     name : name of the axis
-    file : problem of the axis, named after the file and the axis; its text is that of the merged tables
+    file : problem of the axis, named after the file and the axis; `text` states the merged tables
     line : line of its [[axis]] heading
     """
 
@@ -137,7 +140,9 @@ def axes_file(text: str, path: Path) -> AxesFile | None:
 
 
 def merged(shared: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """Return tables with others merged over them: tables merge key by key, other values are replaced.
+    """Return the shared tables with the tables of an axis merged into them.
+
+    Tables merge key by key; the axis replaces all other values.
 
     Parameters
     ----------
@@ -152,7 +157,7 @@ def merged(shared: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _misstated(tables: Any) -> Iterator[Fault]:
-    """Yield the faults of the list of axes and of their names."""
+    """Yield the faults in the list of axes and in their names."""
     if not isinstance(tables, list) or not tables or not all(isinstance(table, Mapping) for table in tables):
         yield Fault(("axis",), "is no list of tables; write [[axis]] and a name for each axis", "wrong-type")
         return
@@ -196,7 +201,7 @@ def _has(tables: Any, path: KeyPath) -> bool:
 def _named(found: Sequence[Sequence[Fault]], names: Sequence[str], own: set[Fault]) -> list[Fault]:
     """Return the faults of all axes without duplicates.
 
-    A fault that one axis causes in shared tables names the axis.
+    If one axis causes a fault in a shared table, the message names the axis.
     """
     told = []
     for faults, name in zip(found, names, strict=True):

@@ -51,12 +51,14 @@ class ProblemFile:
     def sha256(self) -> str:
         """The digest that ties a design to its problem.
 
-        It depends on the meaning, not on the text (`problem_digest`).
+        The digest depends on the meaning of the problem, not on its text (`problem_digest`).
         """
         return problem_digest(self.problem)
 
     def line_of(self, path: KeyPath) -> int:
-        """Return the line of a key; if the text does not have it, that of the innermost table around it.
+        """Return the line of a key.
+
+        If the text lacks the key, return the line of the innermost table that should contain it.
 
         Parameters
         ----------
@@ -232,7 +234,10 @@ GAINS_DOCUMENTS: dict[DisplayName, type[GainsDocument | SpringGainsDocument | Se
 
 
 def _kind_of(raw: dict[str, Any]) -> Display:
-    """Return the kind of display of a gains file, which follows from its coupling and from whether it has gains."""
+    """Return the kind of display of a gains file.
+
+    The kind follows from the keys of [coupling] and from the presence of [gains].
+    """
     coupling, origin = raw.get("coupling"), raw.get("design")
     if isinstance(coupling, dict) and "stiffness" in coupling:
         return IMPEDANCE
@@ -241,7 +246,7 @@ def _kind_of(raw: dict[str, Any]) -> Display:
 
 
 def _other_display(raw: dict[str, Any]) -> list[Contradiction]:
-    """Return the fault of a gains file whose numbers are not those of the display that it states."""
+    """Return the fault of a gains file whose numbers contradict the display that it states."""
     kind, origin = _kind_of(raw), raw.get("design")
     stated = origin.get("display") if isinstance(origin, dict) else None
     if stated not in DISPLAYS or stated == kind.name:
@@ -263,7 +268,7 @@ def _empty_default_band(problem: Problem) -> Fault:
 
 
 def _beyond_nyquist(problem: Problem) -> list[Fault]:
-    """Return the bands of a yardstick that a problem does not reach, as faults."""
+    """Return a fault for each band of a yardstick that ends above the problem's Nyquist frequency."""
     compared = {"transparency": ("the errors are compared", problem.transparency.band.max)}
     endless = problem.device.ideal and problem.device.hold == "lag" and problem.device.delay == 0
     if problem.passive and not (problem.stability.band.max == inf and endless):

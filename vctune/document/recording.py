@@ -1,4 +1,4 @@
-"""A recording of a device: columns of equal length in SI units, each with its header, resolution and limit."""
+"""Define a recording of a device: columns of equal length in SI units, each with its header, resolution and limit."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Recording:
     ----------
     source : path of its file
     sha256 : digest of the file
-    first_line : line of the file that has the first sample
+    first_line : line of the file that contains the first sample
     channels : columns by their role, one of `ROLES` or `SERVO_ROLES`
     ignored : headers of unused columns
     rotary : whether positions are angles

@@ -1,4 +1,4 @@
-"""Read the parameter file of a ROS 2 admittance_controller, as far as it affects stability."""
+"""Read those parameters of a ROS 2 admittance_controller that affect stability."""
 
 from __future__ import annotations
 
@@ -60,7 +60,8 @@ class Admittance:
 
     @property
     def joint_loss(self) -> float:
-        """The damping due to joint_damping, N s/m. It acts as an acceleration on every joint, and thus on the tool."""
+        """The damping due to joint_damping, N s/m. joint_damping acts as an acceleration on every joint, and thus on
+        the tool."""
         return self.joint_damping * self.mass
 
 
@@ -87,7 +88,7 @@ FORWARD_DYNAMICS = (
     "every cycle, has no mass, and acts on the rate of the force; vctune does not prove it; name the parameters of an "
     "admittance_controller"
 )
-"""Message about a controller whose law is not a mass with a drag."""
+"""Message about a controller whose law is not that of a mass with drag."""
 
 
 def is_admittance(path: Path) -> bool:
@@ -135,7 +136,10 @@ def read_admittance(path: Path) -> AdmittanceFile:
 def _controllers(
     value: Any, place: tuple[str, ...], table: str = "admittance"
 ) -> Iterator[tuple[tuple[str, ...], Mapping[str, Any]]]:
-    """Yield the place and the parameters of every controller that states a given table, at any depth of names."""
+    """Yield the place and the parameters of every controller that states a given table.
+
+    The table may be nested at any depth.
+    """
     if not isinstance(value, Mapping) or len(place) > len(AXES):
         return
     for key, entry in value.items():

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from vctune.document.ros import AXES, AdmittanceFile
 
 CONTROLLER = "admittance_controller"
-"""Name of the controller in the file. The user may replace it."""
+"""Name of the controller in the file. The user may replace this name."""
 
 
 def admittance_text(given: AdmittanceFile, comments: Sequence[str]) -> str:
@@ -32,8 +32,10 @@ def admittance_text(given: AdmittanceFile, comments: Sequence[str]) -> str:
 
 
 def _number(value: float) -> str:
-    """Return a number in its shortest exact decimals, with a decimal point: otherwise YAML and ROS 2 read an
-    integer."""
+    """Return a number in its shortest exact decimals, with a decimal point.
+
+    Without the point, YAML and ROS 2 would read an integer.
+    """
     text = repr(float(value))
     mantissa, exponent, power = text.partition("e")
     return text if "." in mantissa else f"{mantissa}.0{exponent}{power}"

@@ -1,4 +1,4 @@
-"""The axes of a study: numbers of a problem by dotted key, and their values."""
+"""Read the axes of a study: numbers of a problem by dotted key, and their values."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Axis:
     key : dotted key, in the unit of the problem file
     path : path of the key in the problem
     scale : "list", or the rule that divides a range
-    values : values of a list, or the two ends of a range
+    values : values of a list, or the two ends of a range; those of a whole number are of type int
     n : number of values; None for a range that is only sampled
     """
 
@@ -40,15 +40,25 @@ class Axis:
     n: int | None
 
 
-@cache
 def number_keys() -> dict[str, KeyPath]:
     """Return the dotted keys of all numbers that a problem file may have, with their paths."""
+    return _keys_of("number") | whole_number_keys()
+
+
+def whole_number_keys() -> dict[str, KeyPath]:
+    """Return the dotted keys of the numbers that must be whole, with their paths."""
+    return _keys_of("integer")
+
+
+@cache
+def _keys_of(kind: str) -> dict[str, KeyPath]:
+    """Return the dotted keys of one type of the schema, with their paths."""
     schema = json_schema()
 
     def walk(entry: dict[str, Any], path: KeyPath) -> Iterator[KeyPath]:
         if "$ref" in entry:
             entry = schema["$defs"][entry["$ref"].removeprefix("#/$defs/")]
-        if entry.get("type") == "number":
+        if entry.get("type") == kind:
             yield path
         for form in entry.get("oneOf", []):
             yield from walk(form, path)
@@ -84,9 +94,20 @@ def read_axis(key: str, value: Any, *, sampled: bool) -> tuple[Axis | None, list
         faults += found
     else:
         faults.append((at, f"{shown(value)} is no set of values; {FORMS}"))
+    if path is not None and dotted(path) in whole_number_keys():
+        faults += _not_whole(at, scale, numbers)
     if faults or path is None:
         return None, faults
-    return Axis(dotted(path), path, scale, tuple(float(number) for number in numbers), n), []
+    number = int if dotted(path) in whole_number_keys() else float
+    return Axis(dotted(path), path, scale, tuple(map(number, numbers)), n), []
+
+
+def _not_whole(at: KeyPath, scale: Scale, numbers: list[Any]) -> list[Contradiction]:
+    """Return why the values of an axis are not whole numbers."""
+    if scale != "list":
+        return [(at, "is a whole number, and a range has others between its ends; write a list of whole numbers")]
+    fractions = ((i, number) for i, number in enumerate(numbers) if _is_number(number) and number % 1 != 0)
+    return [((*at, i), f"{shown(number)} is not a whole number") for i, number in fractions]
 
 
 def _unknown(key: str, value: Any) -> str:
@@ -114,7 +135,7 @@ def _list_faults(at: KeyPath, values: list[Any]) -> list[Contradiction]:
 def _range(
     at: KeyPath, table: dict[str, Any], *, sampled: bool
 ) -> tuple[list[Contradiction], Scale, list[Any], int | None]:
-    """Return the faults of { linear or log = [a, b], n }, and its scale, ends and n."""
+    """Return the faults of { linear or log = [a, b], n }, and the scale, the ends and n."""
     faults: list[Contradiction] = []
     for name in table:
         if name not in (*SPANS, "n"):

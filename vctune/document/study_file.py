@@ -29,7 +29,7 @@ FORM_OF = dict.fromkeys((0, 1), "[lower, upper]") | dict.fromkeys(("min", "max")
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """How the axes form points.
+    """The rule by which the axes form points.
 
     Attributes
     ----------
@@ -73,22 +73,22 @@ class Study:
     def sha256(self) -> str:
         """The digest that ties rows to their study.
 
-        It covers the problem and the keys that vary, but not their values.
+        The digest covers the problem and the keys that vary, but not their values.
         """
         said = {key: value for key, value in self.document.items() if key not in ("name", "description")}
         text = json.dumps([said, [axis.key for axis in self.axes]], sort_keys=True, default=str)
         return sha256(text.encode()).hexdigest()
 
     def posed(self, values: Iterable[float]) -> dict[str, Any]:
-        """Return the document of the problem at a point. It may be invalid.
+        """Return the document of the problem at a point. The document may be invalid.
 
-        If the document leaves a band or a range at its default and an axis varies one of its ends, the other end is
-        that of the default at this point, or of the yardstick.
+        An axis may vary one end of a band or range that the document leaves at its default. The other end is then the
+        default at this point, or the yardstick's.
         """
         return _posed(self.document, self.axes, values, self.yardstick)
 
     def extremes(self) -> Iterator[Problem]:
-        """Yield the problems in which each varying number is at its greatest while the others have their first
+        """Yield, for each axis, the problem with the axis at its greatest value and all other axes at their first
         values."""
         first = [axis.values[0] for axis in self.axes]
         for place, axis in enumerate(self.axes):
@@ -187,7 +187,7 @@ def _posed(
 
 
 def _contradictions(raw: dict[str, Any]) -> list[Contradiction]:
-    """Return the faults of the axes, alone, among each other, and together with the sample."""
+    """Return the faults of each axis, of axes that conflict, and of axes that do not fit the sample."""
     table, sample = (part if isinstance(part, dict) else {} for part in (raw.get("axes"), raw.get("sample")))
     kind = sample.get("kind", "grid")
     faults: list[Contradiction] = []
@@ -235,7 +235,7 @@ def _homeless(problem: dict[str, Any], axis: Axis) -> list[Fault]:
 
 
 def _is_default(document: dict[str, Any], path: KeyPath, varied: Mapping[KeyPath, float]) -> bool:
-    """Return whether a path leads to a number of a band or range that the document leaves at its default."""
+    """Return whether a path leads to an end of a band or range that the document leaves at its default."""
     siblings = {other[-1] for other in varied if other[:-1] == path[:-1]}
     return path[-1] in FORM_OF and len(siblings) == 1 and _at(document, path[:-1]) is None
 
@@ -271,7 +271,7 @@ def _yardstick(problem: dict[str, Any], axes: Sequence[Axis]) -> tuple[Problem |
 
 
 def _problem_faults(problem: dict[str, Any], axes: Sequence[Axis]) -> list[Fault]:
-    """Return the faults of the problem that do not depend on the axes."""
+    """Return those faults of the problem that do not depend on the axes."""
     _, faults = examined(ProblemDocument, _first(problem, axes), lambda _raw: [])
 
     def varied(path: KeyPath) -> bool:

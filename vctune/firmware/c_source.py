@@ -18,15 +18,16 @@ from vctune.simulation.firmware.expression import Symbol
 BUILT_IN = ("inertance", "inertia_carry", "stiffness", "zero", "slope", "least_contact")
 """Names of the coefficients of a built-in environment."""
 LIMITING = ("limit", "position_reach")
-"""Names of the coefficients of a limited force. Impedance displays and servos have no reach, since nothing winds up."""
+"""Names of the coefficients of a limited force. Impedance displays and servos have no `reach`, because nothing winds
+up."""
 SYSTEM = {
     "linear": "SI units; of a rotary device kg m^2, N m and rad in place of\n * kg, N and m.",
     "rotary": "SI units of a rotary device: kg m2, N m and rad; its\n * force is a torque, its mass an inertia.",
 }
-"""Remark on units at the top of a header, by the motion of the device."""
+"""Remark on units in the head of a C header, by the motion of the device."""
 GAINS = "velocity_gain", "position_gain"
 WIDTH = 118
-"""Greatest width of a line of C."""
+"""Greatest width of a line of C, characters."""
 
 
 def c_source(made: Firmware) -> dict[str, str]:
@@ -117,7 +118,10 @@ def names_and_numbers(made: Firmware) -> dict[str, Any]:
 
 
 def _start_head(made: Firmware) -> str:
-    """Return the head of vctune_start. Only a differenced velocity needs the start position of the motor."""
+    """Return the head of the function vctune_start.
+
+    Only a differenced velocity needs the start position of the motor.
+    """
     first = "vctune_real position, " if made.parts.difference else ""
     last = ", vctune_real limit" if limiting(made) else ""
     indent = " " * len("vctune_state vctune_start(")
@@ -169,7 +173,7 @@ def _code(made: Firmware) -> dict[str, Any]:
 
 
 def state_names(made: Firmware) -> list[str]:
-    """Return the names of a firmware's state, without the mass of its environment."""
+    """Return the names of a firmware's state variables, without those of an environment's mass."""
     return [name for name in equations.remembered(made.parts) if name != "inertia"]
 
 
@@ -187,7 +191,7 @@ def inputs_of(made: Firmware) -> list[Quantity]:
 
 
 def reads_of(made: Firmware) -> list[str]:
-    """Return the inputs of a firmware, by the names of the fields of its measurement."""
+    """Return the inputs of a firmware, by the field names of the measurement."""
     return [_short(one) for one in inputs_of(made)]
 
 
@@ -196,7 +200,7 @@ def _blocks(parts: Parts) -> dict[str, list[Equation]]:
 
 
 def _used(blocks: dict[str, list[Equation]]) -> set[str]:
-    """Return the names on the right-hand sides of equations."""
+    """Return the names that occur on the right-hand sides of equations."""
     found, terms = set(), [equation.right for block in blocks.values() for equation in block]
     while terms:
         term = terms.pop()
@@ -266,5 +270,5 @@ def _wrapped(line: str) -> list[str]:
     if len(line) + 4 <= WIDTH:
         return [line]
     places = [at for at in range(WIDTH // 4, WIDTH - 4) if line[at : at + 3] in (" + ", " - ", " ? ", " : ")]
-    at = min(places, key=lambda at: (line[:at].count("(") - line[:at].count(")"), -at))  # outside of parentheses
+    at = min(places, key=lambda at: (line[:at].count("(") - line[:at].count(")"), -at))  # only outside of parentheses
     return [line[:at], *_wrapped(f"    {line[at + 1 :]}")]

@@ -14,14 +14,14 @@ from vctune.simulation.firmware.expression import Operation, Symbol, Term
 from vctune.simulation.firmware.stepped import Precision
 
 BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "negative": 3}
-"""Binding strength of each operator."""
+"""Precedence of each operator."""
 HOLDING = BINDING | {"choice": 0}
-"""Binding strength of an operator as an operand of another. Operators that are not listed are function calls."""
+"""Precedence of an operator as an operand of another. All other operators become function calls."""
 COUNTED = {"+": "additions", "-": "additions", "*": "multiplications", "/": "divisions"}
 
 
 def literal(number: float, precision: Precision) -> str:
-    """Return the shortest C constant that reads as exactly this number.
+    """Return the shortest C constant that a compiler reads as exactly this number.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def _written(
     number: Callable[[float], str],
     called: Callable[[str, list[str]], str],
 ) -> str:
-    """Return a term as text. An operand that binds less strongly than its operator is in parentheses."""
+    """Return a term as text. An operand with a lower precedence than its operator gets parentheses."""
     if isinstance(term, Symbol):
         return name(term)
     if not isinstance(term, Operation):
@@ -100,7 +100,7 @@ def operations(equations: Iterable[Equation]) -> Counter[str]:
 
 
 def comment(text: str, width: int = 110) -> list[str]:
-    """Return a text as lines for a comment in C; the text cannot end the comment.
+    """Return a text as lines for a comment in C. The text cannot end the comment.
 
     Parameters
     ----------
@@ -118,6 +118,6 @@ def comment(text: str, width: int = 110) -> list[str]:
 
 
 def _held(text: str, term: Term, binding: int) -> str:
-    """Return an operand, in parentheses if it binds less strongly than the operator around it."""
+    """Return an operand, in parentheses if its precedence is lower than that of the operator around it."""
     own = HOLDING.get(term.operator, 9) if isinstance(term, Operation) else 9
     return f"({text})" if own < binding else text

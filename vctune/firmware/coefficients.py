@@ -26,7 +26,7 @@ FORMULAS = {
     "limit": "the greatest force, infinity for none",
     "position_reach": "limit / position_gain, infinity for none",
 }
-"""Formulas of the coefficients that are set at run time, and thus are not constants of the design."""
+"""Formulas of the coefficients that the user sets at run time. Such coefficients are no constants of the design."""
 
 
 def controller_record(made: Firmware) -> dict[str, Any]:
@@ -39,8 +39,8 @@ def controller_record(made: Firmware) -> dict[str, Any]:
     Returns
     -------
     dict
-        Each quantity with symbol, unit and meaning. The equations are to be evaluated from first to last. `before.NAME`
-        is the
+        Each quantity with symbol, unit and meaning. A program must evaluate the equations from first to last.
+        `before.NAME` is the
             value of NAME after the previous sample; `choice(a, b, c, d)` is c if a > b, else d.
     """
     units = made.units

@@ -1,4 +1,4 @@
-"""The content of an export: a design with its proved claims, and the rounded coefficients of the firmware."""
+"""Define the content of an export: a design with its proved claims, and the rounded coefficients of the firmware."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ NOTHING = Environment(0.0, 0.0, 0.0, 0.0, False)
 
 @dataclass(frozen=True, slots=True)
 class Firmware:
-    """A design as firmware.
+    """A design, ready to be exported as firmware.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Firmware:
 
     @property
     def doubt(self) -> str:
-        """The claims that are not proved, in words; empty if the design is certified."""
+        """The unproved claims, in words; "" if the design is certified."""
         if self.record.status == "certified" or self.record.certificate is None:
             return ""
         claims = self.record.certificate.claims
@@ -77,14 +77,14 @@ class Firmware:
 def firmware(
     file: ProblemFile, gains: Gains, coupling: AnyCoupling, precision: Precision, corner: float | None = None
 ) -> Firmware:
-    """Return a design as firmware, proved with the constants that the firmware will have.
+    """Return a design as firmware, after proving it with the constants that the firmware will have.
 
     Parameters
     ----------
     file : the problem
     gains, coupling : the design
-    precision : precision of the firmware; in single precision every coefficient is rounded, and the rounded ones are
-        proved
+    precision : precision of the firmware; for single precision, the function rounds every coefficient and proves the
+        rounded ones
     corner : corner of the multiplier that proves walls, rad/s; None for the best corner
     """
     device = file.problem.device
@@ -111,7 +111,7 @@ def firmware(
 
 @np.errstate(all="ignore")
 def judged(problem: Problem, design: tuple[Gains, AnyCoupling], corner: float | None = None) -> Judgement:
-    """Return the proved claims of a design, as `vctune check` proves them.
+    """Return the proved claims of a design, which are those of `vctune check`.
 
     Parameters
     ----------
@@ -123,7 +123,9 @@ def judged(problem: Problem, design: tuple[Gains, AnyCoupling], corner: float | 
 
 
 def controller_coefficients(coefficients: dict[str, float], command: Commanded) -> dict[str, float]:
-    """Return the coefficients that a firmware has as constants. Those of environment and limit are not among them.
+    """Return the coefficients that a firmware has as constants.
+
+    Coefficients of environment and limit are not constants.
 
     Parameters
     ----------
@@ -141,9 +143,9 @@ def controller_coefficients(coefficients: dict[str, float], command: Commanded) 
 
 
 def rounded(problem: Problem, coefficients: dict[str, float]) -> tuple[Problem, tuple[Gains, AnyCoupling]]:
-    """Return the problem and the design whose exact coefficients are the rounded ones.
+    """Return the problem and the design whose exact coefficients equal given rounded ones.
 
-    The sample time is then also rounded, because the firmware's integrators use the rounded one.
+    The function also rounds the sample time, because the firmware's integrators use the rounded one.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Write the controller as an FMU: FMI 2.0 for co-simulation, with its sources and a binary for 64-bit Linux."""
+"""Write the controller as an FMU: FMI 2.0 for co-simulation, with C sources and a binary for 64-bit Linux."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ ABSENT = {
     "fmi2GetBooleanStatus": "fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value",
     "fmi2GetStringStatus": "fmi2Component c, const fmi2StatusKind kind, fmi2String *value",
 }
-"""Functions that the standard requires but a controller does not use, with their arguments."""
+"""Functions that the standard requires but that a controller does not use, with their arguments."""
 
 
 def fmu(made: Firmware) -> bytes:
@@ -112,7 +112,7 @@ def fmu(made: Firmware) -> bytes:
     with ZipFile(archive, "w", ZIP_DEFLATED) as packing:
         for name, content in packed.items():
             entry = ZipInfo(name, EPOCH)
-            entry.external_attr = 0o755 << 16  # permissions: the library may be loaded, the files may be read
+            entry.external_attr = 0o755 << 16  # permissions: systems may load the library and read the files
             packing.writestr(entry, content, ZIP_DEFLATED)
     return archive.getvalue()
 
@@ -126,7 +126,7 @@ def _reals(made: Firmware) -> list[tuple[str, str, str, str]]:
 
 
 def _guid(made: Firmware) -> str:
-    """Return an identifier that depends only on design, precision and version."""
+    """Return the FMU's identifier. The identifier depends only on design, precision and version."""
     known = f"{made.design_sha256} {made.precision} {__version__}"
     return f"{{{UUID(bytes=sha256(known.encode()).digest()[:16])}}}"
 

@@ -1,4 +1,4 @@
-"""The head of every exported file: its kind, the design, the proved claims and their assumptions."""
+"""Write the head of every exported file: its kind, the design, the proved claims and their assumptions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def statement(made: Firmware) -> list[str]:
     made : the design as firmware
     """
     doubt = [] if certified(made) else [not_proved(made), ""]
-    proved = f"Proved: {made.record.promise}." if made.record.promise else "Nothing is promised of this design."
+    proved = f"Proved: {made.record.promise}." if made.record.promise else "vctune proved nothing about this design."
     single = "Proved again with the constants below, rounded to single precision, and with their sample time."
     return [
         *doubt,
@@ -67,7 +67,7 @@ def assumptions(made: Firmware) -> list[str]:
 
 
 def _stepped(hands: HandsRecord) -> str:
-    """Return how the environments of a claim are stepped, as it follows their name."""
+    """Return the words on the integration rule of a claim's environments, which follow their name."""
     stepped = in_time_in_words(hands.worlds_rule or "trapezoid", hands.worlds_late or 0)
     if hands.worlds_rule is None:
         stepped = f", by the trapezoidal rule{stepped}"

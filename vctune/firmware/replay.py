@@ -1,4 +1,5 @@
-"""The files that accompany the controller: vectors.csv and replay.c, a Makefile, and the bridge to the simulation."""
+"""Write the files that accompany the controller: vectors.csv and replay.c, a Makefile, and the bridge to the
+simulation."""
 
 from __future__ import annotations
 
@@ -11,7 +12,8 @@ from vctune.firmware.preamble import not_proved, statement
 from vctune.firmware.vectors import Replay, experiment_line, greatest_difference, vectors_text
 
 ALLOWED_ULP = 0
-"""Permitted difference in units in the last place. Every operation is rounded as in the simulation, so it is 0."""
+"""Permitted difference in units in the last place. The difference must be 0, because firmware and simulation round
+every operation in the same way."""
 
 
 def replay_files(made: Firmware, simulated: list[Replay]) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""A design as parameters of a ROS 2 admittance_controller, proved in the way that controller computes it."""
+"""Write a design as parameters of a ROS 2 admittance_controller, proved with the arithmetic of that controller."""
 
 from __future__ import annotations
 
@@ -40,7 +40,8 @@ class RosAxis:
 
 
 def ros2_firmware(axes: Sequence[RosAxis]) -> list[Firmware]:
-    """Return designs as the controller computes them, each with its proof. Equal laws are proved once.
+    """Return designs with the numbers that the controller computes, each with its proof. vctune proves equal laws only
+    once.
 
     Parameters
     ----------
@@ -49,9 +50,8 @@ def ros2_firmware(axes: Sequence[RosAxis]) -> list[Firmware]:
     Raises
     ------
     InputError
-        If a device is not a servo, for which vctune designs the loop that follows the command itself; if an axis and
-        its device have different kinds of motion; or if the axes need different values of a parameter that the
-        controller has only once.
+        If a device is not a servo; if an axis and its device have different kinds of motion; or if the axes need
+        different values of a parameter that the controller has only once.
     """
     for axis in axes:
         _require_servo(axis)

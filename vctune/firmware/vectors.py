@@ -1,4 +1,4 @@
-"""Measurements and commands of the simulated controller in every experiment, for replay."""
+"""Record measurements and commands of the simulated controller in every experiment, for replay."""
 
 from __future__ import annotations
 
@@ -45,12 +45,14 @@ class Replay:
 
 
 def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] = lambda stage: None) -> list[Replay]:
-    """Simulate a design in the experiments of its problem that the C code renders or, without any, in default ones.
+    """Simulate a design in those experiments of its problem that the C code can render.
+
+    Without any, use default experiments.
 
     Parameters
     ----------
     file : the problem
-    made : the design as firmware; its decimals are simulated in double precision
+    made : the design as firmware; the function simulates its decimals in double precision
     progress : function that receives the current stage
 
     Returns
@@ -64,10 +66,10 @@ def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] =
 
 
 def usual(problem: Problem) -> tuple[Experiment, ...]:
-    """Return the default experiments for a problem without experiments: a spring, and a wall that saturates.
+    """Return the default experiments for a problem without experiments: a spring, and a wall that saturates the motor.
 
-    A servo has no mass that could set the size of its environments, and no force that could saturate. Its hands set the
-    size.
+    A servo has no mass that could set the size of the environments, and no force that could saturate. For a servo, the
+    hands set the size.
     """
     device, stiffest = problem.device, problem.hands.high.stiffness
     share = usual_share(device.mass, device.units) if device.kind.own_loop else stiffest / USUAL_STIFFNESS or 1.0
@@ -94,7 +96,7 @@ def _replay(made: Firmware, experiment: Experiment, progress: Callable[[str], No
 
 
 def vectors_text(made: list[Replay], units: Units, commanded: Commanded) -> str:
-    """Return the text of vectors.csv, with every number in the shortest decimals that read as exactly the number.
+    """Return the text of vectors.csv, with every number in its shortest exact decimals.
 
     Parameters
     ----------
@@ -117,8 +119,9 @@ def vectors_text(made: list[Replay], units: Units, commanded: Commanded) -> str:
 
 
 def greatest_difference(firmware: Firmware, made: list[Replay]) -> float:
-    """Return the greatest difference of a firmware's commands from the simulated ones, in its precision, without fused
-    operations.
+    """Return the greatest difference between a firmware's commands and the simulated ones.
+
+    The firmware runs in its precision, without fused operations.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""From recordings of a device to its numbers, each with an honest interval (README.md)."""
+"""Identify a device from recordings: its numbers, each with an interval that covers all uncertainty (README.md)."""

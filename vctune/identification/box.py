@@ -1,4 +1,5 @@
-"""From estimates of several recordings and directions to one device, and a box around it (README, section 4)."""
+"""Combine the estimates of several recordings and directions into one device and a box around it (README, section
+4)."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from vctune.document.text.codes import Note
 from vctune.identification.motion.covariance import joint_factor
 
 MASS_FLOOR = 0.01
-"""Least relative half-width of a mass, which allows for the difference between two days."""
+"""Least relative half-width of a mass. This floor allows for changes of the device from one day to the next."""
 DELAY_FLOOR = 0.1
 """Least half-width of a delay, in sample times."""
 WIDEST = 0.99
@@ -25,8 +26,8 @@ FLOORS = {
 }
 """Least relative half-widths by key. The half-width of a frequency follows from that of a mass by the square root."""
 COULOMB_SHARE = 0.1
-"""Share of Coulomb friction, divided by the speed of the motion, that may be viscous, since Coulomb's law is not
-exact."""
+"""Share of the Coulomb friction that may in fact be viscous, because Coulomb's law is not exact. Divided by the speed
+of the motion, this share widens the interval of the damping."""
 
 
 BAND = Note("limit-band", "model error: the band that is kept changes it")
@@ -41,7 +42,7 @@ class Estimate:
     key : key of the number in the device's table
     value, sigma : estimate and standard deviation, SI units, frequencies in Hz
     source : the recording and the method
-    excess : difference of other estimates from the same recording beyond their spread, below and above
+    excess : how far other estimates from the same recording differ beyond their spread, below and above
     stated : whether the user stated the number, so that it comes from no recording
     reason : reason for the excess
     """
@@ -64,8 +65,8 @@ class Bounded:
     key : key of the number in the device's table
     value : middle of the interval
     low, high : ends of the interval
-    sampled : half-width of the widest interval of a single estimate according to its sigma
-    limits : reasons that determine the interval's ends
+    sampled : half-width that the sigma of the least certain estimate alone would give
+    limits : reasons for the interval's ends
     estimates : estimates that the interval contains
     """
 
@@ -84,7 +85,7 @@ class Bounded:
 
     @property
     def limit(self) -> str:
-        """The reasons for the interval's ends, as text."""
+        """The reasons for the interval's ends, as one text."""
         return "; ".join(note.line for note in self.limits)
 
 
@@ -108,7 +109,7 @@ def _bounded(key: str, estimates: list[Estimate], factor: float, sample_time: fl
     limit = _widest(key, estimates, sampled)
     low, high = max(low, 0.0), max(high, 0.0)
     if high == 0 and not key.endswith("delay"):
-        high = max(abs(each.value) for each in estimates)  # a negative value is at least as wrong as it is negative
+        high = max(abs(each.value) for each in estimates)  # the error of a negative value is at least its magnitude
     middle = 0.5 * (low + high)
     least = DELAY_FLOOR * sample_time if key.endswith("delay") else FLOORS.get(key, 0.0) * middle
     if high - low < 2 * least:

@@ -1,4 +1,4 @@
-"""Check a recording before any fit. Each fault names its row, its column and its remedy."""
+"""Check a recording before any fit. The message on each fault names the row, the column and a remedy."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError, Mistake
 
 LEAST_SAMPLES = 500
-"""Least number of samples. Fewer last less than a second at any rate of a haptic loop."""
+"""Least number of samples. At any rate of a haptic loop, fewer samples cover less than a second."""
 SAMPLE_TIMES = (1e-6, 0.05)
 """Range of sample times that a haptic loop can have, s."""
 SPEEDS = {False: 30.0, True: 3000.0}
@@ -21,19 +21,19 @@ SPEEDS = {False: 30.0, True: 3000.0}
 GREATEST_FORCE = 1e4
 """Greatest force of a haptic device, N or N m."""
 FEW_STEPS = 30
-"""Number of resolution steps; a recording whose motion spans fewer shows no acceleration."""
+"""Least span of the motion in resolution steps. A recording of a smaller motion shows no acceleration."""
 SATURATED = 0.2
-"""Greatest share of the samples that may be at a limit."""
+"""Greatest permitted share of samples at a limit."""
 
 
 @dataclass(frozen=True, slots=True)
 class Evenness:
-    """How even the steps of a log must be, in sample times.
+    """Limits on the timing of a log, in sample times.
 
     Attributes
     ----------
     jitter : greatest permitted standard deviation of a step
-    gap : length above which a step has lost a sample
+    gap : length of a step above which a sample is missing
     """
 
     jitter: float
@@ -41,7 +41,8 @@ class Evenness:
 
 
 LOOP, LINK = Evenness(0.05, 1.5), Evenness(0.25, 1.9)
-"""Limits for a loop's interrupt, and for a robot's link, whose servo is sampled at the log's instants."""
+"""Limits for a loop that an interrupt runs, and for a robot's link. The link may be less even because the fit of a
+servo uses the instants of the log."""
 
 
 def check(recording: Recording, sample_time: float | None, *, servo: bool = False) -> float:
@@ -165,7 +166,7 @@ def _column(recording: Recording, role: str, T: float) -> Iterator[Mistake]:
     if held > 1 and role not in SERVO_COMMANDS:
         message = f"changes only in every {held}th row: it was recorded at a lower rate; log it at {T:g} s, or decimate"
         yield Mistake("log-signal", channel.header, message)
-    unit = recording.units.force.replace(" ", "")  # in the spelling of headers
+    unit = recording.units.force.replace(" ", "")  # spelled as in headers
     if role in ("position", "handle", "reference", "position_command"):
         yield from _place(recording, channel, role, T)
     elif role == "velocity_command":
@@ -223,7 +224,7 @@ def _held_for(values: Floats) -> int:
 
 
 def _at_limit(channel: Channel) -> float:
-    """Return the share of the samples at the limit, or at an extreme for three samples in a row."""
+    """Return the share of samples that are at the limit, or at an extreme value for three samples in a row."""
     size = np.abs(channel.values)
     limit = channel.limit if channel.limit is not None else float(size.max())
     at = size >= limit * (1 - 1e-9)

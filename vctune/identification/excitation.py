@@ -1,4 +1,5 @@
-"""A multisine that would reduce the uncertainty of the numbers: lines, duration, amplitude (README, section 5)."""
+"""Propose a multisine that would reduce the uncertainty of the numbers: lines, duration, amplitude (README, section
+5)."""
 
 from __future__ import annotations
 
@@ -14,16 +15,16 @@ from vctune.identification.motion.signals import position_noise
 from vctune.identification.response.physics import antiresonance_hz, compliances
 
 LINES = 60
-"""Number of lines, spaced evenly on a logarithmic axis. A fit of seven numbers needs no more."""
+"""Number of lines, spaced evenly on a logarithmic axis. A fit of seven numbers needs no more lines."""
 NEAR = 24
-"""Number of lines within a tenth of a resonance, and as many near an antiresonance."""
+"""Number of additional lines within 10 % of a resonance, and also within 10 % of an antiresonance."""
 HIGHEST = 0.2
-"""Highest line, as a share of the sampling rate."""
+"""Frequency of the highest line, as a share of the sampling rate."""
 LONGEST = 8.0
 """Longest period, s."""
 PEAK = 1.0
-"""Greatest force, as a share of the logs' greatest force. Half this force might not overcome the friction. The speed is
-at most that of the logs."""
+"""Greatest force, as a share of the logs' greatest force. Half this force might not overcome the friction. The speed
+never exceeds that of the logs."""
 SPREAD = 0.005
 """Target for the relative standard deviation of a line."""
 PERIODS = (5, 60)
@@ -31,14 +32,14 @@ PERIODS = (5, 60)
 
 @dataclass(frozen=True, slots=True)
 class Excitation:
-    """One period of a force to command repeatedly.
+    """One period of a force that the user commands repeatedly.
 
     Attributes
     ----------
     force : force, N, shape (n,)
     sample_time : T, s
     lines_hz : excited frequencies, Hz
-    periods : number of periods to record; the evaluation drops the first
+    periods : number of periods to record; the evaluation omits the first one
     peak, speed : greatest force, N, and predicted root mean square speed, m/s
     spread : predicted relative standard deviation of the worst line
     reasons : the numbers that the multisine would determine better
@@ -97,7 +98,7 @@ def _lines(found: Identified, low: float, period: int, T: float) -> Floats:
 
 
 def _wave(lines: Floats, period: int) -> Floats:
-    """Return a period of equal lines with Schroeder's phases, which keep the peak low."""
+    """Return a period of lines with equal amplitudes and Schroeder's phases, which keep the peak low."""
     phases = -2 * pi * np.cumsum(np.arange(1, lines.size + 1) / lines.size * np.diff(lines, prepend=0.0))
     spectrum = np.zeros(period // 2 + 1, dtype=complex)
     spectrum[lines.astype(int)] = np.exp(1j * phases) * period / 2
@@ -105,7 +106,7 @@ def _wave(lines: Floats, period: int) -> Floats:
 
 
 def _scale(found: Identified, force: Floats, motor: Floats, hertz: Floats) -> float:
-    """Return the amplitude of the wave: the greatest that the logs show the device can take."""
+    """Return the amplitude of the wave: the greatest that the device reached in the logs."""
     forces, speeds = [], []
     for study in found.records:
         recording = study.recording
@@ -128,5 +129,5 @@ def _noise(found: Identified) -> float:
 def _reasons(found: Identified) -> tuple[str, ...]:
     said = [f"{each.key}: within {each.share:.0%}, by {each.limit}" for each in found.bounds if each.share > 0.05]
     if not found.unmodelled:
-        said.append(coded("resonances and what is not modelled: nothing is known of them yet", "remark-slow-motion"))
+        said.append(coded("resonances and unmodelled dynamics: the logs do not show them", "remark-slow-motion"))
     return tuple(said)

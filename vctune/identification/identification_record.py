@@ -44,7 +44,7 @@ def identification_record(
     found : device, box and studies of the recordings
     description : free text from the user
     versions : versions of all software that affects the result
-    next_one : a multisine that would reduce the uncertainty; None if not requested
+    next_one : a multisine that would reduce the uncertainty; None if the user did not request it
     """
     rotary = found.records[0].recording.rotary
     units: UnitSystem = "rotary" if rotary else "linear"
@@ -224,7 +224,7 @@ def _followed(study: RecordStudy, servo: ServoStudy) -> RecordingRecord:
 
 
 def _derived(fit: ResponseFit, units: Units) -> list[NumberRecord]:
-    """Return the usual numbers of a structure: both masses, the stiffness and the resonance."""
+    """Return the numbers that describe a structure: both masses, the stiffness and the resonance."""
     structure = fit.device.structure
     low = antiresonance_hz(fit.device)
     if structure is None or low is None:

@@ -1,4 +1,4 @@
-"""From recordings to a device, its box, and the source of each number: the main path of this package."""
+"""Identify a device, its box, and the source of each number from recordings. This is the main path of the package."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from vctune.model.parts import PARTS, Servo
 
 Progress = Callable[[str], None]
 LEAST_LINES = 2
-"""Least number of frequencies. With fewer there are no radii between them."""
+"""Least number of frequencies from which radii can be interpolated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +46,8 @@ class Identified:
     name : name of the device
     device : device at the centre of the box
     bounds : the box, one interval for each number
-    unmodelled : points (Hz, radius) of a disc for the response that no device of the box has; empty for slow motion
-        alone
+    unmodelled : points (Hz, radius) of a disc that covers what no device of the box explains; empty if the recordings
+        show only slow motion
     distances : relative distance of each line or band from the nearest device of the box, for each recording that has
         them
     friction : friction for the simulation; None if none was found
@@ -135,7 +135,7 @@ def _device(bounds: Sequence[Bounded], known: LogMap, T: float) -> Device:
 
 
 def _servo(bounds: Sequence[Bounded], known: LogMap, T: float, studies: Sequence[RecordStudy]) -> Device:
-    """Return the servo at the centre of the box, with the order that is likeliest over all recordings."""
+    """Return the servo at the centre of the box. Its order is the likeliest one over all recordings."""
     value, found = {each.key: each.value for each in bounds}, [each.servo for each in studies if each.servo is not None]
     command: Literal["velocity", "position"] = "position" if found[0].seen.is_position else "velocity"
     servo = Servo(value["servo.delay"], value["servo.bandwidth_hz"], likelier_order(found), command)

@@ -1,4 +1,4 @@
-"""Numbers of the device that the user states in a log.toml. They are not identified."""
+"""Handle the numbers of the device that the user states in a log.toml. vctune does not identify them."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from vctune.model.parts import Actuator, ForceSensor, VelocityEstimate
 SENSOR = "force_sensor"
 """Key of the part that senses the force."""
 OF_OWN_LOOP = {"delay", "delay_uncertainty", "velocity", "actuator"}
-"""Keys of [device] that apply only to a device with its own loop."""
+"""Keys of [device] that apply only to a device with a velocity loop in the firmware."""
 
 
 def check_known(known: LogMap, sample_time: float) -> None:
-    """Make sure that the known numbers of the device are possible at its sample time.
+    """Check that the known numbers of the device are possible at its sample time.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def velocity_assumed(known: LogMap) -> bool:
 
 
 def known_delays(known: LogMap) -> dict[str, float]:
-    """Return the delays that the user states, s, so that a fit need not find them."""
+    """Return the delays that the user states, s. A fit does not search for them."""
     stated, found = known.document.device, {}
     if stated.delay is not None:
         found["delay"] = stated.delay

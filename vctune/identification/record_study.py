@@ -1,6 +1,6 @@
 """Study one recording.
 
-If it has a force but no command, it is fitted with both roles of the force (README, section 1).
+If it has a force but no command, the study fits both roles of the force (README, section 1).
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from vctune.identification.servo.servo_study import ServoStudy, servo_notes, ser
 POOR = 0.05
 """Relative residual of the force or of the response above which the study warns."""
 HELD, MEASURED = "held command", "measured force"
-"""Possible roles of a force that is recorded without a command: the firmware's held command, or a sensor's sample."""
+"""Possible roles of a force in a log without a command: the held command of the firmware, or the sample of a sensor."""
 EVIDENCE, HALF = 10.0, 2.0
-"""Gain in log likelihood that decides between the two roles, or factor by which chi2 must be smaller. Slow motions gain
-less than 1, the noise of a closed loop 5 and more, multisines hundreds."""
+"""Gain in log likelihood, or factor in chi2, that decides between the two roles. The gain is below 1 for slow motions,
+at least 5 for the noise of a closed loop, and hundreds for multisines."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecordStudy:
-    """A recording and its result, which is one of three kinds of study.
+    """A recording and its result, one of three kinds of study.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class RecordStudy:
 
     @property
     def sharp_chi2(self) -> tuple[float, float]:
-        """The chi2 where two models differ the most, and its degrees of freedom."""
+        """The chi2 in the range where two models differ the most, and its degrees of freedom."""
         if self.motion is not None:
             return self.motion.sharp_chi2
         assert self.periodic is not None
@@ -147,13 +147,13 @@ def record_study(recording: Recording, T: float, known: LogMap) -> RecordStudy:
 
 
 def _clearly_better(best: RecordStudy, other: RecordStudy) -> bool:
-    """Return whether chi2 decides between two roles. Model error counts as noise of the same size."""
+    """Return whether chi2 decides between two roles. The function treats a model error as noise of the same size."""
     (least, dof), (more, _) = best.sharp_chi2, other.sharp_chi2
     return log(more / least) > min(log(HALF), EVIDENCE * 2 * max(1.0, least) / dof)
 
 
 def _commanded(recording: Recording) -> Recording:
-    """Return a recording whose force has the role of the firmware's command, held between samples."""
+    """Return the recording with its force in the role of the firmware's command, which is held between samples."""
     channels = {"command" if role == "force" else role: channel for role, channel in recording.channels.items()}
     return replace(recording, channels=channels)
 

@@ -1,4 +1,4 @@
-"""Remarks on what the recordings do not show, and on how the file handles it (README, section 8)."""
+"""Make remarks on what the recordings do not show, and on what the file states instead (README, section 8)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vctune.identification.record_study import RecordStudy
 from vctune.identification.response.periodic_study import PeriodicStudy
 
 WEAK = 0.5
-"""Relative half-width of a delay above which a remark calls it weak."""
+"""Relative half-width above which a remark calls a delay poorly determined."""
 
 
 def what_is_not_told(studies: Sequence[RecordStudy], bounds: Sequence[Bounded], known: LogMap) -> list[Note]:

@@ -1,1 +1,2 @@
-"""The physics as pure functions that run in any arithmetic: loop, two-port, coupling, transparency, sampled loop."""
+"""Model the physics with pure functions that run in any arithmetic: loop, two-port, coupling, transparency, sampled
+loop."""

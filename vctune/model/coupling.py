@@ -1,4 +1,5 @@
-"""The virtual coupling's impedance Z_c = b_0 + b_c m_c s/(b_c + m_c s) (model/README.md, section 3, paper eq. 17)."""
+"""Compute the virtual coupling's impedance Z_c = b_0 + b_c m_c s/(b_c + m_c s) (model/README.md, section 3, paper eq.
+17)."""
 
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ def coupling_impedance(coupling: Coupling, omega: Number) -> Pair:
 
 
 def sampled_resistance(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> Number:
-    """Return Re Z_c of the coupling as the firmware runs it, with s -> (2/T)(z - 1)/(z + 1).
+    """Return Re Z_c of the coupling in the firmware, where s -> (2/T)(z - 1)/(z + 1).
 
     See model/README.md, section 14. The result equals Re Z_c of the continuous coupling at omega = (2/T) tan(theta/2).
     At the Nyquist frequency the result is the limit.
@@ -48,7 +49,7 @@ def sampled_resistance(coupling: Coupling, sample_time: Number, theta: Number, o
     Number
         N s/m. It has the shape of theta.
     """
-    if coupling.rigid:  # its mass is a pure reactance
+    if coupling.rigid:  # the mass of a rigid coupling is a pure reactance
         return coupling.drag + 0 * theta
     b_c, reactance, cos = coupling.damping, coupling.mass * (2 * ops.sin(theta / 2)) / sample_time, ops.cos(theta / 2)
     squared, slack = reactance * reactance, b_c * cos
@@ -56,7 +57,7 @@ def sampled_resistance(coupling: Coupling, sample_time: Number, theta: Number, o
 
 
 def sampled_reactance(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> Number:
-    """Return cos(theta/2) Im Z_c of the coupling as the firmware runs it, N s/m; it is regular at theta = pi.
+    """Return cos(theta/2) Im Z_c of the coupling in the firmware, N s/m. The product is regular at theta = pi.
 
     Parameters
     ----------

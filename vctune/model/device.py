@@ -1,4 +1,4 @@
-"""The device and its parts. SI units."""
+"""Define the device and its parts. SI units."""
 
 from __future__ import annotations
 
@@ -34,7 +34,8 @@ Commanded = Literal["force", "velocity", "position"]
 
 @dataclass(frozen=True, slots=True)
 class Device:
-    """A display: Z_d = mass s + damping with sampling and hold (model/README.md, sections 1 and 15).
+    """A display. Its mechanism has Z_d = mass s + damping; the firmware samples and holds (model/README.md, sections 1
+    and 15).
 
     Attributes
     ----------
@@ -43,10 +44,10 @@ class Device:
     sample_time : s, > 0
     delay : delay from sampling to actuation, s, >= 0, in addition to the hold
     hold : "zoh", the exact (1-e^{-sT})/(sT), or "lag", the paper's 2/(2+sT)
-    operator : the least operator, whose hand is always at the handle; None if the hand may be absent
+    operator : the least operator, a load that is always at the handle; None if the handle may be free
     velocity, actuator, force_sensor, structure, servo : parts of the device (`vctune.model.parts`); None for a part
         that the device lacks or that is ideal. The servo is the vendor's loop
-    unmodelled : one response of the uncertainty set; None for the nominal response
+    unmodelled : one response from the uncertainty set; None for the nominal response
     display : name of the kind of display (`vctune.model.display`)
     units : whether the handle moves along a line or about an axis (`vctune.model.numbers.units`); about an axis, mass
         is inertia
@@ -74,7 +75,7 @@ class Device:
 
     @property
     def kind(self) -> Display:
-        """The kind of display: force in and motion out, motion in and force out, or a servo."""
+        """The kind of display: admittance (force in, motion out), impedance (motion in, force out), or servo."""
         return DISPLAYS[self.display]
 
     @property
@@ -86,14 +87,14 @@ class Device:
     def coupling_may_drive(self) -> bool:
         """Whether the coupling may have Re 1/Z_c < 0, as on an impedance display with two low-passes of the velocity.
 
-        Where R is negative, too, stability requires Re 1/Z_c > R itself, not a multiple of R.
+        Where R is also negative, stability requires Re 1/Z_c > R, not Re 1/Z_c > g R with the safety factor g.
         """
         known = self.velocity
         return self.kind.inverse and known is not None and known.filter_hz is not None and known.filter_order > 1
 
     @property
     def bare(self) -> Device:
-        """The device without a hand."""
+        """The device with a free handle."""
         return replace(self, operator=None)
 
     @property
@@ -118,14 +119,14 @@ class Device:
 
     @property
     def loops(self) -> tuple[Device, ...]:
-        """The devices whose velocity loops must be stable on their own; empty for a servo."""
+        """The devices whose velocity loops must be stable on their own. A servo has none."""
         if not self.kind.own_loop:
             return ()
         return (self,) if self.operator is None else (self.bare, self.with_operator)
 
     @property
     def motor_mass(self) -> Number:
-        """The mass that the motor drives directly, kg: the whole mass of a rigid device."""
+        """The mass that the motor drives directly, kg. A rigid device has its whole mass there."""
         return self.mass if self.structure is None else self.mass - self.structure.handle_mass
 
     @property
@@ -146,7 +147,7 @@ class Device:
         return {key: number for key, number in found.items() if number is not None}
 
     def _varying(self) -> dict[str, Number]:
-        """Return the device's numbers, the numbers of its firmware, and the parameters of its unmodelled response."""
+        """Return all numbers of the device: those of the mechanism, of the firmware, and of the unmodelled response."""
         perturbed = {key: self.number(key) for key in PERTURBATION if self.unmodelled is not None}
         return self.numbers() | self._of_firmware() | perturbed
 
@@ -198,7 +199,7 @@ class Device:
         return same._with_hands(lambda hand: LeastOperator(hand.mass / units["mass"], hand.damping / impedance))
 
     def _with_hands(self, changed: Callable[[LeastOperator], LeastOperator]) -> Device:
-        """Return the device with its least operator and the load on its handle changed by a function."""
+        """Return the device after applying a function to its least operator and to the load on its handle."""
         structure = self.structure
         if structure is not None and structure.load is not None:
             structure = replace(structure, load=changed(structure.load))
@@ -206,7 +207,7 @@ class Device:
 
     @property
     def loop_lag(self) -> Number:
-        """tau = T/2 + delay, the lag of hold and delay at low frequency, s."""
+        """The lag of hold and delay at low frequency, tau = T/2 + delay, s."""
         return self.sample_time / 2 + self.latency
 
     @property
@@ -216,7 +217,7 @@ class Device:
 
     @property
     def sensing(self) -> ForceSensor:
-        """The force sensor; an ideal one if the device has none."""
+        """The force sensor. A device without one gets an ideal sensor."""
         return self.force_sensor if self.force_sensor is not None else ForceSensor()
 
     @property
@@ -241,7 +242,7 @@ class Device:
 
 
 def stacked(devices: Sequence[Device]) -> Device:
-    """Return several devices as one device whose numbers are arrays of shape (n,), or floats where all devices agree.
+    """Return several devices as one device. Its numbers are arrays of shape (n,), or floats where all devices agree.
 
     Parameters
     ----------

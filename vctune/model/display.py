@@ -1,6 +1,7 @@
-"""The kinds of display, and the facts that depend on the kind (model/README.md, sections 1 and 15).
+"""Define the kinds of display, and the facts that depend on the kind (model/README.md, sections 1 and 15).
 
-Every other module gets the kind from a device and either reads a fact from it or looks up its name in a table.
+Every other module gets the kind from a device. The module then reads a fact from the kind, or looks up the kind's name
+in a table.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ class Display:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of a design's numbers, without their tables."""
+        """The names of a design's numbers, without the names of their tables."""
         return tuple(key.rpartition(".")[2] for key in self.keys)
 
     @property
@@ -72,7 +73,7 @@ class Display:
         return f"Re {self.couples} / R"
 
     def reference(self, Z_0: float) -> float:
-        """Return the number that the coupling's response is compared with: Z_0, N s/m, or 1/Z_0."""
+        """Return the reference for the coupling's response: Z_0, N s/m, or 1/Z_0."""
         return 1 / Z_0 if self.inverse else Z_0
 
     def coupling_unit(self, units: Units) -> str:
@@ -103,7 +104,7 @@ IMPEDANCE = Display(
     differences=True,
     banded=False,
 )
-"""A device whose motor applies the force computed from the measured motion."""
+"""A device whose motor applies a force that the firmware computes from the measured motion."""
 SERVO = Display(
     name="servo",
     makes="{force} in, command to a closed loop out",
@@ -118,7 +119,7 @@ SERVO = Display(
     own_loop=False,
     terms=("tracking", "coupling"),
 )
-"""A device whose vendor's loop follows a command with a delay, and which the hand cannot push."""
+"""A device with a vendor's loop that follows a command with a delay. The hand cannot push such a device."""
 DISPLAYS: Mapping[DisplayName, Display] = MappingProxyType({each.name: each for each in (ADMITTANCE, IMPEDANCE, SERVO)})
 
 

@@ -1,4 +1,4 @@
-"""An experiment with all defaults filled in: hand, environment and hardware. SI units."""
+"""Define an experiment with all defaults filled in: hand, environment and hardware. SI units."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from vctune.model.numbers.units import UnitSystem
 
 Motion = Literal["reciprocate", "sine"]
 Rule = Literal["backward", "trapezoid", "explicit"]
-"""How mass and stiffness follow the velocity: by backward Euler, which damps, lossless by the trapezoidal rule, or by
-explicit Euler."""
+"""Rule by which the firmware integrates mass and stiffness: backward Euler, which damps, the lossless trapezoidal rule,
+or explicit Euler."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +38,13 @@ class Environment:
 
     @property
     def built_in(self) -> bool:
-        """Whether the exported firmware renders it: on time, and not by explicit Euler."""
+        """Whether the exported firmware can render this environment: one on time and not by explicit Euler."""
         return self.rule != "explicit" and self.late == 0
 
 
 @dataclass(frozen=True, slots=True)
 class Operator:
-    """A hand: a mass on the handle that a spring and a damper hold to an intended motion.
+    """A hand: a mass on the handle. A spring and a damper connect the mass to an intended motion.
 
     Attributes
     ----------
@@ -53,9 +53,10 @@ class Operator:
     speed : greatest speed of the intended motion, m/s
     cycles : number of cycles to and fro
     mass, damping, stiffness : mass, damping and stiffness of the hand, kg, N s/m, N/m
-    dwell : time from one change of the hand to the next, s; None if it does not change
+    dwell : time from one change of the hand to the next, s; None if it does not change, or at given times
+    changes_at : given times at which the hand changes, increasing, s
     other_damping : damping in every other interval, N s/m; None if it is the same
-    regrip : whether the hand takes hold again where the handle is, at each change
+    regrip : whether the hand, at each change, lets go and takes hold again where the handle is
     """
 
     motion: Motion
@@ -67,13 +68,19 @@ class Operator:
     damping: float
     stiffness: float
     dwell: float | None = None
+    changes_at: tuple[float, ...] = ()
     other_damping: float | None = None
     regrip: bool = False
+
+    @property
+    def changes(self) -> bool:
+        """Whether the hand changes."""
+        return self.dwell is not None or bool(self.changes_at)
 
 
 @dataclass(frozen=True, slots=True)
 class Friction:
-    """The device's friction by the LuGre model.
+    """The friction of the device in the LuGre model.
 
     Attributes
     ----------
@@ -124,14 +131,14 @@ class Baseline:
 
 
 USUAL_MASS = 0.4
-"""Mass of a usual linear device, kg."""
+"""Mass of a typical linear device, kg."""
 
 
 def usual_share(mass: float, units: UnitSystem) -> float:
-    """Return the factor that scales the usual hands and walls of a linear device to this device.
+    """Return the factor that scales the typical hands and walls of a linear device to this device.
 
-    The usual impedances at a rotary handle depend on its size. A problem file states only the inertia, so the inertia
-    scales them.
+    Typical impedances at a rotary handle depend on the handle's size. A problem file states only the inertia, so the
+    inertia determines the factor.
 
     Parameters
     ----------
@@ -148,7 +155,7 @@ def usual_share(mass: float, units: UnitSystem) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """An experiment to simulate a design in.
+    """An experiment in which vctune simulates a design.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""A design: the gains of the velocity loop and the virtual coupling. SI units."""
+"""Define a design: the gains of the velocity loop and the virtual coupling. SI units."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Gains:
 
     @property
     def closed(self) -> bool:
-        """Whether the gains close a loop. Works for plain numbers only."""
+        """Whether the gains close a loop. The gains must be plain numbers."""
         return bool(self.velocity != 0 or self.position != 0)
 
 
@@ -66,10 +66,10 @@ class SpringDamper:
 
 
 AnyCoupling = Coupling | SpringDamper
-"""The coupling of a device with the virtual world: `Coupling` for an admittance display, else `SpringDamper`."""
+"""The coupling between device and virtual world: `Coupling` for an admittance display, else `SpringDamper`."""
 
 
 def series_coupling(coupling: AnyCoupling) -> Coupling:
-    """Return the coupling of an admittance display with its type checked."""
+    """Return a coupling after checking that it belongs to an admittance display."""
     assert not isinstance(coupling, SpringDamper)
     return coupling

@@ -1,4 +1,4 @@
-"""Several hands in one object: hands whose numbers are arrays, and frequencies paired with hands."""
+"""Put several hands into one object: a hand whose numbers are arrays, or frequencies paired with hands."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class PlacesInHands:
         return int(self.at.shape[-1])
 
     def mapped(self, of: Callable[..., Any], *others: PlacesInHands) -> PlacesInHands:
-        """Apply a function to the frequencies and to each number of the hands; return the results as places.
+        """Apply a function to the frequencies and to each number of the hands, and return the results as places.
 
         Parameters
         ----------
@@ -54,7 +54,7 @@ class PlacesInHands:
         return self.mapped(lambda numbers: numbers[index])
 
     def joined(self, *more: PlacesInHands) -> PlacesInHands:
-        """Return these places followed by others."""
+        """Return these places, followed by other places."""
         return self.mapped(lambda *each: np.concatenate(each, axis=-1), *more)
 
     @property
@@ -66,5 +66,5 @@ class PlacesInHands:
 
     @classmethod
     def of(cls, places: Sequence[tuple[float, Hand]]) -> PlacesInHands:
-        """Return a sequence of pairs of frequency and hand as places."""
+        """Return places made from a sequence of pairs (frequency, hand)."""
         return cls(np.array([at for at, _ in places], float), stacked([hand for _, hand in places]))

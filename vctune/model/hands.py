@@ -1,4 +1,4 @@
-"""The hand at the handle: a least operator, one hand, and a box of hands. SI units.
+"""Define the least operator, a hand at the handle, and a box of hands. SI units.
 
 The fields of `Hand` are its numbers, and all other modules use their names. If a number's name is not its quantity, its
 metadata has "mass", "damping" or "stiffness" as "quantity".
@@ -16,7 +16,7 @@ from vctune.model.numbers.units import Units
 
 @dataclass(frozen=True, slots=True)
 class LeastOperator:
-    """The least impedance Z_h = mass s + damping of the hand that is always at the handle.
+    """The least operator: the impedance Z_h = mass s + damping that every hand at the handle includes.
 
     Attributes
     ----------
@@ -55,11 +55,12 @@ class Hand:
 
     @classmethod
     def of(cls, values: Mapping[str, Number]) -> Hand:
-        """Return the hand whose numbers are among some values, by their keys in a problem file."""
+        """Return the hand whose numbers a mapping contains by their keys in a problem file."""
         return cls(**{name: values[key] for key, name in zip(HAND, NAMES, strict=True)})
 
     def mapped(self, of: Callable[..., Number], *others: Hand) -> Hand:
-        """Return the hand whose numbers are a function of the corresponding numbers of this hand and the other hands.
+        """Return the hand that results from applying a function to each number of this hand and the same number of the
+        others.
 
         Parameters
         ----------
@@ -102,12 +103,12 @@ QUANTITIES = {field.name: field.metadata.get("quantity", field.name) for field i
 HAND = tuple(f"operator.{name}" for name in NAMES)
 """Keys of a hand's numbers in a problem file."""
 MASS, STIFFNESS = "operator.mass", "operator.stiffness"
-"""Keys of the numbers that make a hand resonate."""
+"""Keys of the two numbers with which a hand resonates."""
 
 
 @dataclass(frozen=True, slots=True)
 class Hands:
-    """All hands of a box.
+    """A box of hands: all hands whose numbers lie between two limits.
 
     Attributes
     ----------
@@ -118,7 +119,7 @@ class Hands:
     high: Hand
 
     def in_words(self, units: Units) -> str:
-        """Return the box in words with units, without the numbers that are 0 in all its hands."""
+        """Return the box in words with units. Numbers that are 0 in all its hands are left out."""
         known = ((name, *ends) for name, ends in self.ranges.items() if ends[1] > 0)
         return ", ".join(f"{low:g} to {high:g} {units.of(QUANTITIES[name])}" for name, low, high in known) or "nothing"
 

@@ -1,4 +1,5 @@
-"""The parts of a device, and the table of their numbers with units, names and limits (model/README.md, section 12).
+"""Define the parts of a device, and the table of their numbers with units, names and limits (model/README.md, section
+12).
 
 A part consists of a record in this module, its entry in `PARTS`, a field of `Device` and a table of the problem file.
 """
@@ -93,15 +94,15 @@ class Servo:
 
 @dataclass(frozen=True, slots=True)
 class Structure:
-    """A handle on a spring, which splits the device's mass in two. Position sensor and motor are on the motor's part.
+    """A handle on a spring, which splits the device's mass in two. The position sensor is on the motor's part.
 
     Attributes
     ----------
     handle_mass : mass of the handle, kg, > 0, less than the device's mass
     frequency_hz : frequency of the free resonance of both masses, Hz, > 0
     damping_ratio : damping ratio of that resonance, >= 0
-    load : mass and damping that move rigidly with the handle; None without a load. Frequency and damping ratio exclude
-        it
+    load : mass and damping that move rigidly with the handle; None without a load. Frequency and damping ratio hold
+        without the load
     """
 
     handle_mass: Number
@@ -131,7 +132,7 @@ class Unmodelled:
 
 
 Quantity = Literal["mass", "damping", "stiffness", "time", "rate", "ratio"]
-"""Quantity of a device's number, which determines its unit."""
+"""Quantity of a device's number. The quantity determines the unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,9 +146,9 @@ class PartNumber:
     label : name in a report, for a linear device
     better : direction of improvement in words, for a linear device, as "more" of a rate or "less" of a delay; empty if
         there is none
-    order : key of the order of the low-pass whose corner the number is, if a file may omit the corner
-    sampled : whether the firmware implements it on samples, so that it must be below the Nyquist frequency
-    certain : whether the firmware computes with it, so that it is never uncertain
+    order : if the number is the corner of a low-pass and a file may omit it: the key of the low-pass's order
+    sampled : whether the firmware implements it on samples, so that the number must be below the Nyquist frequency
+    certain : whether the firmware computes with the number, so that it is never uncertain
     """
 
     name: str
@@ -181,7 +182,7 @@ class Part:
 
     @property
     def stated(self) -> str:
-        """Words for what a device with this part has."""
+        """Phrase for a device that has this part."""
         return self.named or self.label
 
 
@@ -256,19 +257,19 @@ ENTRIES: Mapping[str, PartNumber] = MappingProxyType(
 )
 """Descriptions of all numbers of a device, by their keys in its table."""
 OF_FIRMWARE = tuple(key for key, each in ENTRIES.items() if each.certain and "." in key)
-"""Keys of the numbers that the firmware computes with. Their values are known."""
+"""Keys of the numbers with which the firmware computes. Their values are known exactly."""
 NUMBERS = tuple(key for key in ENTRIES if key not in OF_FIRMWARE)
-"""Keys of all other numbers."""
+"""Keys of all numbers of a device that the firmware does not compute with."""
 UNCERTAIN = tuple(key for key, each in ENTRIES.items() if not each.certain)
-"""Keys of the numbers that may be uncertain: all except the firmware's own."""
+"""Keys of the numbers that may be uncertain, that is, all numbers except those of the firmware."""
 INERT = ("mass", "damping", "delay")
-"""Keys of the numbers that a servo does not have. Nothing depends on their values for a servo."""
+"""Keys of the numbers that a servo does not have. For a servo, no result depends on these numbers."""
 LOOP_DELAYS = ("delay", "servo.delay")
 """Keys of the delay of a loop, one for each kind of display."""
 DELAYS = (
     *LOOP_DELAYS,
     *(key for key in UNCERTAIN if ENTRIES[key].quantity == "time" and key not in LOOP_DELAYS),
 )
-"""Keys of the delays between a command and the sensed force that it causes. They add up."""
+"""Keys of the delays between a command and the sensed force that it causes. These delays add up."""
 PERTURBATION = ("unmodelled.share", "unmodelled.phase")
 """Keys of the numbers that select one response of the uncertainty set."""

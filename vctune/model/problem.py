@@ -1,4 +1,4 @@
-"""A design problem with all defaults filled in: the input of the rest of vctune. SI units."""
+"""Define a design problem with all defaults filled in. The rest of vctune takes it as input. SI units."""
 
 from __future__ import annotations
 
@@ -17,14 +17,15 @@ from vctune.model.worlds import Worlds, WorldsMet
 
 Norm = Literal["rms", "peak"]
 Criterion = Literal["passive", "hands", "both"]
-"""Required hands: any passive hand, on a band of the frequency model; a box of hands, in the sampled loop; or both."""
+"""Hands that a problem requires: any passive hand, on a band of the frequency model; a box of hands, in the sampled
+loop; or both."""
 HUMAN_HANDS = Hands(Hand(0.0, 0.0, 0.0), Hand(0.5, 30.0, 3000.0))
 """Human hands on a linear device, from no hand to a firm grip (model/README.md, section 14)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Permitted values of a variable. If min = max, the variable is fixed."""
+    """The permitted values of a variable. If min = max, the variable is fixed."""
 
     min: float
     max: float
@@ -35,7 +36,7 @@ class Range:
         return self.min == self.max
 
     def times(self, factor: float) -> Range:
-        """Return the range in another unit."""
+        """Return this range in another unit."""
         return Range(self.min * factor, self.max * factor)
 
 
@@ -85,9 +86,9 @@ class Transparency:
 
 @dataclass(frozen=True, slots=True)
 class Stability:
-    """The constraints (design/README.md, section 1): band of Llewellyn's conditions, least ratio, greatest |S|, hands.
+    """The requirements (design/README.md, section 1): band of Llewellyn's conditions, least ratio, greatest |S|, hands.
 
-    `changing` says what of a hand may change while it holds the handle; the hand's mass is then at least
+    `changing` names the number of a hand that may change while it holds the handle. Such a hand has a mass of at least
     `changing_mass_min`, kg.
     """
 
@@ -112,7 +113,7 @@ class Demands:
     passive : whether the constraints include any passive hand on the band
     any_hand : whether the constraints include any passive hand on an impedance display, at every frequency
     hands : box of hands in which the sampled loop must be stable at every frequency; None without one
-    worlds : box of environments that must be stable in these hands; None for every passive environment
+    worlds : box of environments with which the loop must be stable in these hands; None for every passive environment
     changing : box of hands whose damping may change at every sample; None if no hand may change
     """
 
@@ -133,13 +134,13 @@ class Demands:
 
     @property
     def walls_met(self) -> WorldsMet | None:
-        """The required environments with their walls; None without a corner of the multiplier that proves walls."""
+        """The required environments including walls; None if the multiplier that proves walls has no corner."""
         return _with_walls(self.worlds, self.factor)
 
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
-    """How far the device may deviate from its numbers.
+    """The uncertainty of the device: how far it may deviate from its numbers.
 
     Attributes
     ----------
@@ -161,12 +162,14 @@ class Uncertainty:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """A design problem, and the experiments in which to simulate its design. The problem does not depend on them.
+    """A design problem, and the experiments in which to simulate its design.
+
+    The design does not depend on the experiments.
 
     See design/README.md, section 1; document/README.md, section 1.
 
-    The constraints hold for the device alone, or with `uncertainty` for every device of a box around it. They hold with
-    every environment that is passive in its discrete form, or with every environment of `worlds`.
+    The constraints hold for the nominal device or, with `uncertainty`, for every device of its box. They hold with
+    every environment that is passive in its discrete form or, with `worlds`, with every environment of that box.
     """
 
     name: str
@@ -199,7 +202,7 @@ class Problem:
     def hands_met(self) -> Hands | None:
         """The box of hands in which the sampled loop must be stable; None without one.
 
-        On an impedance display, any passive hand includes these hands, and the same loop covers them.
+        On an impedance display, the claim for any passive hand includes these hands.
         """
         return None if self.stability.criterion == "passive" or self.any_hand else self.hands
 
@@ -213,12 +216,13 @@ class Problem:
 
     @property
     def worlds_met(self) -> WorldsMet | None:
-        """The linear environments that must be stable in these hands; None for every passive environment."""
+        """The linear environments with which the loop must be stable in these hands; None for every passive
+        environment."""
         return None if self.worlds is None else WorldsMet(self.worlds.linear, self.stability.safety_factor)
 
     @property
     def walls_met(self) -> WorldsMet | None:
-        """These environments with their walls; None without a corner of the multiplier that proves walls."""
+        """The required environments including walls; None if the multiplier that proves walls has no corner."""
         return _with_walls(self.worlds, self.stability.safety_factor)
 
     @property
@@ -239,7 +243,7 @@ class Problem:
 
     @property
     def nyquist(self) -> float:
-        """Half the sampling rate, rad/s."""
+        """The Nyquist frequency, half the sampling rate, rad/s."""
         return pi / self.device.sample_time
 
     @property

@@ -1,4 +1,4 @@
-"""The latency of a servo, split into its parts (model/README.md, section 17). SI units."""
+"""Split the latency of a servo into its parts (model/README.md, section 17). SI units."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 
 @dataclass(frozen=True, slots=True)
 class Latency:
-    """The parts of L, the delay of a spring's force at rest, in s. The drag must be at least K L.
+    """The parts of L, the time by which a spring's force lags at rest, s. The drag must be at least K L.
 
     Attributes
     ----------

@@ -1,4 +1,5 @@
-"""The distance of a design from the ideal G_hh = 0, G_he = 1, Z_c = 0 (model/README.md, section 8, paper eq. 21)."""
+"""Compute the distance of a design from the ideal G_hh = 0, G_he = 1, Z_c = 0 (model/README.md, section 8, paper eq.
+21)."""
 
 from __future__ import annotations
 
@@ -17,8 +18,8 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.pair import Pair
 
 PANEL_NODES = 8
-"""Number of Gauss-Legendre nodes on a panel, exact for polynomials of degree 15. Half as many nodes need about twice as
-many panels; twice as many nodes need about half as many."""
+"""Number of Gauss-Legendre nodes on a panel; the rule is exact for polynomials of degree 15. With half as many nodes,
+the code would need about twice as many panels, and the reverse."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +39,7 @@ TERMS: tuple[TermName, ...] = ("admittance", "tracking", "coupling")
 class LoopTerms(NamedTuple):
     """The squares of the two terms that do not contain the coupling, those of G_hh and of 1 - G_he, with Z_0 = 1.
 
-    For an impedance display they are the dual terms: those of 1/G_hh, the impedance in free motion, and of 1 - A H/N,
+    An impedance display has the dual terms. The dual terms contain 1/G_hh, the impedance in free motion, and 1 - A H/N,
     the relative error of the handle's force against the commanded force.
     """
 
@@ -80,7 +81,7 @@ class Quotient(NamedTuple):
 def quotient_terms(at: LoopConstants, kind: Display) -> tuple[Quotient, Quotient]:
     """Return the quotients whose squared moduli are the two terms of `loop_terms`.
 
-    Numerator and denominator are affine in the gains. They lack a common factor of modulus 1.
+    Numerator and denominator are affine in the gains. The quotients leave out a factor of modulus 1.
 
     Parameters
     ----------
@@ -131,7 +132,8 @@ def _panel() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 def log_quadrature(omega_min: float, omega_max: float, panels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the nodes and weights of an average over log frequency, 1/ln(w2/w1) * integral dw/w.
 
-    It is the Gauss-Legendre rule with `PANEL_NODES` nodes on each of several equal parts of the logarithmic band.
+    The function applies the Gauss-Legendre rule with `PANEL_NODES` nodes to each of several equal parts of the
+    logarithmic band.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The environments that a device renders, as a box of environments. SI units (model/README.md, section 18)."""
+"""Define a box of the environments that a device renders. SI units (model/README.md, section 18)."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import Units
 
 WorldRule = Literal["trapezoid", "explicit", "implicit"]
-"""How mass and stiffness follow the velocity: by the lossless trapezoidal rule, by explicit Euler, or by implicit
+"""Rule by which the firmware integrates mass and stiffness: the lossless trapezoidal rule, explicit Euler, or implicit
 Euler, which damps."""
 WORLD_RULES: tuple[WorldRule, ...] = get_args(WorldRule)
 MOST_LATE = 10
-"""Greatest lateness of an environment in samples: a game loop of 100 Hz beside a controller of 1 kHz."""
+"""Greatest permitted lateness of an environment in samples. This lateness suffices for a game loop of 100 Hz with a
+controller of 1 kHz."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,7 @@ class World:
     stiffness: Number
 
     def in_units(self, impedance: float, time: float) -> World:
-        """Return the environment with impedances in units of `impedance` [N s/m] and times in units of `time` [s].
+        """Return the environment in other units of impedance and time.
 
         Parameters
         ----------
@@ -46,17 +47,17 @@ class World:
 
 @dataclass(frozen=True, slots=True)
 class Worlds:
-    """All environments of a box.
+    """A box of environments: all environments whose numbers lie between two limits.
 
     Attributes
     ----------
-    low, high : the environments with the least and with the greatest numbers; `high.damping` is inf if they are
-        passive as they run
+    low, high : the environments with the least and with the greatest numbers; `high.damping` is inf if the firmware
+        renders them passively
     walls : whether springs may be walls: one-sided, or piecewise linear with slopes within the range of stiffness
     corner : w_c of the multiplier that proves walls, rad/s, > 0, at most 2/T (section 19); None if it is not chosen
-    rule : by which they are stepped
-    late : samples by which their force is late, >= 0
-    resistive : whether a search counts on the real part alone; a proof never does
+    rule : rule by which the firmware integrates them
+    late : number of samples by which their force is late, >= 0
+    resistive : whether a search relies on the real part alone; a proof never does
     """
 
     low: World
@@ -80,11 +81,11 @@ class Worlds:
 
     @property
     def passive(self) -> bool:
-        """Whether every environment is passive as it runs, whatever its numbers are."""
+        """Whether the firmware renders every environment passively, whatever its numbers are."""
         return self.rule != "explicit" and self.late == 0
 
     def in_words(self, units: Units) -> str:
-        """Return the box in words with units, without limits that exclude nothing."""
+        """Return the box in words with units. Limits that exclude nothing are left out."""
         ranges = [
             _range(low, high, unit)
             for low, high, unit in (
@@ -98,11 +99,11 @@ class Worlds:
 
     @property
     def ahead(self) -> bool:
-        """Whether masses answer to a force only at the next sample: they grow in a loop with enough damping."""
+        """Whether masses respond to a force only at the next sample. Such masses grow in a loop with enough damping."""
         return bool(self.rule == "explicit" and self.late == 0 and self.high.mass > 0)
 
     def in_units(self, impedance: float, time: float) -> Worlds:
-        """Return the same environments with impedances in units of `impedance` [N s/m] and times in `time` [s].
+        """Return the same environments in other units of impedance and time.
 
         Parameters
         ----------
@@ -127,12 +128,12 @@ EVERY_WORLD = Worlds(World(0.0, 0.0, 0.0), World(inf, inf, inf))
 
 
 def in_time_in_words(rule: WorldRule, late: int) -> str:
-    """Return a rule and a lateness as they follow the numbers of an environment; "" for a lossless one on time.
+    """Return the words on rule and lateness that follow the numbers of an environment; "" for a lossless one on time.
 
     Parameters
     ----------
-    rule : by which it is stepped
-    late : samples by which its force is late
+    rule : rule by which the firmware integrates it
+    late : number of samples by which its force is late
     """
     stepped = {"trapezoid": "", "explicit": "stepped by explicit Euler", "implicit": "stepped by implicit Euler"}[rule]
     waited = f"{late} sample{'s' * (late > 1)} late" if late else ""
@@ -149,7 +150,7 @@ def _range(low: Number, high: Number, unit: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class WorldsMet:
-    """The environments that a design must render stably, with a reserve.
+    """The environments that a design must render stably with a safety factor.
 
     Attributes
     ----------

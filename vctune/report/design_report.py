@@ -6,6 +6,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand, least_ratios
 from vctune.document.reading import parse_problem
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.simulation_json import SimulationRecord
@@ -56,13 +57,15 @@ def report_files(record: DesignRecord, folder: Path, simulation: SimulationRecor
     """
     problem = parse_problem(record.problem.text, record.problem.name, record.problem.name)
     drawn: dict[str, Figure] = {}
+    least: list[RatioInHand | RatioInAnyHand] = []
     if record.design is not None:
-        drawn = figures(Design(problem, *record.design, record))
+        least = least_ratios(problem, *record.design)
+        drawn = figures(Design(problem, *record.design, record, least))
     if simulation is not None:
         drawn["simulation"] = simulation_figure(simulation)
     pictures = {name: svg(figure, name) for name, figure in drawn.items()}
     files = {folder / f"{name}.svg": text for name, text in pictures.items()}
-    return {**files, folder / REPORT: page(record, problem, pictures, overlays(drawn), simulation)}
+    return {**files, folder / REPORT: page(record, problem, pictures, overlays(drawn), simulation, least)}
 
 
 def simulation_files(simulation: SimulationRecord, folder: Path) -> dict[Path, str]:

@@ -67,12 +67,18 @@ def span(low: float, high: float, unit: str = "", digits: int = DIGITS) -> Quant
 
 def _together(values: list[float | None], unit: str, digits: int) -> Quantity:
     size = max((abs(each) for each in values if each is not None and each != inf), default=0.0)
-    power, unit = _prefixed(size, unit)
+    power, unit = prefixed(size, unit)
     return Quantity(" to ".join(_number(each, power, digits) for each in values), spaced(unit))
 
 
-def _prefixed(size: float, unit: str) -> tuple[int, str]:
-    """Return the power of ten of the prefix for a size, and the unit with that prefix."""
+def prefixed(size: float, unit: str) -> tuple[int, str]:
+    """Return the power of ten of the prefix for a size, and the unit with that prefix.
+
+    Parameters
+    ----------
+    size : greatest absolute value of the numbers
+    unit : their unit without a prefix, "kg" apart
+    """
     if size == 0 or PLAIN[0] <= size < PLAIN[1] or not (unit == "kg" or unit.startswith(PREFIXED)):
         return 0, unit
     own = 3 if unit == "kg" else 0
@@ -137,11 +143,14 @@ def _measured(found: re.Match[str]) -> str:
 def html(text: str) -> str:
     """Return a sentence as HTML: escaped, its symbols in italics, their subscripts below the line.
 
+    What stands between two ` becomes code.
+
     Parameters
     ----------
     text : as of `plain`
     """
-    return _with_symbols(escape(plain(text), quote=False), lambda base, below: f"<i>{base}</i><sub>{below}</sub>")
+    words = _with_symbols(escape(plain(text), quote=False), lambda base, below: f"<i>{base}</i><sub>{below}</sub>")
+    return re.sub("`([^`]+)`", r"<code>\1</code>", words)
 
 
 def svg_texts(svg: str) -> str:

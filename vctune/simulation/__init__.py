@@ -1,1 +1,1 @@
-"""The paper's experiments in sampled-data time: a continuous device with friction under a discrete controller."""
+"""Simulate the paper's experiments: a continuous device with friction under a discrete controller."""

@@ -1,4 +1,4 @@
-"""The measures of a run's traces: rendering, non-overlap, ripple, energies, effort."""
+"""Measure the traces of a run: rendering, non-overlap, ripple, energies, effort."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from vctune.simulation.run import Traces
 TURNING_POINT = 0.1
 """Share of the travel at each end that counts as a turning point; also the share of the greatest speed that counts as
 near zero. The hand gains speed within the first 6 % of the travel (`vctune.simulation.mechanics.intended_motion.RAMP`).
-Half this share would still measure that part; twice would drop a part of the stroke. Both change the ripple, which
-serves to compare controllers, only slightly."""
+With half this share, the ripple would include a part of these 6 %. With twice this share, it would miss a part of the
+stroke. Either share changes the ripple only slightly."""
 N_POSITIONS = 400
-"""Number of positions at which loading and unloading are compared, more than a figure shows. Half as many still follow
-the curves; twice as many add nothing."""
+"""Number of positions at which the code compares loading and unloading. A figure shows fewer positions. Half as many
+positions still follow the curves; twice as many add nothing."""
 SATURATED = 1 - 1e-9
-"""Share of the limit above which a force counts as at the limit, which allows for rounding. Half and twice the
-allowance give the same samples."""
+"""Share of the limit above which a force counts as at the limit. It allows for rounding. Half or twice the allowance
+gives the same samples."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """A parameter of the environment as felt at the handle, fitted by least squares.
+    """A parameter of the environment as the hand feels it, fitted by least squares.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Fit:
 class Metrics:
     """The measures of a run.
 
-    If the run has several cycles, the first is not evaluated. A measure that does not exist is None.
+    If the run has several cycles, the code omits the first one. A measure that does not exist is None.
 
     Attributes
     ----------
@@ -161,7 +161,7 @@ def _fit(traces: Traces, environment: Environment, counted: NDArray[np.bool_]) -
 
 
 def _ripple(about: Floats, speed: Floats) -> float | None:
-    """Return the greatest minus the least force around the fit near zero velocity."""
+    """Return the greatest minus the least residual force of the fit near zero velocity."""
     slow = about[speed < TURNING_POINT * speed.max()]
     return float(np.ptp(slow)) if slow.size else None
 

@@ -15,8 +15,8 @@ from vctune.simulation.mechanics.stretches import Stretch, fixed_steps
 from vctune.simulation.scene import Scene
 
 DIVERGENCE = 1e3
-"""Multiple of the hand's travel by which the handle must leave its target for the run to count as diverged. No stable
-loop comes near it. An unstable loop passes half and twice this multiple within a few samples of each other."""
+"""A run has diverged if the distance of the handle from its target exceeds this multiple of the hand's travel. No
+stable loop comes near this distance. An unstable loop passes half and twice this distance within a few samples."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Traces:
     environment_force : f_e, N
     motor : u, the command: a force, N; for a servo a velocity, m/s, or a position, m
     sensed : f_s, the sensed f_h with noise, N
-    diverged : time at which the handle left the hand's travel for good, s, where the traces end; None if it did not
+    diverged : time, s, at which the run diverged and the traces end; None if it did not diverge
     motor_position, motor_velocity : motion of the firmware's encoder, m, m/s; None if it moves like the handle
     """
 
@@ -66,7 +66,7 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
     Traces
         Finite numbers; the traces of a run that diverges end where the divergence begins.
     """
-    if scene.operator.dwell is not None:
+    if scene.operator.changes:
         return _run_changing(scene, progress, stretch)
     samples = sample_count(scene.operator, scene.device.sample_time)
     with interrupt_deferred():
@@ -138,7 +138,7 @@ def motion_inputs(scene: Scene, first: int, noise: np.random.Generator) -> Float
 
 
 def traces_of(scene: Scene, recorded: Floats, wanted: Floats, *, diverged: bool) -> Traces:
-    """Return the record as traces. For a run that diverged, only the samples before the divergence are included.
+    """Return the record as traces. If the run diverged, the traces contain only the samples before the divergence.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The description of one run: a device with its friction, a hand, and one of the two controllers of an experiment."""
+"""Describe one run: a device with its friction, a hand, and one of the two controllers of an experiment."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vctune.simulation.mechanics.friction import Carriage
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """The parts of a run.
+    """Everything that a run needs.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Equilibrium:
 
     Attributes
     ----------
-    position, bend : position of the motor, and the handle's lead over the motor, m
+    position, bend : position of the motor, and of the handle relative to the motor, m
     reference : x_e, m
     motor : command of the motor, N, or of a servo, m/s or m
     hand : force of the hand, N
@@ -64,8 +64,8 @@ class Equilibrium:
 def equilibrium(scene: Scene) -> Equilibrium:
     """Return the equilibrium at the start of the motion: all springs, from the hand's to the environment's, in series.
 
-    Without a position gain the controller holds no position, and the handle starts where hand and environment are in
-    equilibrium. The same holds for a servo, which is at the environment's position.
+    Without a position gain, the controller holds no position, and the handle starts where hand and environment are in
+    equilibrium. A servo also starts there, at the environment's position.
     """
     found = _at_rest(scene)
     return replace(found, motor=found.reference) if scene.law.command == "position" else found
@@ -91,8 +91,8 @@ def _at_rest(scene: Scene) -> Equilibrium:
 
 
 def holding(law: Law) -> float:
-    """Return the stiffness between handle and rendered environment at rest, N/m: K_p, or that of the coupling's
-    spring."""
+    """Return the stiffness between handle and rendered environment at rest, N/m: K_p, or the stiffness of the
+    coupling's spring."""
     return law.coupling.stiffness if isinstance(law.coupling, SpringDamper) else law.position
 
 

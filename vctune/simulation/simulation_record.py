@@ -1,4 +1,4 @@
-"""Simulated experiments as the object of simulation.json and the arrays of traces.npz. Numbers are finite or null."""
+"""Make the object of simulation.json and the arrays of traces.npz from simulated experiments."""
 
 from __future__ import annotations
 
@@ -32,8 +32,9 @@ from vctune.simulation.two_runs import Run, Simulated
 from vctune.version import __version__
 
 TOLERANCE = 1.5e-3
-"""Share of the plotted range by which a thinned curve may differ, less than the width of a line. Half this share gives
-more points in simulation.json and the same picture. With twice this share, corners begin to show in print."""
+"""Share of the plotted range by which a thinned curve may differ from the original. This share is less than the width
+of a line. Half this share would give more points in simulation.json and the same picture. With twice this share,
+corners begin to show in print."""
 
 
 def simulation_record(
@@ -121,7 +122,8 @@ def _experiment(one: Simulated, device: Device, coupling: AnyCoupling) -> Experi
 def quiet_stiffness(device: Device, experiment: Experiment) -> float:
     """Return the greatest stiffness of a wall that comes to rest on an impedance display's encoder steps, N/m.
 
-    It is min(2 b/T, 2 f_C/q) by Abbott and Okamura: friction must absorb the energy that an encoder step supplies.
+    The stiffness is min(2 b/T, 2 f_C/q) by Abbott and Okamura, because friction must absorb the energy that an encoder
+    step supplies.
 
     Parameters
     ----------
@@ -133,7 +135,8 @@ def quiet_stiffness(device: Device, experiment: Experiment) -> float:
 
 
 def axis(environment: Environment) -> Literal["position", "velocity"]:
-    """Return the horizontal axis for an environment's force: position for a spring, velocity otherwise."""
+    """Return the quantity of the horizontal axis for an environment's force: position for a spring, velocity
+    otherwise."""
     return "position" if environment.stiffness > 0 else "velocity"
 
 
@@ -151,7 +154,10 @@ def _run(made: Run, curve: list[list[float]]) -> RunRecord:
 
 
 def _curve(traces: Traces, name: str, cycle: float) -> tuple[Floats, Floats]:
-    """Return position or velocity, and the force over it. If there are several cycles, the first is omitted."""
+    """Return position or velocity, and the force over it.
+
+    If there are several cycles, the function omits the first one.
+    """
     first = int(np.searchsorted(traces.time, cycle * (1 - 1e-9)))
     first = first if len(traces.time) - first > 1 else 0
     return getattr(traces, name)[first:], traces.force[first:]

@@ -1,4 +1,4 @@
-"""Simulate an experiment in two runs: a) the regular PID, and b) the design."""
+"""Simulate an experiment in two runs: first with the regular PID, then with the design."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ class Simulated:
     experiment : description of the experiment
     baseline, design : the two runs; no baseline if the description has none
     least_virtual : least stable share of the baseline's virtual mass and damping; None without one
-    difference : difference of an external firmware's commands from the design's, if one ran; `mode` is then still the
-        design's
+    difference : difference between the commands of an external firmware, if one ran, and the design's; `mode` still
+        belongs to the design
     """
 
     experiment: Experiment

@@ -1,1 +1,1 @@
-"""Many designs: the points of a study, the workers that solve them, and the file of rows."""
+"""Solve many designs: the points of a study, the workers that solve them, and the file of rows."""

@@ -1,6 +1,7 @@
-"""Workers: processes on this machine or a Dask cluster, both as a `concurrent.futures.Executor`.
+"""Provide workers as a `concurrent.futures.Executor`: processes on this machine, or a Dask cluster.
 
-Workers end when the process that started them ends, however that happens. They leave Ctrl-C to that process.
+Workers end when the process that started them ends, even if that process is killed. Workers ignore Ctrl-C, which the
+process that started them handles.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ from vctune.document.text.errors import InputError
 from vctune.version import __version__
 
 PENDING_PER_WORKER = 3
-"""Number of points handed out for each worker, so that no worker waits for its next point: solving takes tens of
-milliseconds at least, handing a point out takes one. With half as many, a worker on another machine may wait; with
-twice as many, none waits less."""
+"""Number of points that the sweep hands out for each worker in advance, so that no worker waits for its next point.
+Solving a point takes at least tens of milliseconds; handing it out takes one. With half as many points, a worker on
+another machine may have to wait. Twice as many points bring nothing."""
 CONNECT_SECONDS = 5
 ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
@@ -63,7 +64,7 @@ def available_cores() -> int:
 
 @contextmanager
 def worker_pool(choice: str, jobs: int) -> Iterator[WorkerPool]:
-    """Start workers or connect to them, and release them at the end of the block.
+    """Start or connect workers, and release them at the end of the block.
 
     Parameters
     ----------
@@ -95,7 +96,7 @@ def worker_pool(choice: str, jobs: int) -> Iterator[WorkerPool]:
 
 
 class _Serial(Executor):
-    """An executor that runs work immediately in this process. It starts nothing and imports no script."""
+    """An executor that runs work immediately in this process. It starts no process and imports no script."""
 
     def submit(self, work: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         done: Future[Any] = Future()
@@ -119,11 +120,11 @@ def _process_pool(jobs: int) -> Iterator[WorkerPool]:
     except BaseException:
         pool.executor.shutdown(wait=False, cancel_futures=True)
         raise
-    pool.executor.shutdown()  # idle workers end at once; without waiting, they may outlive the pipe that wakes them
+    pool.executor.shutdown()  # waits: idle workers could outlive the pipe that wakes them
 
 
 def _context() -> BaseContext:
-    """Return how processes start: if possible, from a server that has already imported the solver.
+    """Return the start method for processes. If possible, a server that has already imported the solver starts them.
 
     The server passes on the environment with which it started.
     """
@@ -139,8 +140,10 @@ def _context() -> BaseContext:
 
 @contextmanager
 def _for_workers() -> Iterator[None]:
-    """Make processes that start in this block have `ENVIRONMENT` and ignore Ctrl-C, which this process also ignores
-    here."""
+    """Give `ENVIRONMENT` to the processes that start in this block.
+
+    These processes, and this process within the block, ignore Ctrl-C.
+    """
     before, foremost = dict(os.environ), threading.current_thread() is threading.main_thread()
     os.environ.update(ENVIRONMENT)
     handler = signal.signal(signal.SIGINT, signal.SIG_IGN) if foremost else None
@@ -217,10 +220,10 @@ def _client(choice: str, address: str, jobs: int) -> Iterator[Any]:
 
 
 def _check_versions(choice: str, client: Any) -> None:
-    """Make sure that every worker runs this version of vctune, because another version would give different rows."""
+    """Check that every worker runs this version of vctune, because another version would give different rows."""
     try:
         versions = ", ".join(sorted(set(client.run(_version).values())))
-    except Exception as error:  # whatever keeps a worker from running vctune arrives as an exception of its own kind
+    except Exception as error:  # each reason why a worker cannot run vctune raises another exception
         versions = f"none that runs ({error})"
     if versions != __version__:
         raise _refusal(choice, f"its workers need vctune {__version__} and have {versions}; install it on each of them")

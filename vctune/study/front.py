@@ -1,4 +1,4 @@
-"""The two trade-offs of a design, as predefined studies."""
+"""Predefine two studies, one for each trade-off of a design."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from vctune.model.problem import Problem, Range
 from vctune.study.study_table import Table
 
 EXPONENTS = np.arange(-6, 7) / 2
-"""Decades by which the weight of |Z_c|/Z_0 varies relative to the weights of the loop's two terms."""
+"""Number of decades over which the weight of |Z_c|/Z_0 varies relative to the weights of the loop's two terms."""
 POSITIONS, DECADES = 24, 4
-"""Number of values of K_p; and number of decades below its upper bound at which they start, if K_p may be 0."""
+"""Number of values of K_p, and number of decades below the upper bound at which they start if K_p may be 0."""
 EDGES = 41
 DIGITS = 5
 OWN = "error_with_own_weights"
-"""Name of the error if each row has its own weights, so that the errors of two rows cannot be compared."""
+"""Name of the error if each row has its own weights. The errors of two such rows cannot be compared."""
 
 
 def terms_study(document: dict[str, Any], problem: Problem) -> Study:
     """Return the study whose designs trade off |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0.
 
-    The first two terms belong to the loop with K_v and K_p, the third to the coupling. At each K_p the weight of the
-    third term moves K_v. The study sweeps K_p itself, because weights alone miss the parts of a front that are not
-    convex.
+    The first two terms belong to the loop with K_v and K_p, the third to the coupling. At each K_p, the weight of the
+    third term determines K_v. The study sweeps K_p directly, because weights alone miss the non-convex parts of a
+    front.
 
     Parameters
     ----------
     document, problem : the parsed problem file, and its problem
     """
-    if problem.device.kind.inverse:  # K_v costs free motion and stiffens the coupling, and only a weight moves it
+    if problem.device.kind.inverse:  # K_v worsens free motion, and only a weight would move it
         velocity = _list("gains.velocity", _values(problem.bounds.velocity))
         return Study("terms", document, (velocity,), problem)
     weight = problem.transparency.weights.coupling or 1.0
@@ -87,14 +87,17 @@ def _list(key: str, values: list[float]) -> Axis:
 
 
 def terms_front(table: Table) -> Table:
-    """Return the designs that no other design beats in all three terms, sorted by |Z_c|/Z_0."""
+    """Return the designs for which no other design is better in all three terms, sorted by |Z_c|/Z_0."""
     costs = np.column_stack([table.numbers[f"{term}_term"] for term in ("admittance", "tracking", "coupling")])
     front = _front(table, costs, by=2)
     return replace(front, numbers={OWN if name == "error" else name: each for name, each in front.numbers.items()})
 
 
 def band_front(table: Table) -> Table:
-    """Return the designs that no other beats in both error and upper band edge. The error grows with the edge."""
+    """Return the designs for which no other design is better in both error and upper band edge.
+
+    The error grows with the edge.
+    """
     edge = table.axes["stability.band_hz[1]"]
     return _front(table, np.column_stack([-edge, table.numbers["error"]]), by=1)
 
@@ -114,7 +117,7 @@ def _rounded(costs: Floats) -> Floats:
 def nondominated(costs: Floats) -> NDArray[np.intp]:
     """Return the indices of the rows with finite cost that no other row dominates.
 
-    Among rows with equal cost, the first stays.
+    Among rows with equal cost, the function keeps the first.
     """
     chosen = []
     for i, cost in enumerate(costs):

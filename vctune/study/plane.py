@@ -1,4 +1,4 @@
-"""The plane of two design variables in which a region lies, and its division into cells."""
+"""Define the plane of two design variables in which a region lies, and divide it into cells."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from vctune.proof.engine.boxes import Cells
 Squares = NDArray[np.intp]
 """Cells given by the indices of their edges, x_low, x_high, y_low, y_high, as an array of shape (4, number of cells).
 
-A cell with y_low = y_high (or x_low = x_high) is a piece of the line K_p = 0, where the law has no integrator.
+A cell with y_low = y_high (or x_low = x_high) is a piece of the line K_p = 0. There, the law has no integrator.
 """
 
 COARSEST = 8
@@ -47,13 +47,15 @@ class Plane:
         return WORLD if len(self.ranges) == len(WORLD) else keys_of(len(self.ranges))
 
     def at_full_width(self, key: str) -> bool:
-        """Return whether a variable is free but not an axis, so that each cell may have its own value of it."""
+        """Return whether a variable is free but not an axis. Each cell may then have its own value of this variable."""
         index = self.keys.index(key) if key in self.keys else None
         return index is not None and index not in self.axes and not self.ranges[index].fixed
 
     def coarsest_squares(self) -> Squares:
-        """Return the plane as `COARSEST` by `COARSEST` cells and, if it includes K_p = 0, that line in as many
-        pieces."""
+        """Return the plane as `COARSEST` by `COARSEST` cells.
+
+        If it includes the line K_p = 0, return this line in as many pieces.
+        """
         side, count = len(self.edges[0]) - 1, COARSEST
         marks = np.arange(0, side, side // count)
         i, j = (m.ravel() for m in np.meshgrid(marks, marks, indexing="ij"))
@@ -66,11 +68,17 @@ class Plane:
         return squares
 
     def has_line(self, place: int) -> bool:
-        """Return whether x or y (0 or 1) is a K_p from 0, where a separate line has no integrator."""
+        """Return whether the axis x or y (0 or 1) is a K_p that starts at 0.
+
+        The plane then has a separate line without an integrator.
+        """
         return self.keys[self.axes[place]] == "gains.position" and bool(self.edges[place][0] == 0)
 
     def cells(self, squares: Squares) -> Cells:
-        """Return the cells with the other variables at the full width of their ranges."""
+        """Return the cells as boxes of all variables.
+
+        Variables that are not axes get the full width of their ranges.
+        """
         low = np.repeat([[bounds.min] for bounds in self.ranges], squares.shape[1], axis=1)
         high = np.repeat([[bounds.max] for bounds in self.ranges], squares.shape[1], axis=1)
         for place, axis in enumerate(self.axes):
@@ -84,7 +92,7 @@ class Plane:
 
 
 def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
-    """Return the reasons why the region of a problem in the plane of x and y cannot be found.
+    """Return the reasons why vctune cannot find a region of the problem in the plane of x and y.
 
     Parameters
     ----------
@@ -103,8 +111,12 @@ def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
         found.append(
             Mistake("no-plane", "uncertainty", "a region is proved for one device; leave the table out of this problem")
         )
-    if problem.worlds is not None:
-        said = "a region is proved with every passive environment alone; leave the table out of this problem"
+    worlds = problem.worlds
+    if worlds is not None and (worlds.walls or not worlds.lossless or problem.device.kind.inverse):
+        said = (
+            "a region of gains is proved for linear environments by the trapezoidal rule, on time, on an admittance "
+            "display or a servo; state such a table, or leave it out of this problem"
+        )
         found.append(Mistake("no-plane", "environment", said))
     if x == y:
         found.append(Mistake("no-plane", x, "is both axes of the plane; choose another for x or y"))
@@ -149,7 +161,7 @@ def halved(squares: Squares, across: Flags) -> Squares:
     Parameters
     ----------
     squares : cells, each longer than 1 in x or in y
-    across : True where x is to be halved if it is longer than 1, False where y is, shape (n,)
+    across : True to halve x first, False to halve y first, shape (n,); a side of length 1 stays whole
     """
     wide, high = squares[1] - squares[0] > 1, squares[3] - squares[2] > 1
     low = np.where(wide & (across | ~high), 0, 2)

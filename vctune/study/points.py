@@ -1,4 +1,4 @@
-"""The points of a study, in an order that never changes."""
+"""List the points of a study in a fixed order."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vctune.document.study_axes import Axis
 from vctune.document.study_file import Study
 
 DIGITS = 12
-"""Number of significant digits of the values made here, so that they are equal on every machine."""
+"""Number of significant digits of the computed values. Rounding makes them equal on every machine."""
 
 Values = tuple[float, ...]
 
@@ -33,9 +33,11 @@ def axis_values(axis: Axis) -> Values:
 
 
 def latin_hypercube(axes: tuple[Axis, ...], n: int, seed: int) -> Iterator[Values]:
-    """Yield n points. On every axis, each of n equal parts of the range contains exactly one of them.
+    """Yield n points of a Latin hypercube.
 
-    A list is divided into parts of equal length, so that the frequencies of its elements differ by at most one.
+    On every axis, each of n equal parts of the range contains exactly one point.
+
+    For a list, each element occurs equally often, give or take one.
 
     Parameters
     ----------
@@ -50,7 +52,7 @@ def latin_hypercube(axes: tuple[Axis, ...], n: int, seed: int) -> Iterator[Value
 
 
 def _spread(axis: Axis, share: Floats) -> Values:
-    """Return the values at given shares, between 0 and 1, of an axis."""
+    """Return the values of an axis at given shares of its range, between 0 and 1."""
     if axis.scale == "list":
         return tuple(axis.values[int(t * len(axis.values))] for t in share)
     low, high = axis.values

@@ -23,8 +23,10 @@ from vctune.proof.claims.many_designs import Places, prove, refuted
 from vctune.proof.enclosures.array_intervals import Flags
 from vctune.proof.engine.boxes import Cells
 from vctune.running import OutOfTimeError, out_of_time
+from vctune.study.estimate_in_worlds import DAMPING
+from vctune.study.no_coupling import no_coupling
 from vctune.study.plane import Plane, Squares, halved
-from vctune.study.region_estimate import DAMPING, changes, estimate
+from vctune.study.region_estimate import changes, estimate
 
 TOGETHER = 512
 """Number of cells that are judged together; their data fit into memory."""
@@ -139,7 +141,8 @@ def divided(
         settled = (kinds != Kind.UNDECIDED) | (size == 1)
         done.append((first[:, settled], kinds[settled], damping[settled]))
         open_ones = first[:, ~settled]
-        squares = np.concatenate((squares, halved(open_ones, across(open_ones))), axis=1)
+        if open_ones.size:
+            squares = np.concatenate((squares, halved(open_ones, across(open_ones))), axis=1)
     left = squares.shape[1]
     done.append((squares, np.full(left, Kind.UNDECIDED, np.intp), np.full(left, np.nan)))
     cells, kinds, damping = (np.concatenate(part, axis=-1) for part in zip(*done, strict=True))
@@ -194,32 +197,39 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
     kinds : verdict on each cell, `Kind`, shape (n,)
     damping : b_c, N s/m, shape (n,); nan where the cell is not feasible, or b_c is fixed or an axis
     """
-    cells, free = easiest(plane.cells(squares), plane), free_damping(plane)
-    damping, places = estimate(problems, cells, free=free)
+    whole, free = plane.cells(squares), free_damping(plane)
+    cells = easiest(whole, plane)
+    found = estimate(problems, cells, free=free)
     kinds = np.full(len(cells), Kind.UNDECIDED)
-    served = with_damping(cells, damping) if free else cells
-    hopeful = np.flatnonzero(~np.isnan(damping))
+    served = with_damping(cells, found.damping) if free else cells
+    hopeful = np.flatnonzero(~np.isnan(found.damping))
     for problem in problems:
         hopeful = hopeful[prove(pose(problem).demands, served.subset(hopeful)).proved]
     kinds[hopeful] = Kind.FEASIBLE
-    for problem, hardest in zip(problems, places, strict=True):
+    for problem, hardest, missed in zip(problems, found.places, found.missed, strict=True):
         left = np.flatnonzero(kinds == Kind.UNDECIDED)
-        kinds[left[_lost(problem, cells.subset(left), hardest.subset(left), free=free)]] = Kind.INFEASIBLE
-    return kinds, np.where((kinds == Kind.FEASIBLE) & free, damping, np.nan)
+        # with a box of environments more mass and drag of the coupling may be worse
+        some = (cells if problem.worlds is None else whole).subset(left)
+        kinds[left[_lost(problem, plane, some, hardest.subset(left), missed[left])]] = Kind.INFEASIBLE
+    return kinds, np.where((kinds == Kind.FEASIBLE) & free, found.damping, np.nan)
 
 
 def _across(problems: Sequence[Problem], plane: Plane, squares: Squares) -> Flags:
     """Return which cells to halve in x: those in which the requirements change more with x than with y."""
-    change = changes(problems, easiest(plane.cells(squares), plane), plane.axes, free=free_damping(plane))
+    cells, free = easiest(plane.cells(squares), plane), free_damping(plane)
+    change = changes(problems, cells, plane.axes, free=free)
     longer = squares[1] - squares[0] > squares[3] - squares[2]
     return np.where(change[0] == change[1], longer, change[0] > change[1])
 
 
-def _lost(problem: Problem, cells: Cells, places: Places, *, free: bool) -> Flags:
-    """Return which cells are proved to contain no design that meets a problem's constraints."""
+def _lost(problem: Problem, plane: Plane, cells: Cells, places: Places, missed: Flags) -> Flags:
+    """Return which cells of a plane are proved to contain no design that meets a problem's constraints."""
     demands = pose(problem).demands
     lost = refuted(demands, cells, places)
-    if free:
+    if problem.worlds is not None:
+        near = np.flatnonzero(~lost & missed)
+        lost[near] = no_coupling(problem, cells.subset(near), np.array([*map(plane.at_full_width, plane.keys)]))
+    elif free_damping(plane):
         lost |= no_damping(demands, cells, places)
     elif places.in_hands is not None and not lost.all():
         near = np.flatnonzero(~lost)
@@ -234,5 +244,5 @@ def _closer(problem: Problem, cells: Cells, places: Places) -> Places:
     assert problem.hands_met is not None and places.in_hands is not None
     K_v, K_p, *of_coupling = cells.centres().low[:, :, None, None]
     coupling, first = coupling_from(of_coupling), places.in_hands[0]
-    _, closer = hardest_near(problem.device, problem.hands_met, Gains(K_v, K_p), coupling, first)
+    _, closer = hardest_near(problem.device, problem.hands_met, Gains(K_v, K_p), coupling, first, problem.worlds_met)
     return replace(places, in_hands=closer[None])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from math import inf
 from typing import Any
 
@@ -20,7 +20,6 @@ from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.numbers.keys import KEYS
 from vctune.model.problem import Problem
 from vctune.model.sampled.hand_loop import offered
 from vctune.proof.claims.damping import admissible_damping
@@ -28,15 +27,31 @@ from vctune.proof.claims.many_designs import Places
 from vctune.proof.claims.margins_of_claims import inwards
 from vctune.proof.enclosures.array_intervals import TINY, Flags
 from vctune.proof.engine.boxes import Cells, Integers
+from vctune.study.estimate_in_worlds import DAMPING, best_damping, need_at, worst_places
 
 POINTS_PER_DECADE = 24
 LOOPS_AT_ONCE = 16
 """Number of loops whose arrays, a hundred hands at a hundred angles each, fit into the processor's cache. It only
 affects speed."""
-DAMPING = KEYS.index("coupling.damping")
 
 
-def estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> tuple[Floats, list[Places]]:
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """What seems to be true of the designs at the centres of n cells.
+
+    Attributes
+    ----------
+    damping : a b_c with which the centre seems to meet the constraints of all problems; nan if there seems to be none
+    places : for each problem, the places where its constraints are hardest to meet
+    missed : for each problem, whether the centre misses its constraint in hands with every b_c, shape (n,)
+    """
+
+    damping: Floats
+    places: list[Places]
+    missed: list[Flags]
+
+
+def estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> Estimate:
     """Evaluate the constraints at the centres of cells on a grid of frequencies.
 
     Parameters
@@ -44,20 +59,73 @@ def estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> tuple[
     problems : problems, all of whose constraints must be met
     cells : n cells
     free : whether each cell may have its own b_c
-
-    Returns
-    -------
-    damping : a b_c with which the centre seems to meet the constraints of all problems; nan if there seems to be none
-    places : for each problem, the places where its constraints are hardest to meet
     """
+    if problems[0].worlds is not None:
+        return _estimate_in_worlds(problems, cells, free=free)
     least, most = cells.low[DAMPING].copy(), cells.high[DAMPING].copy()
-    meets, places = np.ones(len(cells), bool), []
+    meets, places, missed = np.ones(len(cells), bool), [], []
     for problem in problems:
         at = _hardest(problem, cells, free=free)
         least, most, meets = np.maximum(least, at.least), np.minimum(most, at.most), meets & at.meets
         places.append(at.places)
+        missed.append(at.least > at.most if free else ~at.meets)
     damping = np.clip(np.sqrt(least) * np.sqrt(most), least, most) if free else cells.low[DAMPING].copy()
-    return np.where(meets & (least <= most), damping, np.nan), places
+    return Estimate(np.where(meets & (least <= most), damping, np.nan), places, missed)
+
+
+def _estimate_in_worlds(problems: Sequence[Problem], cells: Cells, *, free: bool) -> Estimate:
+    """Return `estimate` with a box of environments."""
+    damping = _damping_in_worlds(problems, cells) if free else cells.low[DAMPING].copy()
+    middle, meets, places, missed = _with_damping(cells.centres(), damping), np.ones(len(cells), bool), [], []
+    for problem in problems:
+        need, at = worst_places(problem, middle)
+        peak, theta_S = _peak_of_sensitivity(problem, Gains(*middle.low[:2, :, None]))
+        missed.append(need * problem.stability.safety_factor > 1)
+        meets &= ~missed[-1] & (peak <= problem.stability.max_sensitivity)
+        places.append(Places(theta_S, in_hands=at[None]))
+    return Estimate(np.where(meets, damping, np.nan), places, missed)
+
+
+def _damping_in_worlds(problems: Sequence[Problem], cells: Cells) -> Floats:
+    """Return a b_c that bears every passive environment, which is found at once, or else the best one."""
+    damping = estimate([replace(problem, worlds=None) for problem in problems], cells, free=True).damping
+    left = np.isnan(damping)
+    if left.any():
+        damping[left] = best_damping(problems, cells.subset(left))
+    return damping
+
+
+def _with_damping(points: Cells, damping: Floats) -> Cells:
+    """Return designs with another b_c."""
+    numbers = points.low.copy()
+    numbers[DAMPING] = damping
+    return Cells(numbers, numbers)
+
+
+@np.errstate(all="ignore")
+def _changes_in_worlds(problems: Sequence[Problem], cells: Cells, axes: tuple[int, int], *, free: bool) -> list[Floats]:
+    """Return `changes` with a box of environments, at the places that are worst at the centres."""
+    middle = cells.centres()
+    if free:
+        middle = _with_damping(middle, _damping_in_worlds(problems, cells))
+    places, found = [worst_places(problem, middle)[1] for problem in problems], list[Floats]()
+    for axis in axes:
+        ends = []
+        for edge in (cells.low, cells.high):
+            numbers = middle.low.copy()
+            numbers[axis] = edge[axis]
+            ends.append(
+                np.max([_missed_at(each, numbers, at) for each, at in zip(problems, places, strict=True)], axis=0)
+            )
+        found.append(np.nan_to_num(np.abs(ends[1] - ends[0])))
+    return found
+
+
+def _missed_at(problem: Problem, numbers: Floats, places: PlacesInHands) -> Floats:
+    """Return the logarithm by which designs miss the hardest constraint, in hands each at its own place."""
+    need = need_at(problem, Cells(numbers, numbers), places) * problem.stability.safety_factor
+    peak, _ = _peak_of_sensitivity(problem, Gains(*numbers[:2, :, None]))
+    return np.maximum(np.log(np.maximum(need, TINY)), np.log(peak / problem.stability.max_sensitivity))
 
 
 @np.errstate(all="ignore")
@@ -76,6 +144,8 @@ def changes(problems: Sequence[Problem], cells: Cells, axes: tuple[int, int], *,
     list of array of float
         One array for each axis, shape (n,); 0 where the change is not known.
     """
+    if problems[0].worlds is not None:
+        return _changes_in_worlds(problems, cells, axes, free=free)
     middle, found = cells.centres(), list[Floats]()
     for axis in axes:
         ends = []
@@ -143,17 +213,22 @@ def _hardest(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
             hardest = [scarcity]
             worst = np.maximum(worst, np.log(np.maximum(scarcity, TINY)).max(axis=1))
         found[name] = _stacked([asked.place(np.argmax(hard, axis=1)) for hard in hardest])
-    below = frequency_grid(
-        *inwards((slowest_resonance(problem, problem.bounds.velocity.min), problem.nyquist)), POINTS_PER_DECADE
-    )
-    S = sensitivity_of(problem.device, Gains(K_v, K_p))(below)
-    meets &= S.max(axis=1) <= problem.stability.max_sensitivity
-    theta_S = below[np.argmax(S, axis=1)] * problem.device.sample_time
-    worst = np.maximum(worst, np.log(S.max(axis=1) / problem.stability.max_sensitivity))
+    peak, theta_S = _peak_of_sensitivity(problem, Gains(K_v, K_p))
+    meets &= peak <= problem.stability.max_sensitivity
+    worst = np.maximum(worst, np.log(peak / problem.stability.max_sensitivity))
     if free:
         between = np.log(np.maximum(least, cells.low[DAMPING]) / np.minimum(most, cells.high[DAMPING]))
         worst = np.maximum(worst, np.where(np.isfinite(between), between, -inf))
     return _Hardest(least, most, meets, Places(theta_S, **found), worst)
+
+
+def _peak_of_sensitivity(problem: Problem, gains: Gains) -> tuple[Floats, Floats]:
+    """Return the greatest |S| of loops with gains of shape (n, 1), and the angles omega T at which it occurs."""
+    below = frequency_grid(
+        *inwards((slowest_resonance(problem, problem.bounds.velocity.min), problem.nyquist)), POINTS_PER_DECADE
+    )
+    S = sensitivity_of(problem.device, gains)(below)
+    return S.max(axis=1), below[np.argmax(S, axis=1)] * problem.device.sample_time
 
 
 def _stacked(places: Sequence[Any]) -> Any:

@@ -1,4 +1,4 @@
-"""The row of a solved point. Every number in it is finite or null."""
+"""Make the row of a solved point. Every number in a row is finite or null."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from vctune.study.rows import FAILED
 TERMS = ("error", "admittance", "tracking", "coupling")
 
 _ONE_AT_A_TIME = threading.Lock()
-"""Lock that lets one thread solve at a time, because the threads of a process share solvers and ball arithmetic."""
+"""Lock that permits only one thread at a time to solve, because the threads of a process share solvers and ball
+arithmetic."""
 
 
 def solve_point(problem: Problem, time_limit: float = inf) -> dict[str, Any]:
@@ -29,7 +30,7 @@ def solve_point(problem: Problem, time_limit: float = inf) -> dict[str, Any]:
     Parameters
     ----------
     problem : problem at the point
-    time_limit : time limit, s; the row of a point that it cuts short is undecided and names the limit
+    time_limit : time limit, s. If it cuts a point short, the row is undecided and names the limit
     """
     with _ONE_AT_A_TIME, limited(time_limit):
         began = perf_counter()
@@ -40,7 +41,7 @@ def solve_point(problem: Problem, time_limit: float = inf) -> dict[str, Any]:
                 said = [note.line for note in solved.cut_short]
                 content |= {"reason": "; ".join([content["reason"], *said] if content["reason"] else said)}
                 content |= {"status": Status.UNDECIDED.value, "time_limit": time_limit}
-        except Exception as error:  # a fault of vctune becomes this point's row and does not end the run
+        except Exception as error:  # an error in vctune becomes this point's row and does not end the run
             content = row_without_design(FAILED, f"internal error: {type(error).__name__}: {error}")
         return {**content, "seconds": round(perf_counter() - began, 6)}
 

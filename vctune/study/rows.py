@@ -1,8 +1,8 @@
-"""The rows of a study: a file that only grows, one line of JSON for each finished point.
+"""Store the rows of a study in a file that only grows, with one line of JSON for each finished point.
 
-The first line names the study. The operating system receives each row in one write. So a killed run leaves complete
-lines and at most one torn last line, which is dropped when the file is opened again. Files of one study may be
-concatenated.
+The first line of the file names the study. The operating system receives each row in one write. A killed run therefore
+leaves complete lines and at most one torn last line. vctune drops this line when it opens the file again. A user may
+concatenate files of one study.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ from vctune.model.problem import Problem
 from vctune.version import __version__
 
 FAILED = "failed"
-"""Status of a point whose worker died or failed. It says nothing about the point, so the next run tries it again."""
+"""Status of a point whose worker died or failed. This status says nothing about the point, so the next run tries the
+point again."""
 
 Row = dict[str, Any]
 
@@ -67,7 +68,7 @@ class Rows:
         Raises
         ------
         InputError
-            If the file cannot grow; its content then stays.
+            If the file cannot grow; its content then stays the same.
         """
         line = (json.dumps(row, allow_nan=False) + "\n").encode()
         place = os.lseek(self.handle, 0, os.SEEK_END)
@@ -88,14 +89,14 @@ class Rows:
 
 @contextmanager
 def open_rows(path: Path, study: Study, *, restart: bool, time_limit: float = inf) -> Iterator[Rows]:
-    """Open the rows of a study, creating the file if needed. Only one process may write them at a time.
+    """Open the rows of a study, creating the file if needed. Only one process at a time may write the file.
 
     Parameters
     ----------
     path : path of the file
     study : study to which the rows belong
     restart : whether to begin again instead of resuming
-    time_limit : time limit of a point, s; rows that a shorter limit has cut are ignored
+    time_limit : time limit of a point, s; the function ignores rows that a shorter limit cut short
 
     Returns
     -------
@@ -140,7 +141,10 @@ def _opened(path: Path) -> Iterator[int]:
 
 
 def _index(path: Path, handle: int, study: Study, time_limit: float = inf) -> Rows:
-    """Find the rows of a file and cut off a torn last line. Rows of points that failed or were cut are ignored."""
+    """Find the rows of a file, and cut off a torn last line.
+
+    The function ignores rows of points that failed or were cut short.
+    """
     rows, end = Rows(path, handle, {}), 0
     with path.open("rb") as file:
         _check_header(path, file.readline(), study)

@@ -1,4 +1,4 @@
-"""The summary of a sweep: the best and the worst design, and the region without designs."""
+"""Summarise a sweep: the best and the worst design, and the region without designs."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def summary(study: Study, table: Table) -> SweepRecord:
     """Return the summary of a sweep: counts by status, yardstick, best and worst design, and the corner without
     designs.
 
-    The corner is the smallest box over the axes that contains every point without a certified design. Its `share` is
-    the share of the points in it that have no design.
+    The corner is the smallest box over the axes that contains every point without a certified design. The corner's
+    `share` is the share of its points that have no design.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The rows of a study as columns, in the order of its points, for files, figures and summaries."""
+"""Arrange the rows of a study as columns, in the order of its points, for files, figures and summaries."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ MOST_SHOWN = 50
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Columns of equal length.
+    """The table of a study: columns of equal length.
 
     Attributes
     ----------
     axes : values of the axes, by dotted key
-    status, reason : texts; the reason of a certified point is ""
+    status, reason : texts; a certified point has the reason ""
     idle : whether each design is certified but hardly uses its velocity loop
     numbers : error, terms, design, ratio, felt numbers and yardstick (`vctune.document.records.rows_json.COLUMNS`); nan
         for a number that does not exist
@@ -92,11 +92,11 @@ class Table:
         return polars.DataFrame(self._values(), schema=self._types(polars.Float64, polars.String, polars.Boolean))
 
     def _values(self) -> dict[str, list[Any]]:
-        """Return every column as a file contains it, with None for values that do not exist."""
+        """Return every column as a file contains it. A value that does not exist is None."""
         return {name: [_plain(value) for value in column] for name, column in self.headed().items()}
 
     def _types(self, number: Any, text: Any, truth: Any) -> dict[str, Any]:
-        """Return the type of each column, in the terms of a library."""
+        """Return the data type of each column, as a library names it."""
         return dict.fromkeys(self.headed(), number) | dict.fromkeys(("status", "reason"), text) | {"idle": truth}
 
     def __repr__(self) -> str:
@@ -204,7 +204,7 @@ def table_files(table: Table, folder: Path, stem: str) -> dict[Path, str | bytes
     Returns
     -------
     dict
-        Contents by path. The Parquet file is included only if pyarrow is installed.
+        Contents by path. Without pyarrow, there is no Parquet file.
     """
     parquet = parquet_bytes(table)
     files: dict[Path, str | bytes] = {folder / f"{stem}.csv": csv_text(table)}

@@ -1,4 +1,4 @@
-"""The loop of a sweep: it hands points to the workers, a bounded number at a time, and writes rows to the file."""
+"""Run a sweep: hand points to the workers, a bounded number at a time, and write their rows to the file."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class _Sweep:
     ----------
     time_limit : time limit of a point, s
     pending : points at the workers
-    retries : points to try again alone, because their worker died or a worker of their pool died
+    retries : points to try again, each alone, because their worker or another worker of the pool died
     """
 
     study: Study
@@ -62,7 +62,7 @@ def sweep(
     Parameters
     ----------
     study : the study to solve
-    rows : existing rows, to which the new rows are appended
+    rows : existing rows; the function appends the new rows to them
     pool : the workers
     on_done : function that is called after each point
     time_limit : time limit of a point, s
@@ -95,7 +95,7 @@ def _row(study: Study, key: str, values: Values, content: dict[str, Any]) -> dic
 
 
 def _submit(state: _Sweep, task: Task) -> None:
-    """Hand a point to the workers, unless it has a row or a worker already has it."""
+    """Hand a point to the workers, unless the point has a row or a worker is already solving it."""
     if task.key in state.rows or any(task.key == other.key for other in state.pending.values()):
         state.on_done()
         return
@@ -107,7 +107,7 @@ def _submit(state: _Sweep, task: Task) -> None:
 
 
 def _collect(state: _Sweep, most: int) -> None:
-    """Collect finished points until at most so many are pending. Points that lost their worker are tried again."""
+    """Collect finished points until at most the given number is pending. Try points again that lost their worker."""
     while len(state.pending) > most or (state.retries and state.pending):
         for future in wait(state.pending, return_when=FIRST_COMPLETED).done:
             task = state.pending.pop(future)
@@ -121,7 +121,7 @@ def _collect(state: _Sweep, most: int) -> None:
 
 
 def _try_alone(state: _Sweep, task: Task) -> None:
-    """Try a point again alone, so that a second death is certainly its own fault."""
+    """Try a point again alone. If its worker dies again, the point is certainly the cause."""
     state.pool.renew()
     content = _content(state.pool, state.pool.executor.submit(solve_point, task.problem, state.time_limit))
     _finish(state, task, content or row_without_design(FAILED, DIED))

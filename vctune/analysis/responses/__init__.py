@@ -1,1 +1,1 @@
-"""The sampled loop as arrays and matrices, for other tools."""
+"""Provide the sampled loop as arrays and matrices, for other tools."""

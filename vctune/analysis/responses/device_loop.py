@@ -1,7 +1,7 @@
-"""The sampled loop of a device, without a hand or in a hand: its transfer functions with their units.
+"""Provide the transfer functions of a device's sampled loop, without a hand or in a hand, with their units.
 
-The responses are those of `vctune.model.sampled` in double precision. The state spaces come from the same mechanism,
-stepped exactly over a sample. Nothing of this is proved.
+The responses come from `vctune.model.sampled` in double precision. The state spaces come from the same mechanism,
+stepped exactly over a sample. vctune proves nothing about these numbers.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ LET_GO = Hand(0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """The sampled loop of a device with all of its parts: filter, delay, actuator, structure and sensor.
+    """The sampled loop of a device with all its parts: filter, delay, actuator, structure and sensor.
 
     The environment is at rest. The frequencies reach Nyquist, pi/T.
 
@@ -78,10 +78,10 @@ class Loop:
 
     @property
     def Z_seen(self) -> Transfer:
-        """The impedance of the loop in a hand that the environment of an admittance display or a servo sees.
+        """The impedance that the environment of an admittance display or a servo sees of the loop in a hand.
 
-        It is the response of the sensed force to the environment's velocity, with the sign of a resistance: R = -Re
-        Z_seen is what the hand requires of the coupling.
+        Z_seen is the response of the sensed force to the environment's velocity. A resistance is positive. The hand
+        requires R = -Re Z_seen of the coupling.
         """
         hand = self.hand
         if hand is None:
@@ -120,7 +120,7 @@ class Loop:
 
     @property
     def Z_c(self) -> Transfer:
-        """The virtual coupling as the firmware runs it."""
+        """The impedance of the virtual coupling in its discrete form."""
         if self.coupling is None:
             raise ValueError("Z_c: the loop has no coupling; state one, coupling=Coupling(b_c, m_c, b_0)")
         signals = Signal("velocity", self._units.speed), Signal("coupling force", self._units.force)
@@ -166,19 +166,19 @@ class Loop:
             raise ValueError(f"{symbol}: the loop of a servo is its vendor's; take motion, or Z_seen in a hand")
 
     def _law_alone(self) -> PlantStates:
-        """Return the plant as the law needs it: if K_p is 0, with its velocity alone."""
+        """Return the plant with the outputs that the law needs. If K_p is 0, the only output is the velocity."""
         made = plant_states if self.gains.position else velocity_states
         return made(self.device, self.hand or LET_GO)
 
     def _answer(self, plant: PlantStates) -> Row:
-        """Return the force of the law while the environment is at rest."""
+        """Return the force that the law commands while the environment is at rest."""
         return total([(float(self.gains.velocity), plant.velocity), (float(self.gains.position), plant.position)])
 
     def _driven(self, plant: PlantStates) -> dict[str, Row]:
         """Return the states if the environment moves. The law then acts on the errors of velocity and position.
 
-        The trapezoidal rule integrates the environment's velocity. The state is the difference of its position and the
-        motor's, so that there is no integrator where nothing depends on either position alone.
+        The trapezoidal rule integrates the environment's velocity. The state is the difference between the positions of
+        environment and motor. There is thus no integrator if nothing depends on either position alone.
         """
         T, K_v, K_p = float(self.device.sample_time), float(self.gains.velocity), float(self.gains.position)
         command = total([(K_v + K_p * T / 2, {INPUT: 1.0}), (K_p, {"error": 1.0}), (-K_v, plant.velocity)])
@@ -236,7 +236,7 @@ def _quotient(above: EvenOdd, below: EvenOdd, theta: Floats) -> Complex:
 
 
 def _coupling_states(device: Device, coupling: AnyCoupling) -> tuple[dict[str, Row], Row]:
-    """Return the states of a coupling, whose input is a velocity, and its force."""
+    """Return the states of a coupling with a velocity as its input, and the row of its force."""
     T, states = float(device.sample_time), dict[str, Row]()
     velocity: Row = {INPUT: 1.0}
     if isinstance(coupling, SpringDamper):

@@ -1,8 +1,9 @@
-"""The states of a device in a hand over one sample: the matrices of `vctune.model.sampled`, with delays as memory.
+"""Build the states of a device in a hand over one sample, from the matrices of `vctune.model.sampled`; delays become
+states.
 
 The mechanism and its filters come from `mechanism_in_hand`, or for a servo from `servo_rates`; `stepped` steps them
-exactly over a sample. A force that is sensed with a delay of a fraction of a sample is the force within an earlier
-sample. All numbers are in SI units.
+exactly over a sample. If the sensor is late by a fraction of a sample, the firmware reads the force at a time within an
+earlier sample. All numbers are in SI units.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class PlantStates:
     Attributes
     ----------
     states : next value of each state
-    position, velocity : position and velocity of the motor as the firmware knows them
+    position, velocity : position and velocity of the motor that the firmware reads or estimates
     moved : change of the position over the next sample
     felt : sensed force of the hand, with the sign of Z_seen: a resisting force is positive
     """
@@ -90,7 +91,7 @@ class _Chain:
         return [total([(1.0, {name: 1.0}), (1.0, row)]) for name, row in zip(self.names, moved, strict=True)]
 
     def weighted(self, weights: Any, rows: list[Row]) -> Row:
-        """Return a weighted sum of the dimensionless states, given the states in SI units."""
+        """Return a weighted sum of the dimensionless states as a row over the states in SI units."""
         return total((w / unit, row) for w, unit, row in zip(weights, self.units, rows, strict=True))
 
 
@@ -118,8 +119,8 @@ class _Timing:
 def _timing(
     states: dict[str, Row], command: Row, device: Device, sensor_delay: float, *, later: bool = False
 ) -> _Timing:
-    """Return the timing of a device's commands, one sample later on request, and add the commands' memory to the
-    states."""
+    """Return the timing of a device's commands, one sample later on request, and add the states that store the
+    commands."""
     T, delay = float(device.sample_time), float(device.latency)
     whole, older = split_delay(delay, T)
     sensed, part = split_delay(sensor_delay, T)
@@ -171,8 +172,8 @@ def velocity_states(device: Device, hand: Hand) -> PlantStates:
     """Return a device in a hand as `plant_states` does, for a law that needs only the velocity estimate; no state is
     duplicated.
 
-    The low-passes of the velocity act on the command, so that their memory is that of the delay. A differenced velocity
-    is the distance moved in the previous sample.
+    The low-passes of the velocity act on the command, so that they share the states of the delay. A differenced
+    velocity is the distance moved in the previous sample.
 
     Parameters
     ----------
@@ -257,9 +258,9 @@ def _felt_of_servo(states: dict[str, Row], device: Device, hand: Hand, command: 
     names = ("position", *(f"velocity {number}" for number in range(1, n)))
     rates = np.zeros((n, n))
     rates[0, 1], rates[1:, 1:] = 1.0, driven
-    push = np.append(0.0, -driven.sum(axis=1))  # all of these states are 1 at rest with a command of 1
+    push = np.append(0.0, -driven.sum(axis=1))  # at rest, a command of 1 makes all of these states 1
     chain = _Chain(names, rates, push, np.array([T] + [1.0] * (n - 1)))
-    late_as_one = replace(device, servo=replace(servo, delay=device.sensed_latency))  # only their sum matters
+    late_as_one = replace(device, servo=replace(servo, delay=device.sensed_latency))  # only the delays' sum matters
     at = _timing(states, command, late_as_one, 0.0)
     states |= dict(zip(names, chain.after(chain.over(1.0, at.older, at.now, at.before)), strict=True))
     weights = hand.mass / T * chain.rates[1]

@@ -1,4 +1,4 @@
-"""Discrete states by name: the next value of each state is a weighted sum of states and input."""
+"""Handle discrete states by name. The next value of each state is a weighted sum of states and input."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def late(states: dict[str, Row], name: str, row: Row, samples: int) -> Row:
 
 
 def filtered(states: dict[str, Row], name: str, row: Row, share: float, order: int) -> Row:
-    """Return a row behind low-passes y += a (x - y) in series, and add their states.
+    """Return a row after low-passes y += a (x - y) in series, and add the states of the low-passes.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def filtered(states: dict[str, Row], name: str, row: Row, share: float, order: i
 
 
 def closed(states: Mapping[str, Row], command: Row) -> dict[str, Row]:
-    """Return states with their input replaced by a sum of states and of another input.
+    """Return states after replacing their input by a sum of states and of another input.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def closed(states: Mapping[str, Row], command: Row) -> dict[str, Row]:
 
 
 def substituted(row: Row, command: Row) -> Row:
-    """Return a row with its input replaced by a sum.
+    """Return a row after replacing its input by a sum.
 
     Parameters
     ----------

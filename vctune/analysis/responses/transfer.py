@@ -1,4 +1,5 @@
-"""A transfer function with its units, as arrays over frequency and as matrices. python-control accepts both."""
+"""Represent a transfer function with its units, as arrays over frequency and as matrices. python-control accepts
+both."""
 
 from __future__ import annotations
 
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
     import control
 
 POINTS, DECADES = 1600, 5.0
-"""Number of drawn frequencies, and decades below Nyquist. Half as many frequencies show corners; twice as many make the
-file twice as long."""
+"""Number of drawn frequencies, and number of decades below Nyquist. With half as many frequencies, curves show corners.
+Twice as many double the length of the file."""
 MOST_SHOWN = 20
 """Number of rows of a response that a notebook shows."""
 
@@ -52,7 +53,7 @@ class Response:
     def to_control(self) -> control.FrequencyResponseData:
         """Return the response as python-control's object, with dt in s (needs the extra `control`).
 
-        It is smooth, so that python-control interpolates between the frequencies and `stability_margins` finds
+        The object is smooth: python-control interpolates between the frequencies, so that `stability_margins` finds
         crossings.
         """
         import control
@@ -78,7 +79,7 @@ class Response:
 
 
 SPLINE = 3
-"""Order of python-control's interpolation, which needs more points than that."""
+"""Order of python-control's interpolation. A response must have more points than this."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

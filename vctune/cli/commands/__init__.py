@@ -1,1 +1,1 @@
-"""One small file for each command: read, call, print."""
+"""Define the commands, one small file for each."""

@@ -1,4 +1,4 @@
-"""`vctune bench`."""
+"""Define `vctune bench`."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import click
 from vctune.cli.printing.options import out_option, output_options
 
 ABOUT = {
-    "solvers": "Compare vctune with other solvers and fixed grids: error against run time.",
+    "solvers": "Compare error and run time of vctune with those of other solvers on fixed grids.",
     "stress": "Solve thousands of devices over ten decades and check every verdict.",
-    "uncertain": "Solve random uncertain devices under the default criterion: time to an answer.",
+    "uncertain": "Measure the time to an answer for random devices with uncertain numbers.",
 }
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -46,7 +46,7 @@ for _name in ABOUT:
 
 
 def _run(name: str, quick: bool, seed: int, out: Path, style: str, quiet: bool) -> int:
-    for variable in THREADS:  # before NumPy is imported, so that processor time counts no idle threads
+    for variable in THREADS:  # must come before the import of NumPy, so that processor time counts no idle threads
         os.environ[variable] = "1"
     from vctune.api.benchmarking import benchmark
     from vctune.cli.printing.output import answer

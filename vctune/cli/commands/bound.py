@@ -1,4 +1,4 @@
-"""`vctune bound`."""
+"""Define `vctune bound`."""
 
 from __future__ import annotations
 
@@ -11,13 +11,19 @@ from vctune.cli.printing.options import out_option, output_options, problem_argu
 from vctune.running import OutOfTimeError, check_time
 
 
-@click.command(short_help="Prove how much better any design could be.")
+@click.command(short_help="Prove a bound on how much better any other design could be.")
 @problem_argument
 @click.argument("design", type=click.Path(path_type=Path), required=False)
 @click.option(
-    "--gap", type=click.FloatRange(*GAPS), default=0.03, show_default=True, help="Gap to prove, relative to the error."
+    "--gap",
+    type=click.FloatRange(*GAPS),
+    default=0.03,
+    show_default=True,
+    help="Gap to prove between the error and the bound, as a share of the bound.",
 )
-@click.option("--jobs", type=click.IntRange(1, 64), default=1, show_default=True, help="Number of threads.")
+@click.option(
+    "--jobs", type=click.IntRange(1, 64), default=1, show_default=True, help="Number of threads for the search."
+)
 @out_option()
 @verbose_option
 @output_options()
@@ -34,11 +40,14 @@ def bound(
 ) -> int:
     """Prove a lower bound on the error of every feasible design of PROBLEM.
 
-    DESIGN is a design.json of the problem; without one, vctune solves the problem first. The command adds the bound to
-    design.json and to the report.
+    The error is the distance of a design from a perfectly transparent device. A design is feasible if it meets all
+    constraints of PROBLEM.
 
-    After Ctrl-C or the time limit, the command keeps the bound reached so far and exits with code 3. Run the same
-    command again to continue. A second Ctrl-C ends at once.
+    DESIGN is a design.json of the problem. Without DESIGN, vctune solves the problem first. The command adds the bound
+    to design.json and to the report.
+
+    After Ctrl-C or the time limit, the command writes the bound reached so far and exits with code 3. Run the same
+    command again to continue. A second Ctrl-C ends the command at once.
     """
     from vctune import Status, read_problem
     from vctune.api.bounding import bound as search
@@ -56,11 +65,11 @@ def bound(
     warn_of_doubts(file, quiet=quiet)
     with progress_on_stderr(f"vctune bound {problem.name}", shown=not quiet) as progress:
         known = known_design(file, path, given=design is not None) or solve(file, progress=progress)
-        with interrupt_noted() as stopped:  # from here on an interrupt would lose work
+        with interrupt_noted() as stopped:  # from here on, an interrupt would lose work
             bounded = search(file, known, gap=gap, jobs=jobs, stopped=stopped, progress=progress)
             write_bounded(bounded, path)
             if bounded.optimality is None and bounded.status is not Status.INFEASIBLE:
-                warn("time-limit", "the search had no time: nothing is proved of other designs")
+                warn("time-limit", "the search had no time: vctune proved nothing about other designs")
         progress("drawing the report")
         try:
             check_time()

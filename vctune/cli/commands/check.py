@@ -1,4 +1,4 @@
-"""`vctune check`."""
+"""Define `vctune check`."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     "axes",
     type=click.Choice(AXES),
     multiple=True,
-    help="Axis of a ROS 2 file to check.  [default: all selected]",
+    help="Axis of a ROS 2 file to check; repeatable. [default: all axes that the file selects]",
 )
-@click.option("--strict", is_flag=True, help="Fail the check on a warning.")
+@click.option("--strict", is_flag=True, help="Fail the check if there is a warning.")
 @out_option("NAME/lost.json and its picture, if a region has lost cells")
 @output_options("github", "junit", "sarif")
 @time_limited
@@ -45,21 +45,22 @@ def check(
     strict: bool,
     out: Path,
 ) -> int:
-    """Prove gains that already exist. The exit code is that of the check with the worst result.
+    """Prove gains that already exist. The exit code is the code of the worst result.
 
-    The command checks a PROBLEM file without GAINS if all its numbers are fixed. It checks one PROBLEM with each of
-    several GAINS files. A folder stands for the .toml files in it.
+    Without GAINS, all numbers of a PROBLEM must be fixed. With several GAINS files, the command checks one PROBLEM with
+    each of them. A folder stands for all .toml files in it.
 
-    A YAML file in place of GAINS is a parameter file of a ROS 2 admittance_controller. The command checks each of its
-    selected axes with the device of one PROBLEM: a servo, or a device whose [gains] are fixed. Rotations need a rotary
-    device, and translations a linear one. The command skips axes that do not fit, and then exits with code 3. To avoid
-    this, select the axes that fit with --axis.
+    A YAML file in place of GAINS is a parameter file of a ROS 2 admittance_controller. The command checks each axis
+    that the YAML file selects with the device of one PROBLEM: a servo, or a device whose [gains] are fixed. Rotations
+    need a rotary device, and translations a linear one. If an axis does not fit, the command skips it and exits with
+    code 3. Use --axis to select the axes that fit.
 
-    The command checks a PROBLEM with several [[axis]] tables axis by axis. It uses the numbers that the axis fixes, the
-    gains in OUT/NAME (the folder of `vctune solve`), or the axis of the same name in a ROS 2 file.
+    If PROBLEM has several [[axis]] tables, the command checks each axis. The numbers come from the axis itself if it
+    fixes them, from the gains in OUT/NAME (the folder of `vctune solve`), or from the axis of the same name in a ROS 2
+    file.
 
-    With --region, the check passes only if the feasible cells and the gain sets of a region.json of `vctune region` are
-    still proved for PROBLEM.
+    With --region, the check passes only if vctune can still prove the feasible cells and the gain sets of a region.json
+    for PROBLEM. `vctune region` writes this file.
     """
     from dataclasses import replace
     from functools import partial
@@ -99,7 +100,7 @@ def check(
 
 
 def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, said: Said) -> list[Checked]:
-    """Check a region and the gains files for its problem; write the losses of the region."""
+    """Check a region and the gains files for its problem, and write the losses of the region."""
     from vctune import read_problem
     from vctune.api.checking import LOST, check_files, recheck, remove_lost, write_lost
     from vctune.api.folders import folder_name
@@ -110,16 +111,17 @@ def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, s
     folder = out / folder_name(checked.name)
     if again.lost and not again.cut:
         write_lost(checked, again, folder)
-        click.echo(f"what was lost is listed and drawn in {folder}: {', '.join(LOST)}", err=True)
+        click.echo(f"the lost cells and gain sets are listed and drawn in {folder}: {', '.join(LOST)}", err=True)
     elif not again.cut and (gone := remove_lost(folder)):
-        click.echo(f"nothing is lost any more: removed {', '.join(gone)} from {folder}", err=True)
+        click.echo(f"everything is proved again: removed {', '.join(gone)} from {folder}", err=True)
     return [checked, *(check_files(files, progress) if len(files) > 1 else [])]
 
 
 def _of_axes(
     several: AxesFile, files: list[Path], axes: tuple[str, ...], progress: Progress, said: Said
 ) -> list[Checked]:
-    """Check several axes: the numbers that they fix, the gains in a folder of `vctune solve`, or a ROS 2 file."""
+    """Check several axes with the numbers that they fix, with the gains in a folder of `vctune solve`, or with a ROS 2
+    file."""
     from vctune import InputError
     from vctune.api.checking import is_admittance
     from vctune.api.uncoupled_axes import check_axes, check_parameters, gains_of_axes

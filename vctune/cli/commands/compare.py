@@ -1,4 +1,4 @@
-"""`vctune compare`."""
+"""Define `vctune compare`."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from vctune.cli.printing.options import output_options
 def compare(a: Path, b: Path, style: str, quiet: bool) -> int:
     """Show the differences between A and B.
 
-    A and B are design.json files or problem files, which vctune solves first. The command prints the keys in which the
-    problems differ, with every default filled in. It then prints gains, error and its terms, verdicts and margins of
-    both designs. It writes no files.
+    A and B are design.json files or problem files. If you name a problem file, vctune first solves the problem. The
+    command prints the keys in which the problems differ, with every default filled in. Then the command prints the
+    gains, the error and its terms, the verdicts and the margins of both designs. The command writes no files.
     """
     from vctune.api.comparing import compare as set_side_by_side
     from vctune.cli.printing.output import answer
@@ -29,7 +29,7 @@ def compare(a: Path, b: Path, style: str, quiet: bool) -> int:
         found = set_side_by_side(a, b, progress=progress)
 
     def table() -> None:
-        from vctune.cli.printing.design_table import print_comparison
+        from vctune.cli.printing.side_by_side import print_comparison
 
         print_comparison(found)
 

@@ -1,4 +1,4 @@
-"""`vctune example`."""
+"""Define `vctune example`."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from vctune.cli.printing.options import output_options
 
 
 def _names(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Return the names that begin with the incomplete one."""
+    """Return the names that begin with an incomplete name."""
     from vctune.api.examples import example_names
 
     return [name for name in example_names() if name.startswith(incomplete)]
 
 
-@click.command(short_help="Write one of the problems that come with vctune.")
+@click.command(short_help="Write one of the example problems that come with vctune.")
 @click.argument("name", required=False, shell_complete=_names)
 @click.option("--out", type=click.Path(path_type=Path), default=".", show_default=True, help="Folder for NAME.toml.")
 @output_options()
 def example(name: str | None, out: Path, style: str, quiet: bool) -> int:
-    """Write the example problem NAME.toml; without NAME, list the examples."""
+    """Write the example problem NAME.toml. Without NAME, list the examples."""
     from vctune.api.examples import ExampleRecord, example_names, write_example
     from vctune.cli.printing.output import answer
     from vctune.exit_codes import ExitCode

@@ -1,4 +1,4 @@
-"""`vctune explain`."""
+"""Define `vctune explain`."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from vctune.document.records.printed_json import EntryRecord
 
 WIDEST = 100
-"""Width of a page in characters."""
+"""Width of the text, characters."""
 
 
 def _names(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Return the names that begin with the incomplete one."""
+    """Return the names that begin with an incomplete name."""
     from vctune.api.explaining import entries
 
     return sorted({name for entry in entries() for name in entry.names if name.startswith(incomplete)})
@@ -49,7 +49,7 @@ def explain(name: str | None, style: str, quiet: bool) -> int:
 
 
 def _contents(every: list[EntryRecord]) -> str:
-    """Return all names that can be explained, by kind."""
+    """Return all known names, by kind."""
     titles = {"code": "Codes", "key": "Keys of files", "term": "Words", "claim": "Claims"}
     lists = {kind: ", ".join(dict.fromkeys(each.name for each in every if each.kind == kind)) for kind in titles}
     return "\n\n".join(f"{titles[kind]}\n{_filled(names, '  ')}" for kind, names in lists.items())

@@ -1,4 +1,4 @@
-"""`vctune export`."""
+"""Define `vctune export`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from vctune.api.exporting import Precision
 
 
-@click.command(short_help="Export a design as firmware, or as data for it.")
+@click.command(short_help="Export a design as firmware, or as data for your own.")
 @click.argument("source", type=click.Path(path_type=Path), metavar="DESIGN.json|PROBLEM.toml")
 @click.argument("gains", type=click.Path(path_type=Path), required=False)
 @click.option("--to", type=click.Choice(get_args(Format)), default="c", show_default=True, help="Output format.")
@@ -24,10 +24,12 @@ if TYPE_CHECKING:
     type=click.Choice(["double", "single"]),
     default="double",
     show_default=True,
-    help="Precision of the firmware; the rounded constants are proved again.",
+    help="Precision of the firmware. vctune proves the rounded constants again.",
 )
 @click.option(
-    "--unproved", is_flag=True, help="Export the design even if it is not proved; every file then says so at its top."
+    "--unproved",
+    is_flag=True,
+    help="Export the design even if it is not proved. The head of every file then says that it is not.",
 )
 @out_option("NAME/firmware/")
 @output_options()
@@ -47,8 +49,8 @@ def export(
     PROBLEM with several [[axis]] tables, GAINS is OUT/NAME, the folder of `vctune solve`. `--to ros2` writes the
     parameter file of an admittance_controller that commands a servo.
 
-    vctune proves the design again, with the constants of the firmware. If the design is refuted or undecided, the exit
-    code is 1 or 3, and the command writes files only with --unproved.
+    vctune proves the design again with the constants of the firmware. If the design is refuted, the exit code is 1; if
+    it is undecided, 3. In both cases the command writes files only with --unproved.
     """
     from vctune import read_axes
     from vctune.api.exporting import NotCertifiedError, export_record, read_gains, write_export
@@ -90,7 +92,7 @@ def _export_axes(
     style: str,
     quiet: bool,
 ) -> int:
-    """Export several axes."""
+    """Export the designs of several axes."""
     from vctune.api.exporting import NotCertifiedError, export_record
     from vctune.api.uncoupled_axes import export_axes, gains_of_axes
     from vctune.cli.printing.exits import of_status

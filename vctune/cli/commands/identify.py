@@ -1,4 +1,4 @@
-"""`vctune identify`."""
+"""Define `vctune identify`."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ from vctune.cli.printing.options import out_option, output_options
 @click.command(short_help="Identify a device from its recordings.")
 @click.argument("logs", type=click.Path(path_type=Path), nargs=-1, required=True, metavar="LOG...")
 @click.option("--config", type=click.Path(path_type=Path), help="A log.toml that names the columns and their units.")
-@click.option("--servo", is_flag=True, help="Identify a servo; LOG contains its command and its position.")
+@click.option(
+    "--servo", is_flag=True, help="Identify a servo. Each LOG then contains the servo's command and its position."
+)
 @out_option()
 @click.option(
-    "--excitation", is_flag=True, help="Write one period of a multisine for the next recording to excitation.csv."
+    "--excitation", is_flag=True, help="Also write excitation.csv: one period of a multisine for the next recording."
 )
 @click.option("--no-report", is_flag=True, help="Write no report and no figures.")
 @output_options()
@@ -29,11 +31,11 @@ def identify(
     style: str,
     quiet: bool,
 ) -> int:
-    """Identify a device from LOG..., which are CSV files (also .gz) of the motion of this device.
+    """Identify a device from recordings of its motion. Each LOG is a CSV file (also .gz).
 
-    The command writes device.toml, a problem file for `vctune solve`. It states the device, the uncertainty of each
-    number, and the numbers that no log shows. The command also writes identification.json and, without --no-report,
-    report.html with figures.
+    The command writes device.toml, a problem file for `vctune solve`. device.toml states the device, the uncertainty of
+    each number, and the numbers that no log shows. The command also writes identification.json and, without
+    --no-report, report.html with figures.
     """
     from vctune.api.folders import folder_name
     from vctune.api.identifying import identify as run

@@ -1,4 +1,4 @@
-"""`vctune region`."""
+"""Define `vctune region`."""
 
 from __future__ import annotations
 
@@ -15,8 +15,15 @@ SHOWN = "gains.velocity, or coupling.damping", "gains.position, or coupling.stif
 @click.command(short_help="Find the whole set of feasible gains, cell by cell.")
 @problem_argument
 @click.argument("gains", type=click.Path(path_type=Path), required=False)
-@click.option("--x", type=click.Choice(AXES_OF_REGIONS), show_default=SHOWN[0], help="Variable on the horizontal axis.")
-@click.option("--y", type=click.Choice(AXES_OF_REGIONS), show_default=SHOWN[1], help="Variable on the vertical axis.")
+@click.option(
+    "--x",
+    type=click.Choice(AXES_OF_REGIONS),
+    show_default=SHOWN[0],
+    help="Variable on the horizontal axis of the plane.",
+)
+@click.option(
+    "--y", type=click.Choice(AXES_OF_REGIONS), show_default=SHOWN[1], help="Variable on the vertical axis of the plane."
+)
 @click.option(
     "--resolution",
     type=click.FloatRange(*RESOLUTIONS),
@@ -37,21 +44,21 @@ def region(
     style: str,
     quiet: bool,
 ) -> int:
-    """Find the gains of PROBLEM that meet its constraints.
+    """Find all gains of PROBLEM that meet its constraints.
 
-    The command divides the plane of two variables into cells that are proved feasible throughout, proved infeasible
-    throughout, or undecided at the resolution. If the coupling is free, feasible means that some coupling within its
-    bounds meets the constraints. The command writes OUT/NAME/region.json, a baseline for `vctune check --region`, and
-    region.svg. The picture marks the best design and, if they are given, GAINS.
+    The command divides the plane of two variables into cells. vctune proves each cell feasible throughout or infeasible
+    throughout, or leaves it undecided at the given resolution. If the coupling is free, a point is feasible if some
+    coupling within its bounds meets the constraints. The command writes OUT/NAME/region.json, a baseline for `vctune
+    check --region`, and region.svg. The picture marks the best design, and also GAINS if you name a file.
 
-    With the axes environment.stiffness and environment.mass, the cells contain environments. The device is stable in
-    every hand with each environment of a feasible cell, and each environment of an infeasible cell is refused in some
-    hand. The gains are those of GAINS or, without GAINS, of the best design. The command then writes z-width.json and
-    z-width.svg.
+    With the axes environment.stiffness and environment.mass, the cells contain environments. With each environment of a
+    feasible cell, the device is proved stable in every hand. With each environment of an infeasible cell, the device is
+    refuted in some hand. The gains come from GAINS or, without GAINS, from the best design. The command then writes
+    z-width.json and z-width.svg.
 
-    The exit code is 0 if feasible gains exist, 1 if they are proved not to exist, and 3 if neither is proved. After
-    Ctrl-C or the time limit, the command keeps the cells decided so far and exits with code 3. A second Ctrl-C ends at
-    once.
+    The exit code is 0 if feasible gains exist, 1 if vctune proves that none exist, and 3 if it proves neither. After
+    Ctrl-C or the time limit, the command writes the cells decided so far and exits with code 3. A second Ctrl-C ends
+    the command at once.
     """
     from vctune import read_problem
     from vctune.api.folders import design_folder
@@ -80,7 +87,7 @@ def region(
     given = design_for(file, gains) if gains else None
     with progress_on_stderr(f"vctune region {problem.name}", shown=not quiet) as progress:
         solved = best_design(file.problem, progress) if given is None or x not in WORLD else None
-        with interrupt_noted() as stopped:  # from here on an interrupt would lose work
+        with interrupt_noted() as stopped:  # from here on, an interrupt would lose work
             found = find(file, x, y, given, resolution=resolution, solved=solved, stopped=stopped, progress=progress)
             late = found.region.interrupted and not stopped()
             progress("drawing")
@@ -95,10 +102,17 @@ def region(
         else:
             warn("interrupted", f"{holds} the interrupt{earlier}")
     if not drawn:
-        warn("time-limit", "there was no time for the picture; with more of it `vctune region` draws one")
+        warn("time-limit", "there was no time for the picture; a longer --time-limit leaves time to draw it")
     lines = [f"{kind:10} {100 * share:7.2f} %" for kind, share in found.areas.items()]
     if interrupted:
-        lines[-1] += f"  {'out of time' if late else 'interrupted'}: some of it was not looked at"
-    lines.append(f"of the plane {x} by {y}; written to {folder}")
-    answer(style, quiet, found.record, lambda: click.echo("\n".join(lines)))
+        lines[-1] += f"  {'out of time' if late else 'interrupted'}: the search did not examine the whole plane"
+    lines.append(f"of the plane {x} by {y}")
+    steps = [f"open {folder / (REGION_FILES if found.design is None else WORLD_FILES)[1]}"] if drawn else []
+
+    def table() -> None:
+        from vctune.cli.printing.design_table import print_lines
+
+        print_lines(lines, folder, [*steps, *(["running it again with more time decides more"] * interrupted)])
+
+    answer(style, quiet, found.record, table)
     return ExitCode.UNDECIDED if interrupted else of_status(found.status)

@@ -1,4 +1,4 @@
-"""`vctune report`."""
+"""Define `vctune report`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def report(design: Path, out: Path | None, style: str, quiet: bool) -> int:
     """Make report.html and its figures again for DESIGN, a design.json.
 
     The command does not solve the problem. If the folder has a simulation.json of the same design, the report includes
-    it.
+    the simulation.
     """
     from vctune.api.design_files import ReportRecord, write_report
     from vctune.cli.printing.output import answer

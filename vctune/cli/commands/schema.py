@@ -1,4 +1,4 @@
-"""`vctune schema`."""
+"""Define `vctune schema`."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ KINDS = (
 @click.command(short_help="Print the JSON Schema of a kind of document.")
 @click.argument("kind", type=click.Choice(KINDS), default="problem")
 def schema(kind: str) -> None:
-    """Print the JSON Schema of a KIND of document; the default is the problem file.
+    """Print the JSON Schema of a KIND of document. Without KIND, print the schema of the problem file.
 
     Editors use the schema of the problem file to complete keys. vctune reads the kinds problem, gains, study and log.
-    It writes the kinds design, region, rows (each line of rows.jsonl), simulation and identification. With --format
-    json it prints the kinds check, sweep, front, comparison, export, report, bench, explanation and example.
+    vctune writes the kinds design, region, rows (each line of rows.jsonl), simulation and identification. Commands with
+    --format json print the kinds check, sweep, front, comparison, export, report, bench, explanation and example.
     """
     import json
 

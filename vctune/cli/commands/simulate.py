@@ -1,4 +1,4 @@
-"""`vctune simulate`."""
+"""Define `vctune simulate`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ IN_THE_LOOP = "in-the-loop"
 @click.command(short_help="Simulate a design in the problem's experiments.")
 @problem_argument
 @click.argument("gains", type=click.Path(path_type=Path), required=False)
-@click.option("--experiment", "name", help="Name of the only experiment to simulate.  [default: all]")
+@click.option("--experiment", "name", help="Name of the experiment to simulate. [default: all]")
 @out_option()
 @click.option(
     "--controller",
@@ -48,13 +48,13 @@ def simulate(
 ) -> int:
     """Simulate a design in the [[experiment]] tables of PROBLEM.
 
-    The design is in GAINS; without GAINS, vctune solves PROBLEM first. The command writes simulation.json, traces.npz
-    and the figure `simulation`, which becomes part of the design's report. The exit code is 1 if there is no design. It
-    is also 1 if the design diverges in an experiment, or is unstable with the hand and environment of an experiment.
+    The design is in GAINS. Without GAINS, vctune solves PROBLEM first. The command writes simulation.json, traces.npz
+    and the figure `simulation`, and adds the figure to the design's report. The exit code is 1 if there is no design,
+    if the design diverges in an experiment, or if it is unstable with the hand and environment of an experiment.
 
-    With --controller, a compiled firmware replaces the simulated controller. vctune compares the commands of both on
-    the same measurements, and the exit code is 1 if they differ by more than the tolerance. The files are then in the
-    folder `in-the-loop` of the design's folder.
+    With --controller, a compiled firmware replaces the simulated controller. vctune compares the commands of both for
+    the same measurements. If they differ by more than the tolerance, the exit code is 1. The command then writes the
+    files to the folder `in-the-loop` in the design's folder.
     """
     if tolerance is not None and controller is None:
         raise click.UsageError("--tolerance applies to a firmware; name it with --controller")
@@ -98,7 +98,7 @@ def simulate(
 
     def table() -> None:
         from vctune.api.experiments import simulation_of
-        from vctune.cli.printing.design_table import print_simulation
+        from vctune.cli.printing.side_by_side import print_simulation
 
         print_simulation(simulation_of(record), folder)
 
@@ -107,7 +107,7 @@ def simulate(
 
 
 def _solved(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains, AnyCoupling] | None:
-    """Solve the problem and write its design, as `vctune solve` does; print the reason if there is none."""
+    """Solve the problem and write its design, as `vctune solve` does. If there is no design, print the reason."""
     from vctune.api.design_files import write_solved
     from vctune.api.experiments import solve_to_simulate
     from vctune.cli.commands.solve import say_renamed

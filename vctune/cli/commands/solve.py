@@ -1,4 +1,4 @@
-"""`vctune solve`."""
+"""Define `vctune solve`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @click.command(short_help="Find the most transparent gains and prove them stable.")
 @problem_argument
 @out_option()
-@click.option("--no-report", is_flag=True, help="Write only gains.toml and design.json; remove an earlier report.")
+@click.option("--no-report", is_flag=True, help="Write only gains.toml and design.json, and remove an earlier report.")
 @click.option("--strict", is_flag=True, help="Exit with code 1 if there is a warning.")
 @click.option("--watch", is_flag=True, help="Solve again each time PROBLEM is saved, until Ctrl-C.")
 @click.option(
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     "gap",
     type=click.FloatRange(*GAPS),
     metavar="GAP",
-    help="Also prove that no design has an error that is lower by more than this share (0.03 is 3 %).",
+    help="Also prove that no design has an error lower by more than this share; 0.03 stands for 3 %.",
 )
 @time_limit_option()
 @verbose_option
@@ -47,9 +47,12 @@ def solve(
 ) -> int:
     """Find the most transparent gains of PROBLEM and prove them stable.
 
-    PROBLEM is a TOML file, or - for standard input. It requires only mass, damping and sample_time of [device]. If it
-    has several [[axis]] tables, the command solves each axis and writes its files to OUT/NAME/AXIS/. The exit code is
-    then the worst of all axes.
+    A transparent device feels light and renders the virtual environment exactly. The error is the distance from this
+    ideal.
+
+    PROBLEM is a TOML file, or - for standard input. Most problems need only mass, damping and sample_time in [device].
+    If PROBLEM has several [[axis]] tables, the command solves each axis and writes the files of an axis to
+    OUT/NAME/AXIS/. The exit code is then the code of the worst result.
     """
 
     def once() -> int:
@@ -152,6 +155,6 @@ def _solve_axes(
 
 
 def say_renamed(renamed: dict[Path, Path]) -> None:
-    """Print which files of an earlier design were renamed."""
+    """Print the names of the renamed files of an earlier design."""
     for place, kept in renamed.items():
         click.echo(f"{place}: of an earlier design, renamed to {kept.name}", err=True)

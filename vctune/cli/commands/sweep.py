@@ -1,4 +1,4 @@
-"""`vctune sweep`."""
+"""Define `vctune sweep`."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ def sweep(
 ) -> int:
     """Solve a problem at every point of STUDY, a TOML file with a grid, a Latin hypercube or a list of points.
 
-    The command writes each finished point as a line of OUT/STUDY/rows.jsonl. If it is interrupted, the same command
-    continues where it stopped. At the end it writes table.csv (and table.parquet if pyarrow is installed) and, for one
-    or two axes, error.svg.
+    The command writes each finished point as a line of OUT/STUDY/rows.jsonl. To continue an interrupted sweep, run the
+    command again. At the end, the command writes table.csv (and table.parquet if pyarrow is installed) and, for one or
+    two axes, error.svg.
 
-    The exit code is 0 if there is a certified design and every point has an answer, 3 if a point reached the time
-    limit, and 1 otherwise.
+    The exit code is 3 if a point reached the time limit, 0 if every point has an answer and at least one design is
+    certified, and 1 otherwise.
     """
     from vctune.api.folders import folder_name
     from vctune.api.messages import InputError

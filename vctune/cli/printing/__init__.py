@@ -1,1 +1,1 @@
-"""What all commands share: options, tables, formats, progress, exit codes."""
+"""Define what all commands share: options, tables, formats, progress, exit codes."""

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def print_axes(name: str, designs: Mapping[str, DesignRecord], folder: Path) -> None:
-    """Print one line with the verdict for each axis, the warnings, and the place of the files.
+    """Print one line with the verdict for each axis, then the warnings, then the folder of the files.
 
     Parameters
     ----------

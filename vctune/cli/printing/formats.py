@@ -38,7 +38,8 @@ def text(checks: list[Checked]) -> str:
 
 
 def as_json(checks: list[Checked]) -> str:
-    """Return a list with one object for each check: of design.json, of a region, or of the reason for neither."""
+    """Return a list with one object for each check: the object of design.json, that of a region, or the reason why
+    there is neither."""
     return json.dumps([check_object(checked) for checked in checks], indent=2, allow_nan=False)
 
 
@@ -98,32 +99,34 @@ def _warning_lines(checked: Checked) -> list[str]:
 WARNING = (
     "warning",
     "warning",
-    "The gains deserve a second look.",
-    "Whatever is proved, there is something that the designer should know: what limits the design, that it hardly uses "
-    "its velocity loop, or that it was made for another problem.",
-    "Read the message; `vctune check --strict` fails until there is none.",
+    "The gains pass, with a warning.",
+    "The message tells the designer something besides the verdict, for example that the design hardly uses its "
+    "velocity loop, or that the gains were made for another problem.",
+    "Read the message. `vctune check --strict` fails if there is a warning.",
 )
 RULES = {
     CheckVerdict.FAILED: (
         "violated",
         "error",
-        "The gains violate a demand.",
-        "A demand fails at the frequency that the message names: in some passive hand or environment the device can "
-        "oscillate, or its loop is less robust than the problem asks.",
+        "The gains violate a constraint.",
+        "The gains violate a constraint at the frequency that the message names: the device can oscillate with "
+        "some passive hand or environment, or its loop is less robust than the problem requires.",
         "Change the gain that the message names to the value it names, or solve the problem again.",
     ),
     CheckVerdict.UNDECIDED: (
         "undecided",
         "warning",
         "The proof is undecided.",
-        "A demand is met or missed by so little that ball arithmetic cannot tell, or an axis was not looked at.",
-        "Move the gains away from the limit, lower the demand a little, or check the axis with a problem of its own.",
+        "The gains meet or violate a constraint by so little that ball arithmetic cannot decide, or vctune did "
+        "not examine an axis.",
+        "Move the gains away from the limit, relax the constraint a little, or check the axis with a problem of "
+        "its own.",
     ),
     CheckVerdict.BAD_INPUT: (
         "bad-input",
         "error",
-        "The file cannot be used.",
-        "The file cannot be read, or what it says is no problem and no gains that can be checked.",
+        "vctune cannot use the file.",
+        "vctune cannot read the file, or the file states neither a valid problem nor valid gains.",
         "Correct the key on the line that the message names.",
     ),
 }
@@ -134,8 +137,10 @@ _RULES = [*RULES.values(), WARNING]
 
 
 def sarif(checks: list[Checked]) -> str:
-    """Return a SARIF 2.1.0 log with the fields that GitHub requires, with one result for each refusal and each
-    warning."""
+    """Return a SARIF 2.1.0 log with the fields that GitHub requires.
+
+    It has one result for each refusal and each warning.
+    """
     results = []
     for checked in checks:
         if rule := RULES.get(checked.verdict):

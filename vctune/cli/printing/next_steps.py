@@ -1,4 +1,4 @@
-"""The last lines of a command: what the user can do next with the design that it wrote."""
+"""Suggest what the user can do next with the design that a command wrote."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 
 def after_design(record: DesignRecord, folder: Path, problem: Path) -> list[str]:
-    """Return the next steps for a design: view it, export it, check its gains in CI; without one, repair the problem.
+    """Return the next steps.
+
+    For a design: view it, export it, check its gains in CI. Without a design: repair the problem.
 
     Parameters
     ----------
@@ -34,7 +36,7 @@ def after_design(record: DesignRecord, folder: Path, problem: Path) -> list[str]
 
 
 def after_bound(record: DesignRecord, design: Path, problem: Path) -> list[str]:
-    """Return the next steps after a search for a bound: resume it if it has not ended, then the steps for the design.
+    """Return the next steps after a search for a bound: resume an unfinished search, then the steps for the design.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Arguments and options that several commands share."""
+"""Define the arguments and options that several commands share."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vctune.running import time_limit_of_command
 Added = Callable[[Any], Any]
 """A decorator that adds an argument or an option to a command."""
 SHORT = "vctune.json"
-"""Key under which click records whether --json was given."""
+"""Key under which click records whether the user gave --json."""
 
 problem_argument: Added = click.argument("problem", type=click.Path(path_type=Path))
 
@@ -54,7 +54,7 @@ def output_options(*more: str) -> Added:
             "--json", is_flag=True, is_eager=True, expose_value=False, callback=_short, help="Short for --format json."
         ),
         click.option(
-            "--quiet", is_flag=True, help="Print no progress and no text. The output of --format still appears."
+            "--quiet", is_flag=True, help="Print no progress and no text. Output in another --format still appears."
         ),
     )
 
@@ -96,11 +96,13 @@ def time_limit_option(of: str = "") -> Added:
     )
 
 
-verbose_option: Added = click.option("--verbose", is_flag=True, help="Also print what the search left out.")
+verbose_option: Added = click.option(
+    "--verbose", is_flag=True, help="Also list the parts of the work that the search left out."
+)
 
 
 def time_limited(command: Any) -> Any:
-    """Add the option `--time-limit` to a command whose code need not handle it."""
+    """Add the option `--time-limit` to a command. The command's own code need not handle it."""
 
     @time_limit_option()
     @wraps(command)
@@ -119,7 +121,8 @@ def worker_options(command: Any) -> Any:
             default="processes",
             show_default=True,
             metavar="processes|serial|dask|dask:ADDRESS",
-            help="Where to solve the points: worker processes, this process, a local Dask cluster, or a running one.",
+            help="Workers that solve the points: processes of this machine, only this process, a new Dask cluster on "
+            "this machine, or a running Dask cluster.",
         ),
         click.option("--jobs", type=click.IntRange(1, 512), help="Number of workers.  [default: number of cores]"),
     ):

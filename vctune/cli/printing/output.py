@@ -1,4 +1,4 @@
-"""Print data to stdout. If the reader goes away, the command does not fail."""
+"""Print data to stdout. If the reader closes the pipe, the command does not fail."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def reader_may_leave() -> Iterator[None]:
-    """Print in this block. If the reader closes the pipe, the rest is dropped."""
+    """Allow printing within this block. If the reader closes the pipe, the function drops the rest of the output."""
     try:
         yield
         sys.stdout.flush()
@@ -44,11 +44,11 @@ def warn(code: Code, text: str) -> None:
 
 
 def warn_of_doubts(*problems: Problem | ProblemFile, quiet: bool) -> None:
-    """Print probable mistakes of problems on stderr before the work, so that nobody waits for a wrong problem.
+    """Print probable mistakes in problems to stderr before the work begins, so that nobody waits for a wrong problem.
 
     Parameters
     ----------
-    *problems : valid problems or their files; a mistake that several share is reported once
+    *problems : valid problems or their files. The function prints a mistake that several share only once
     quiet : whether to print nothing for people
     """
     from vctune.api.messages import doubts

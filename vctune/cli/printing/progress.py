@@ -1,4 +1,4 @@
-"""Progress on stderr, only on a terminal, and erased when the work is done.
+"""Show progress on stderr, only on a terminal, and erase it when the work is done.
 
 The line shows the current stage, the result so far and, if the work reports it, the progress.
 """
@@ -16,7 +16,7 @@ Progress = Callable[[str], None]
 
 @contextmanager
 def progress_on_stderr(title: str, *, shown: bool) -> Iterator[Callable[[str], None]]:
-    """Show a spinner with the stage of the work; yield a function that sets the stage.
+    """Show a spinner with the stage of the work, and yield a function that sets the stage.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def progress_on_stderr(title: str, *, shown: bool) -> Iterator[Callable[[str], N
 
 @contextmanager
 def bar_on_stderr(title: str, total: int, *, shown: bool) -> Iterator[Callable[[], None]]:
-    """Show a bar with the rate and the remaining time; yield a function that adds one finished item.
+    """Show a bar with the rate and the remaining time, and yield a function that adds one finished item.
 
     Parameters
     ----------

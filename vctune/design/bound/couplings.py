@@ -46,6 +46,20 @@ class Offer(Protocol):
         """Return the least first and second element that offer 1 without drag, both of shape (boxes, places)."""
 
 
+def elements_for(required: Floats, offer: Offer, boxes: DesignBoxes) -> tuple[Floats, Floats]:
+    """Return the least first and second element at each place, shape (boxes, places).
+
+    Parameters
+    ----------
+    required : lower bound of what the coupling has to offer, its drag included, shape (boxes, places)
+    offer : offer of the couplings at these places
+    boxes : n boxes of designs
+    """
+    needed = np.maximum(required - boxes.high[B_0][:, None], 0.0)
+    first, second = (np.where(needed > 0, needed * each, 0.0) for each in offer.least_elements(boxes))
+    return first, second
+
+
 class Couplings(Protocol):
     """The couplings of a display."""
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vctune.design.bound.couplings import Offer, SeriesOffer, spring_offer
+from vctune.design.bound.couplings import Offer, SeriesOffer, elements_for, spring_offer
 from vctune.design.bound.design_boxes import K_P, K_V, DesignBoxes
 from vctune.design.bound.quadratic_coefficients import Coefficients, joined, mapped, quadratic
 from vctune.design.bound.quadratics import LeastQuotient, lower, upper
@@ -47,6 +47,11 @@ class SampledConditions:
     offer: Offer
     required: LeastQuotient
 
+    def least_elements(self, boxes: DesignBoxes, factor: float) -> tuple[Floats, Floats, Flags]:
+        """Return the least elements of the coupling at each place, and the boxes that permit no coupling."""
+        R, none = self.least_required(boxes)
+        return *elements_for(factor * R, self.offer, boxes), none
+
     def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
         """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes that permit no coupling.
 
@@ -73,8 +78,10 @@ def conditions_in_hands(devices: Sequence[Device], places: PlacesInHands) -> Sam
     SampledConditions
         The conditions at d k places, one device after another.
     """
-    angles = [_angles(device, places.at) for device in devices]
-    each = [_in_hands(device, theta, places.hands) for device, theta in zip(devices, angles, strict=True)]
+    angles = [angles_of(device, places.at) for device in devices]
+    each = [
+        coefficients_in_hands(device, theta, places.hands)[:2] for device, theta in zip(devices, angles, strict=True)
+    ]
     return _conditions(devices, angles, each)
 
 
@@ -91,12 +98,13 @@ def conditions_in_any_hand(devices: Sequence[Device], omega: Floats) -> SampledC
     SampledConditions
         The conditions at d k places, one device after another.
     """
-    angles = [_angles(device, omega) for device in devices]
+    angles = [angles_of(device, omega) for device in devices]
     each = [_in_any_hand(device, theta) for device, theta in zip(devices, angles, strict=True)]
     return _conditions(devices, angles, each)
 
 
-def _angles(device: Device, omega: Floats) -> Floats:
+def angles_of(device: Device, omega: Floats) -> Floats:
+    """Return the angles omega T, at most pi."""
     return np.minimum(omega * device.sample_time, np.pi)
 
 
@@ -114,8 +122,17 @@ def _conditions(
     return SampledConditions(offer, LeastQuotient(lower(lost), upper(size), lower(size)))
 
 
-def _in_hands(device: Device, theta: Floats, hands: Hand) -> tuple[Coefficients, Coefficients]:
-    """Return the coefficients of -o/2 and |F|^2."""
+def coefficients_in_hands(
+    device: Device, theta: Floats, hands: Hand
+) -> tuple[Coefficients, Coefficients, Coefficients]:
+    """Return the coefficients of -o/2, |F|^2 and e/2.
+
+    Parameters
+    ----------
+    device : device with exactly known numbers
+    theta : angles omega T, rad
+    hands : hand at each angle
+    """
     plant = plant_in_hand(device.bare.converted(decimal), hands.mapped(decimal), delays_of(device), ENCLOSURES)
     at, sin = loop_in_hand(plant, Enclosure(theta), ENCLOSURES), ENCLOSURES.sin(Enclosure(theta) / 2)
 
@@ -133,12 +150,15 @@ def _in_hands(device: Device, theta: Floats, hands: Hand) -> tuple[Coefficients,
 
     # o in P conj F = e + j s o is Im(P conj F) with s = 1: `parts` omits s, `true` includes it
     split, whole = loop(parts), loop(true)
-    if isinstance(at, LoopInHand):
-        P = Affine(None, parts(at.seen_velocity), parts(at.seen_position))
-    else:
-        P = Affine(parts(at.numerator(NO_GAINS)), None, None)
-    lost = mapped(quadratic(im_conj_product, P, split, crossed=True), lambda x: -0.5 * x)
-    return lost, quadratic(re_conj_product, whole, whole, crossed=True)
+
+    def seen(form: Callable[[EvenOdd], Pair]) -> Affine:
+        if isinstance(at, LoopInHand):
+            return Affine(None, form(at.seen_velocity), form(at.seen_position))
+        return Affine(form(at.numerator(NO_GAINS)), None, None)
+
+    lost = mapped(quadratic(im_conj_product, seen(parts), split, crossed=True), lambda x: -0.5 * x)
+    swing = mapped(quadratic(re_conj_product, seen(true), whole, crossed=True), lambda x: 0.5 * x)
+    return lost, quadratic(re_conj_product, whole, whole, crossed=True), swing
 
 
 def _in_any_hand(device: Device, theta: Floats) -> tuple[Coefficients, Coefficients]:

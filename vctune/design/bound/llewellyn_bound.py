@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vctune.design.bound.couplings import SeriesOffer
+from vctune.design.bound.couplings import SeriesOffer, elements_for
 from vctune.design.bound.design_boxes import DesignBoxes
 from vctune.design.bound.quadratic_coefficients import Coefficients, loop_at, mapped, quadratic, repeated
 from vctune.design.bound.quadratics import GUARD, Quadratic, lower, upper
@@ -42,6 +42,11 @@ class LlewellynConditions:
     C2_low: Quadratic
     im_low: Quadratic
     im_high: Quadratic
+
+    def least_elements(self, boxes: DesignBoxes, factor: float) -> tuple[Floats, Floats, Flags]:
+        """Return the least elements of the coupling at each frequency, and the boxes that permit no coupling."""
+        R, none = self.least_required(boxes)
+        return *elements_for(factor * R, self.offer, boxes), none
 
     def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
         """Return a lower bound of R where it is positive, shape (boxes, frequencies), and the boxes that permit no

@@ -115,10 +115,7 @@ def least_coupling(relaxed: Relaxation, boxes: DesignBoxes) -> LeastCoupling:
     lowest, highest = of.ratio(boxes)
     first, second = np.fmax(of.first.min, of.second.min / highest), np.full(len(boxes), of.second.min)
     for condition in relaxed.conditions:
-        R, never = condition.least_required(boxes)
-        needed = np.maximum(relaxed.problem.stability.safety_factor * R - boxes.high[B_0][:, None], 0.0)
-        relative = condition.offer.least_elements(boxes)
-        most = [np.where(needed > 0, needed * each, 0.0).max(axis=1) for each in relative]
-        first, second, none = np.maximum(first, most[0]), np.maximum(second, most[1]), none | never
+        one, other, never = condition.least_elements(boxes, relaxed.problem.stability.safety_factor)
+        first, second, none = np.maximum(first, one.max(axis=1)), np.maximum(second, other.max(axis=1)), none | never
     second = np.maximum(second, first * lowest)
     return LeastCoupling(first * (1 - 10 * GUARD), second * (1 - 10 * GUARD), none)

@@ -120,6 +120,18 @@ def mapped(coefficients: Coefficients, f: Callable[[Number], Number]) -> Coeffic
     )
 
 
+def summed(a: Coefficients, b: Coefficients) -> Coefficients:
+    """Return the coefficients of the sum of two quadratics with the same places."""
+
+    def both(x: Number, y: Number) -> Number:
+        return y if x is None else x if y is None else x + y
+
+    def each(x: tuple[Number, Number] | None, y: tuple[Number, Number] | None) -> tuple[Number, Number] | None:
+        return y if x is None else x if y is None else (x[0] + y[0], x[1] + y[1])
+
+    return both(a[0], b[0]), each(a[1], b[1]), each(a[2], b[2]), both(a[3], b[3])
+
+
 def listed(term: Term) -> list[Number]:
     """Return the numbers of a term that are not None."""
     found: list[Number] = []

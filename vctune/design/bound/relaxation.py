@@ -14,13 +14,13 @@ from typing import Protocol
 
 import numpy as np
 
-from vctune.design.bound.couplings import Offer
 from vctune.design.bound.design_boxes import DesignBoxes
 from vctune.design.bound.hands_bound import conditions_in_any_hand, conditions_in_hands
 from vctune.design.bound.llewellyn_bound import llewellyn_conditions
 from vctune.design.bound.objective import Objective, objective_of
 from vctune.design.bound.quadratic_coefficients import quadratic, repeated
 from vctune.design.bound.quadratics import BoundedQuotient, Quadratic, rounded_down, upper
+from vctune.design.bound.worlds_bound import conditions_in_worlds
 from vctune.model.device import Device
 from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.loop.affine import Affine
@@ -34,13 +34,9 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 class Conditions(Protocol):
     """A constraint on the coupling at some places of several devices, one device after another."""
 
-    @property
-    def offer(self) -> Offer:
-        """The offer of couplings at these places."""
-
-    def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
-        """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes with no feasible
-        coupling."""
+    def least_elements(self, boxes: DesignBoxes, factor: float) -> tuple[Floats, Floats, Flags]:
+        """Return the least elements of the coupling at each place, each of shape (boxes, places), and the boxes with no
+        feasible coupling."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,8 +154,10 @@ def _conditions(problem: Problem, devices: list[Device], places: Places) -> list
     found: list[Conditions] = []
     if problem.passive:
         found.append(llewellyn_conditions(devices, places.omega))
-    if problem.hands_met is not None:
+    if problem.hands_met is not None and problem.worlds is None:
         found.append(conditions_in_hands(devices, places.in_hands))
+    if problem.hands_met is not None and problem.worlds is not None:
+        found.append(conditions_in_worlds(devices, places.in_hands, problem.worlds.linear))
     if problem.any_hand:
         found.append(conditions_in_any_hand(devices, places.any_hand))
     return found

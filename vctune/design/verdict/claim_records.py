@@ -14,12 +14,13 @@ from vctune.design.verdict.uncertainty_record import device_record
 from vctune.document.records.certificate_json import ClaimRecord, EnvironmentRecord, HandRecord, ResonatorRecord
 from vctune.document.records.changing_json import ChangingRecord, StorageRecord
 from vctune.model.device import Device
-from vctune.model.gains import SpringDamper
+from vctune.model.gains import Coupling, SpringDamper
 from vctune.model.hands import LeastOperator
 from vctune.model.numbers.frequency import finite_hertz, hertz
 from vctune.model.numbers.units import UNITS
 from vctune.model.problem import Problem
-from vctune.model.sampled.changing_hand import TERMS, states_of
+from vctune.model.sampled.changing.loop_states import Law, states_of
+from vctune.model.sampled.changing.storage_function import TERMS
 from vctune.proof.claims.registry import CLAIMS, ClaimId
 from vctune.proof.engine.interval import Outcome, Verdict
 
@@ -47,8 +48,10 @@ def changing_record(problem: Problem, judgement: Judgement) -> dict[str, Changin
         return {}
     also: dict[str, Any] = {}
     if (found := outcome.storage) is not None:
+        assert isinstance(judgement.coupling, Coupling)
+        law = Law(judgement.gains, judgement.coupling)
         matrices = [[list(row) for row in term] for term in found.terms]
-        also["storage"] = StorageRecord(states=states_of(problem.device), terms=list(TERMS), matrices=matrices)
+        also["storage"] = StorageRecord(states=states_of(problem.device, law), terms=list(TERMS), matrices=matrices)
     box = {name: list(ends) for name, ends in hands.ranges.items()}
     return {"changing": ChangingRecord(verdict=outcome.verdict.value, box=box, boxes=outcome.boxes, **also)}
 

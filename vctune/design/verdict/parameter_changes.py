@@ -53,6 +53,7 @@ class ParameterChange:
     limit : the furthest value worth trying, above or below `old`
     scale : natural size, for an `old` of 0 or infinity
     other : the other edge of a band or end of a range, which the file must then state as well
+    switch : whether the change turns off what the file turns on, which is 1 for true and 0 for false
     """
 
     path: KeyPath
@@ -61,6 +62,7 @@ class ParameterChange:
     limit: float
     scale: float = 1.0
     other: float | None = None
+    switch: bool = False
 
     @property
     def key(self) -> str:
@@ -119,6 +121,9 @@ class ParameterChange:
 
     def relative_changes(self) -> Iterator[float]:
         """Yield the relative changes to try, up to the limit."""
+        if self.switch:
+            yield 1.0
+            return
         last = self.relative_change(self.limit)
         steps = CHANGES_FROM_ZERO if self.old == 0 else RELATIVE_CHANGES
         yield from (relative for relative in steps if self.least <= relative < last)
@@ -148,6 +153,8 @@ class ParameterChange:
 
     def line(self, new: float) -> str:
         """Return the new line of TOML after the change."""
+        if self.switch:
+            return f"{self.key} = false"
         if self.other is None:
             return f"{self.key} = {new!r}"
         low, high = sorted((new, self.other))
@@ -162,6 +169,8 @@ class ParameterChange:
         document : parsed TOML, which is not modified
         new : the new value, in the file's unit
         """
+        if self.switch:
+            return placed(document, ((self.path, False),))
         beside = () if self.other is None else (((*self.path[:-1], OTHER_END[self.path[-1]]), self.other),)
         return placed(document, (*beside, (self.path, new)))
 
@@ -248,6 +257,8 @@ def _of_worlds(problem: Problem) -> Iterator[ParameterChange]:
     path: KeyPath = ("environment", "damping", "min")
     more = "more damping in every environment"
     yield ParameterChange(path, more, low.damping, max(100 * low.damping, loop), loop)
+    if worlds.walls:
+        yield ParameterChange(("environment", "walls"), "springs that are always in contact", 1.0, 0.0, switch=True)
     tau = problem.device.loop_lag
     for name, least, most, scale, words in (
         ("mass", low.mass, high.mass, loop * tau, ("lighter", "heavier")),

@@ -1,4 +1,4 @@
-"""The records of the claims about a design and its velocity loop."""
+"""Define the records of the claims about a design and about its velocity loop."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ GRAMS = 0.1
 
 
 class PerturbationRecord(Part):
-    """Which of the responses that a device may have: times 1 + share r e^(j phase), r the radius of the disc."""
+    """The error of the device's response within the disc of unmodelled dynamics: a factor 1 + share r e^(j phase),
+    where r is the radius of the disc."""
 
     share: float
     phase_deg: float
@@ -33,7 +34,10 @@ class PerturbationRecord(Part):
 
 
 class DeviceRecord(Part):
-    """The numbers of a device that may be uncertain; those of its parts by their keys. A servo has the latter alone."""
+    """The numbers of a device that may be uncertain.
+
+    The numbers of its parts are listed by their keys. A servo has only numbers of parts.
+    """
 
     mass: Annotated[float, Shown("mass", of="mass")] = 0.0
     damping: Annotated[float, Shown("damping", of="damping")] = 0.0
@@ -42,21 +46,21 @@ class DeviceRecord(Part):
     unmodelled: PerturbationRecord | None = None
 
     def in_words(self, units: Units) -> str:
-        """Return the numbers of the device in words, without those that are 0."""
+        """Return the numbers of the device in words. Numbers that are 0 are left out."""
         own = [f"{row.value} {row.unit}" for row in self.rows(units) if float(row.value)]
         off = [] if self.unmodelled is None else [str(self.unmodelled)]
         return ", ".join([*own, *(f"{key} {text(number)}" for key, number in self.parts.items()), *off])
 
 
 class ResonatorRecord(Part):
-    """A mass on a spring of its own."""
+    """A resonator on the hand: a mass on a spring."""
 
     mass: float
     stiffness: float
 
 
 class HandRecord(Part):
-    """A hand at the handle, maybe with resonators on it."""
+    """A hand at the handle. Resonators may be attached to the hand."""
 
     mass: float
     damping: float
@@ -74,7 +78,10 @@ class HandRecord(Part):
 
 
 class EnvironmentRecord(Part):
-    """The environment, by the trapezoidal rule unless another one is stated, with which a design grows in a hand."""
+    """An environment with which a design grows in a hand.
+
+    The firmware integrates it by the trapezoidal rule unless `rule` states another one.
+    """
 
     hand: HandRecord
     kind: Literal["spring", "mass"]
@@ -112,7 +119,7 @@ WITHOUT_ID: dict[str, ClaimId] = {
     "stable in every hand with every passive environment, Re Z_c >= safety_factor R up to Nyquist": "hands",
     "stable in every hand with every passive environment, Re 1/Z_c >= safety_factor R up to Nyquist": "hands",
 }
-"""Sentences that name claims in files from versions before claims had identifiers. The list does not grow."""
+"""Sentences by which older versions named their claims, before claims had identifiers. The list does not grow."""
 
 
 def _id_may_lack(schema: dict[str, Any]) -> None:
@@ -120,10 +127,11 @@ def _id_may_lack(schema: dict[str, Any]) -> None:
 
 
 class ClaimRecord(Part):
-    """A claim, where, on which device and in which hand it fails, and the environment with which it grows there.
+    """A claim. If it fails, the record names the frequency, the device, the hand, and the environment with which the
+    loop grows.
 
-    If the time limit `cut` its proof it is undecided. Its sentence is for people, in the words of the version that
-    wrote it; programs require its `id`.
+    If the time limit `cut` the proof short, the claim is undecided. The sentence `claim` is for people and may change
+    with the version; programs should use `id`.
     """
 
     model_config = ConfigDict(json_schema_extra=_id_may_lack)
@@ -140,7 +148,7 @@ class ClaimRecord(Part):
     @model_validator(mode="before")
     @classmethod
     def _identified(cls, value: Any) -> Any:
-        """Add the identifier to a claim from an older file."""
+        """Add an identifier to a claim from an older file."""
         if not isinstance(value, dict) or "id" in value or "claim" not in value:
             return value
         sentence = value["claim"]
@@ -149,7 +157,7 @@ class ClaimRecord(Part):
         return {"id": WITHOUT_ID[sentence], **value}
 
     def rows(self, units: Units) -> Iterator[Row]:
-        """Yield the rows of a claim that is not proved. Its text is too long for a label."""
+        """Yield the rows of a claim that is not proved. The text of a claim is too long for a label."""
         yield Row(
             "claim",
             self.verdict,
@@ -166,7 +174,7 @@ class ClaimRecord(Part):
 
 
 class WithoutOperatorRecord(Part):
-    """The design without the least operator."""
+    """The claim for a free handle, that is, without the least operator."""
 
     verdict: Proof
     min_ratio: Annotated[Number, Shown("without operator", "at {worst_hz} Hz, {verdict}")]
@@ -174,7 +182,7 @@ class WithoutOperatorRecord(Part):
 
 
 class WorldRecord(Part):
-    """The virtual environment that a design has least to spare with."""
+    """The virtual environment with which a design has the smallest margin."""
 
     mass: float
     stiffness: float
@@ -200,7 +208,10 @@ class WorldRecord(Part):
 
 
 class WallsRecord(DisplayPart):
-    """What is proved of every wall of a box of environments, beside the linear ones."""
+    """The claim about every wall in a box of environments.
+
+    The linear environments of the box have a claim of their own.
+    """
 
     verdict: Annotated[Proof, Shown("every wall", "by the multiplier with its corner at {corner_hz} Hz")]
     corner_hz: float
@@ -264,7 +275,7 @@ class AnyHandRecord(DisplayPart):
 
 
 class WholeSampleRecord(Part):
-    """The verdict on both sides of a whole number of samples of delay, where the sensed force jumps."""
+    """The verdicts just below and at a whole number of samples of delay. At a whole number the sensed force jumps."""
 
     verdict: Annotated[Proof, Shown("either side", "of {samples} T = {delay} s of delay, where the sensed force jumps")]
     samples: int
@@ -291,11 +302,11 @@ class CertificateRecord(DisplayPart):
 
     @property
     def beyond(self) -> str:
-        """The remark on frequencies outside the proved band; empty without such a remark."""
+        """The remark on frequencies outside the proved band; "" if there is none."""
         return "" if self.proved_band_hz is None else "; outside it nothing is proved of the ratio"
 
     def rows(self, units: Units) -> Iterator[Row]:
-        """Yield the rows, including the claims that are not proved, and rows of a band if there is one."""
+        """Yield the rows, including those of unproved claims, and those of the band if there is one."""
         shown = list(super().rows(units))
         yield from shown if self.band_hz is not None else shown[:1]
         yield from self.any_hand.rows(units) if self.any_hand else ()
@@ -308,7 +319,7 @@ class CertificateRecord(DisplayPart):
 
 
 class NyquistRecord(Part):
-    """Nyquist's count of the sampled loop."""
+    """Nyquist's count for the sampled loop: unstable poles and encirclements."""
 
     N: int | None
     P: int
@@ -341,5 +352,5 @@ class InnerLoopRecord(Part):
 
     @property
     def stability(self) -> str:
-        """Words on whether the loop is proved stable."""
+        """The verdict on the stability of the loop, in words."""
         return {True: "stable", False: "unstable", None: "undecided"}[self.stable]

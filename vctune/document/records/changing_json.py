@@ -1,4 +1,5 @@
-"""The record of hands whose damping changes, and of the storage function that proves them."""
+"""Define the record of the claim about hands whose damping changes, and of the storage function that proves this
+claim."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from vctune.model.hands import Hand, Hands
 class StorageRecord(Part):
     """The storage function (k_eq/T) q^2 + zeta' Y zeta, without dimensions (model/README.md, section 21).
 
-    `states` names zeta. Y is the sum of the matrices, each times its function of the hand in `terms`.
+    `states` names zeta. Y is a weighted sum of matrices; `terms` states each weight as a function of the hand.
     """
 
     states: list[str]

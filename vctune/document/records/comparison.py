@@ -1,4 +1,4 @@
-"""The comparison of two designs: the differences of their problems, and both results."""
+"""Compare two designs: list the differences of their problems, and both results."""
 
 from __future__ import annotations
 
@@ -31,7 +31,10 @@ class SideRecord(Part):
 
 
 class DifferenceRecord(Part):
-    """A key of the problem with two different values; null if a file does not state it, a range as a pair."""
+    """A key with different values in the two problems.
+
+    A value is null if the file does not state it; a range is a pair.
+    """
 
     key: str
     a: Any
@@ -39,7 +42,7 @@ class DifferenceRecord(Part):
 
 
 class ValueRecord(Part):
-    """A number or a verdict of both designs, by its key in design.json; null if it does not exist."""
+    """A number or a verdict of both designs, by its key in design.json. A value that does not exist is null."""
 
     group: str
     key: str
@@ -173,7 +176,7 @@ def _compared(title: str, prefix: str, sides: Sequence[tuple[Part | None, Units]
 
 
 def _either(said: Iterable[str]) -> str:
-    """Return the text that both designs share, or the text of the only one."""
+    """Return the text if both designs have the same one, or if only one of them has a text."""
     return " or ".join(dict.fromkeys(said))
 
 

@@ -1,4 +1,7 @@
-"""The record of the drag that a servo's latency requires: stiffness times latency, part by part."""
+"""Define the record of the drag that a servo's latency requires.
+
+Each part of the latency requires stiffness times that part.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ ROUND = (5.0, 2.0, 1.0)
 
 
 class LatencyPartRecord(Part):
-    """A part of the latency: its name, the key that states it, and the drag that it alone requires at rest."""
+    """A part of the latency: its name, the key that states it, and the drag that this part alone requires at rest."""
 
     part: str
     key: str
@@ -26,10 +29,10 @@ class LatencyPartRecord(Part):
 
 
 class ContactRecord(Part):
-    """The drag that contacts require before a servo, and the stiffest contact that its coupling bears.
+    """The drag that contacts require on a servo, and the stiffest contact that the coupling allows.
 
-    `stiffness` is that of the stiffest hand of the box, `safety_factor` that of the problem, `own_spring` the drag that
-    the firmware's own spring requires at rest.
+    `stiffness` is the stiffness of the stiffest hand in the box. `safety_factor` comes from the problem. `own_spring`
+    is the drag that the firmware's own spring requires at rest.
     """
 
     stiffness: float
@@ -59,7 +62,7 @@ class ContactRecord(Part):
         worst = f"at {text(self.drag_alone_hz)} Hz in the hand of {self.drag_alone_hand.in_words(units)}"
         bears = f", {self.stiffest_contact_verdict} with this coupling"
         if self.stiffest_contact is None:
-            bears = "the hands without stiffness ask for more than this coupling offers"
+            bears = "already the hands without stiffness require more than this coupling offers"
         return {
             "latency L": f" = {parts}",
             "least drag at rest": f" for {contacts}: {self.rule}",
@@ -69,16 +72,16 @@ class ContactRecord(Part):
 
     @property
     def rule(self) -> str:
-        """The formula of the least drag at rest, in words."""
+        """The formula for the least drag at rest, in words."""
         of_springs = self.safety_factor * self.stiffness * self.latency_s + self.own_spring
         rule = f"{text(self.safety_factor)} K L{' and that of the own spring' if self.own_spring else ''}"
         if isclose(self.rest_drag, of_springs, rel_tol=1e-6):
             return rule
         less = self.rest_drag < of_springs
-        return f"{rule} {'less what damping every hand has' if less else 'and what is unmodelled'}"
+        return f"{rule} {'less the damping of every hand' if less else 'and the part of unmodelled dynamics'}"
 
     def example(self) -> tuple[float, float] | None:
-        """Return a round part of the latency, at most a quarter of it, and the drag at rest without that part.
+        """Return a round share of the latency, at most a quarter, and the drag at rest after removing this share.
 
         Return None if no contact has a stiffness.
         """

@@ -1,4 +1,4 @@
-"""The record of a design: each key of design.json once, with its type and its label (README.md, section 3).
+"""Define the record of a design: each key of design.json once, with its type and its label (README.md, section 3).
 
 The fields of these classes determine what is written, what a file must contain to be read back, and the rows of the
 table and of the report's page. A new number is a new field.
@@ -33,11 +33,16 @@ Four = Annotated[list[float], Field(min_length=4, max_length=4)]
 
 
 UNKNOWN_LIMITS = "not known: the search stopped before it converged"
-"""Line in place of the active constraints."""
+"""Text that replaces the active constraints if the search stopped early."""
+
+
+SAME_PLACE = 1.05
+"""Ratio of two frequencies up to which they are those of one extremum of a response. Half as near, the search and the
+proof may differ; twice as far, two resonances count as one."""
 
 
 class ActiveRecord(Part):
-    """An active constraint: where, on which device, and at which price."""
+    """An active constraint: its frequency, the device on which it is active, and its price (Lagrange multiplier)."""
 
     demand: str
     hz: Number
@@ -46,7 +51,7 @@ class ActiveRecord(Part):
 
 
 class RepairRecord(Part):
-    """A change of one number of the problem file after which there is a design."""
+    """A change of one number of the problem file that makes the problem feasible."""
 
     key: str
     old: Number
@@ -56,9 +61,14 @@ class RepairRecord(Part):
     size: Number = None
     error: Number
 
+    @property
+    def turns_off(self) -> bool:
+        """Whether the repair turns off what the file turns on; `old` and `new` are then 1 and 0."""
+        return self.needs == f"{self.key} = false"
+
 
 class AlternativeRecord(Part):
-    """The error of a certified design under one criterion alone."""
+    """The error of a certified design for one stability criterion alone."""
 
     criterion: Literal["passive", "hands"]
     error: float
@@ -67,7 +77,7 @@ class AlternativeRecord(Part):
 
 
 class GlanceRecord(Part):
-    """The search for a bound at one moment."""
+    """The state of the search for a bound at one moment."""
 
     boxes: int
     lower_bound: Number
@@ -83,7 +93,10 @@ class BoxRecord(Part):
 
 
 class OptimalityRecord(Part):
-    """The proved bound on the error of every feasible design; on `terms` alone if the other terms never differ."""
+    """The proved lower bound on the error of every feasible design.
+
+    If some terms of the error are the same for all designs, the bound covers only `terms`.
+    """
 
     lower_bound: Annotated[Number, Shown("lower bound", "{verdict}, {boxes} boxes")]
     gap: Annotated[Number, Shown("gap", "%", 3, scale=100, optional=True)]
@@ -106,7 +119,7 @@ class OptimalityRecord(Part):
 
 
 class UncertaintyRecord(Part):
-    """The design on the devices of its box, and the error if its numbers were exact."""
+    """The design on all devices of the uncertainty box, and the error that a device without uncertainty would allow."""
 
     box: dict[str, Pair]
     unmodelled: list[list[float]] = Field(default_factory=list)
@@ -129,6 +142,16 @@ class UncertaintyRecord(Part):
         yield from super().rows(units)
 
 
+def _together(one: float, other: float) -> bool:
+    """Return whether two frequencies are those of one extremum."""
+    return max(one, other) <= SAME_PLACE * min(one, other)
+
+
+def _decimal(value: float, unit: str) -> str:
+    """Return a number of four digits without a power of ten, with its unit."""
+    return f"{float(text(value, 4)):.12g} {unit}"
+
+
 class DesignRecord(Document):
     """The result of a problem, in SI units and hertz: the object of design.json."""
 
@@ -144,7 +167,7 @@ class DesignRecord(Document):
         "optimality": "optimality",
         "inner_loop": "velocity loop",
     }
-    """The parts that are shown as rows, in order, with their names."""
+    """The parts that tables show as rows, in order, with their names."""
 
     problem: ProblemRecord
     status: Literal["certified", "violated", "undecided", "infeasible"]
@@ -184,7 +207,7 @@ class DesignRecord(Document):
 
     @property
     def units(self) -> Units:
-        """The units of the device and of the record."""
+        """The units of the record, which are those of the device."""
         return UNITS[self.problem.units]
 
     @property
@@ -192,7 +215,7 @@ class DesignRecord(Document):
         """The proved claim of the design in words; empty if it is not certified."""
         if self.certificate is None or self.status != "certified":
             return ""
-        known = " without what is not modelled" if self.uncertainty is not None and self.uncertainty.unmodelled else ""
+        known = " without unmodelled dynamics" if self.uncertainty is not None and self.uncertainty.unmodelled else ""
         hands = [f"stable{known} {self.certificate.hands.promise(self.units)}"] if self.certificate.hands else []
         band = self.certificate.band_hz
         place = (
@@ -214,8 +237,8 @@ class DesignRecord(Document):
             if alone != error:
                 changes.append(f"error {alone} instead of {error}")
             if each.stiffness is not None and isinstance(self.coupling, SpringRecord):
-                stiffness = f"k_c {text(each.stiffness, 4)} instead of {text(self.coupling.stiffness, 4)}"
-                changes.append(f"{stiffness} {self.units.stiffness}")
+                alone, own = (_decimal(k_c, self.units.stiffness) for k_c in (each.stiffness, self.coupling.stiffness))
+                changes.append(f"k_c {alone} instead of {own}")
             if each.drag == 0 and isinstance(self.coupling, CouplingRecord) and self.coupling.drag > 0:
                 changes.append("without drag b_0")
             found.append(f'with criterion = "{each.criterion}" alone: {", ".join(changes) or "the same error"}')
@@ -223,18 +246,38 @@ class DesignRecord(Document):
 
     @property
     def limits(self) -> list[str]:
-        """The active constraints, the greatest multiplier first, each with the frequencies at which it is active."""
+        """The active constraints, the greatest multiplier first, each with the frequencies at which it is active.
+
+        The search and the proof place the same minimum at slightly different frequencies: that of the proof is shown.
+        """
         if not self.active and self.solver.get("converged") is False:
             return [UNKNOWN_LIMITS]
         prices: dict[str, float] = {}
-        places: dict[str, list[str]] = {}
+        places: dict[str, list[float]] = {}
         for each in self.active:
             prices[each.demand] = prices.get(each.demand, 0.0) + each.multiplier
-            at = [] if each.hz is None else [text(each.hz, 4)]
-            places[each.demand] = list(dict.fromkeys([*places.get(each.demand, []), *at]))
+            at, known = places.setdefault(each.demand, []), self._proved_hz(each.demand)
+            if each.hz is not None:
+                hz = known if known is not None and _together(each.hz, known) else each.hz
+                at += [] if any(_together(hz, other) for other in at) else [hz]
         dearest = sorted(prices, key=lambda demand: -prices[demand])
-        shown = {demand: " and ".join(", ".join(places[demand]).rsplit(", ", 1)) for demand in dearest}
+        texts = {demand: ", ".join(text(hz, 4) for hz in places[demand]) for demand in dearest}
+        shown = {demand: " and ".join(at.rsplit(", ", 1)) for demand, at in texts.items()}
         return [f"{demand} at {hz} Hz" if hz else demand for demand, hz in shown.items()]
+
+    def _proved_hz(self, demand: str) -> float | None:
+        """Return where the claim of a constraint found its extremum; None if nowhere."""
+        proof, loop = self.certificate, self.inner_loop
+        if proof is None:
+            return None
+        if demand.startswith("|S|"):
+            return None if loop is None else loop.peak_sensitivity_hz
+        if demand.endswith("in a hand"):
+            return None if proof.hands is None else proof.hands.worst_hz
+        if demand.endswith("in any passive hand"):
+            return None if proof.any_hand is None else proof.any_hand.worst_hz
+        same = proof.hands is not None and proof.hands.min_ratio == proof.min_ratio
+        return None if same else proof.worst_hz
 
     @property
     def design(self) -> tuple[Gains, AnyCoupling] | None:

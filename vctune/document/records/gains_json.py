@@ -1,4 +1,4 @@
-"""The records of a design and of its transparency: gains, coupling, error."""
+"""Define the records of a design and of its transparency: gains, coupling, error."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Positive = Annotated[float, Field(gt=0)]
 
 
 class ProblemRecord(Part):
-    """The problem file, and the motion of its device; linear motion is not written."""
+    """The problem file, and the motion of its device. The file omits the motion if it is linear."""
 
     name: str
     sha256: str
@@ -47,7 +47,7 @@ class GainsRecord(Part):
 
 
 class CouplingRecord(Part):
-    """The virtual coupling; b_c is null where it is infinite."""
+    """The virtual coupling. An infinite b_c is null."""
 
     damping: Annotated[Positive | None, Shown("damping b_c", digits=8, of="damping")]
     mass: Annotated[Positive, Shown("mass m_c", digits=8, of="mass")]
@@ -78,7 +78,10 @@ class SpringRecord(Part):
 
 
 def of_spring(value: Any) -> str:
-    """Return the tag of a coupling, given as tables or as a record. Only an impedance display's has a stiffness."""
+    """Return the tag of a coupling, given as tables or as a record.
+
+    Only the coupling of an impedance display has a stiffness.
+    """
     stiff = "stiffness" in value if isinstance(value, dict) else isinstance(value, SpringRecord)
     return "<spring>" if stiff else "<mass>"
 
@@ -96,7 +99,7 @@ def coupling_record(coupling: AnyCoupling) -> CouplingRecord | SpringRecord:
 
 
 class TransparencyRecord(DisplayPart):
-    """The error and its unweighted terms, for an impedance display those of the dual."""
+    """The error and its unweighted terms. An impedance display has the dual terms."""
 
     error: Annotated[Number, Shown("error")]
     admittance: Annotated[Number, Shown("{free_motion}")]
@@ -104,22 +107,22 @@ class TransparencyRecord(DisplayPart):
     coupling: Annotated[Number, Shown("{given_way}")]
 
     def rows(self, units: Units) -> Iterator[Row]:
-        """Yield the error and its terms, except the terms that are always 0."""
+        """Yield the error and its terms. Terms that are always 0 are left out."""
         absent = {filled(self, shown.label, units) for term, shown in how_shown(type(self)).items()
                   if term in TERMS and term not in DISPLAYS[self.display].terms}  # fmt: skip
         yield from (row for row in super().rows(units) if row.label not in absent)
 
     @property
     def free_motion(self) -> str:
-        """The term of free motion."""
+        """The error term of free motion."""
         return "|1/G_hh|/Z_0" if self.display == "impedance" else "|Z_0 G_hh|"
 
     @property
     def missed(self) -> str:
-        """The error of the commanded motion or force."""
+        """The error term of tracking, that is, of the commanded motion or force."""
         return "|1 - A H/N|" if self.display == "impedance" else "|1 - G_he|"
 
     @property
     def given_way(self) -> str:
-        """The term of the coupling."""
+        """The error term of the coupling."""
         return "Z_0 |1/Z_c|" if self.display == "impedance" else "|Z_c|/Z_0"

@@ -1,4 +1,4 @@
-"""The identification file: the object that `vctune identify --json` prints, and the device file that goes with it."""
+"""Define identification.json, which `vctune identify --json` prints, and write the device file."""
 
 from __future__ import annotations
 
@@ -17,16 +17,17 @@ from vctune.model.numbers.units import UNITS, Units
 
 FILE, DEVICE_FILE, EXCITATION_FILE = "identification.json", "device.toml", "excitation.csv"
 STROKE = {"to": 0.05, "speed": 0.01}
-"""Stroke, m, and speed, m/s, of the hand in the experiment. The stroke is shorter if it would take too many samples."""
+"""Stroke, m, and speed, m/s, of the hand in the experiment. vctune shortens the stroke if it would take too many
+samples."""
 GRIP = 0.1
 ROTARY_HAND = {"mass": 0.005, "damping": 0.3, "stiffness": 30.0}
 """Default hands of a rotary servo, which has no inertia from which to derive them."""
 STEP = 1e-5
-"""Step to which shares are rounded up, so that the written box contains the identified one."""
+"""Step to which half-widths are rounded up, so that the written box contains the identified one."""
 
 
 class NumberRecord(Part):
-    """A number that a recording gave, with its standard deviation."""
+    """An estimate from a recording, with its standard deviation."""
 
     name: str
     value: float
@@ -34,7 +35,7 @@ class NumberRecord(Part):
 
 
 class CheckRecord(Part):
-    """Another estimate of the mass: its distance from the fit, and its own deviation."""
+    """Another estimate of the mass: its difference from the fit, and its standard deviation."""
 
     name: str
     value: Number
@@ -42,7 +43,7 @@ class CheckRecord(Part):
 
 
 class CandidateRecord(Part):
-    """A structure that was tried."""
+    """A candidate structure of the device, with its fit."""
 
     structure: str
     chosen: bool
@@ -92,7 +93,7 @@ class BoundedRecord(Part):
 
 
 class FrictionRecord(Part):
-    """Friction for the simulation."""
+    """Friction of the device, for the simulation."""
 
     coulomb: float
     stiction: Number
@@ -134,12 +135,13 @@ class IdentificationRecord(Document):
 
     @property
     def units(self) -> Units:
-        """The units of the device and of the record."""
+        """The units of the record, which are those of the device."""
         return UNITS["rotary" if self.rotary else "linear"]
 
 
 def stated(value: float, low: float, high: float) -> tuple[float, float]:
-    """Return a number with six digits, and the rounded-up relative half-width with which a file contains an interval.
+    """Return the middle of an interval with six digits, and its relative half-width, rounded up so that the file
+    contains the interval.
 
     Parameters
     ----------
@@ -206,7 +208,7 @@ def _note(each: BoundedRecord) -> str:
 
 
 def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -> str:
-    """Return TOML with a comment after each identified number; the comments of nested tables stand above them."""
+    """Return TOML with a comment after each identified number. The comment of a nested table stands above the table."""
     lines, heading = [], ""
     for line in text.splitlines():
         heading = line if line.startswith("[") else heading
@@ -230,7 +232,7 @@ def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -
                 '# "both" proves every human hand too; over so many uncertain numbers that may take many minutes'
             )
         if heading == "[operator]" and line == heading:
-            lines.append(f"# assumed: vctune's hand, {GRIP:g} m from the axis; write whose it is")
+            lines.append(f"# assumed: vctune's hand, {GRIP:g} m from the axis; write the numbers of your users' hands")
         if heading == "[[experiment]]" and line == heading:
             whose = "those of a linear device, times inertia" if record.rotary else "vctune's defaults"
             lines.append(f"# Friction and noise as they were found; hand and motion are {whose}.")

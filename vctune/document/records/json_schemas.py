@@ -1,4 +1,4 @@
-"""The JSON Schema of each kind of document, from the classes that read and write it."""
+"""Make the JSON Schema of each kind of document from the class that reads and writes it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _of(*parts: type[Part], each: bool = False) -> dict[str, Any]:
 
 
 def _named(part: type[Part]) -> dict[str, Any]:
-    """Return the schema of a record with the record's own name."""
+    """Return the schema of a record, titled with the record's name."""
     schema = part.model_json_schema()
     if issubclass(part, Document):
         schema["properties"] = {"schema": {"const": part.SCHEMA}, **schema["properties"]}
@@ -64,4 +64,4 @@ SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
     "explanation": lambda: _of(ExplanationRecord),
     "example": lambda: _of(ExampleRecord),
 }
-"""Functions that make the schema of each kind of document."""
+"""Function that makes the schema, for each kind of document."""

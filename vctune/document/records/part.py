@@ -1,4 +1,7 @@
-"""The base of all records: fields that are checked on reading, written as JSON, and shown as rows."""
+"""Define the base class of all records.
+
+A record checks fields on reading, writes them as JSON, and shows them as rows.
+"""
 
 from __future__ import annotations
 
@@ -26,8 +29,8 @@ class Shown:
     digits : number of significant digits
     scale : factor from the stored number to the displayed one
     optional : whether to omit the row if the number does not exist
-    detail : whether only the report shows it, because it is too much for a terminal
-    of : quantity (`vctune.model.numbers.units`) whose unit follows the number
+    detail : whether only the report shows it, because it is too long for a terminal of : quantity
+    (`vctune.model.numbers.units`) whose unit follows the number
     """
 
     label: str
@@ -73,7 +76,8 @@ Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
 
 class Part(BaseModel):
-    """Part of a record. It keeps unknown keys, of other versions; unset keys are not written."""
+    """Part of a record. A part keeps unknown keys, which other versions may have written, and does not write unset
+    keys."""
 
     model_config = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False, defer_build=True)
 
@@ -87,12 +91,12 @@ class Part(BaseModel):
                 yield Row(units.translated(label), text(scaled, shown.digits), units.of(shown.of) or unit, shown.detail)
 
     def in_words(self, units: Units) -> str:
-        """Return the part as a phrase for a sentence."""
+        """Return the part as a phrase that fits into a sentence."""
         return ", ".join(f"{row.value} {row.unit}".rstrip() for row in self.rows(units))
 
 
 def filled(part: Part, words: str, units: Units) -> str:
-    """Return a text with each name in braces replaced by the field, part or property of that name.
+    """Return a text in which the field, part or property of that name replaces each name in braces.
 
     Parameters
     ----------
@@ -109,7 +113,7 @@ def filled(part: Part, words: str, units: Units) -> str:
 
 
 class Document(Part):
-    """A part that is a file of its own, or the output of a command.
+    """A record that is a whole file, or the whole output of a command.
 
     Attributes
     ----------
@@ -124,18 +128,18 @@ class Document(Part):
 
 
 def how_shown(part: type[Part]) -> dict[str, Shown]:
-    """Return how the fields of a part are displayed, for those that are."""
+    """Return how each displayed field of a part is displayed."""
     return {
         name: each for name, field in part.model_fields.items() for each in field.metadata if isinstance(each, Shown)
     }
 
 
 class DisplayPart(Part):
-    """Part of a record whose words depend on the display."""
+    """Part of a record whose labels depend on the kind of display."""
 
     display: DisplayName = "admittance"
 
     @property
     def coupled(self) -> str:
-        """The response of the coupling that the conditions bound from below."""
+        """The response of the coupling whose real part the conditions bound from below."""
         return "Re 1/Z_c" if self.display == "impedance" else "Re Z_c"

@@ -1,4 +1,5 @@
-"""The record of the value of a better device, one row for each of its numbers."""
+"""Define the record of prices: how much a better device would reduce the least error, one row for each of its
+numbers."""
 
 from __future__ import annotations
 
@@ -7,12 +8,13 @@ from vctune.document.schema.number_units import unit_of
 from vctune.model.numbers.units import Units
 
 NO_DIFFERENCE = 5e-5
-"""Relative change of the error below which a price counts as none, for a number that improves by a hundredth. Half this
-change shows digits that nobody will feel; twice it hides some."""
+"""Relative change of the error, for a number that improves by 1 %, below which a price counts as zero. Half this
+threshold would show changes that nobody can feel; twice this threshold would hide some that matter."""
 
 
 class PriceRecord(Part):
-    """The price of a number of the device: by which share the least error changes if it is better, to first order."""
+    """The price of a number of the device: the relative change of the least error, to first order, if this number
+    improves."""
 
     key: str
     old: float

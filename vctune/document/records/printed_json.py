@@ -1,4 +1,4 @@
-"""The JSON output of commands that is not a file of its own."""
+"""Define the JSON output of the commands that write no file of the same form."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from vctune.document.records.part import Document, Part
 
 
 class NamedRecord(Part):
-    """A problem by its name."""
+    """A problem, stated by its name."""
 
     name: str
 
 
 class RefusalRecord(Document):
-    """In the list of `vctune check`, input that cannot be used or was skipped: its file, the line, and why."""
+    """An entry in the list of `vctune check` for a file that it cannot use or has skipped: the file, the line, and the
+    reason."""
 
     SCHEMA = "vctune/refusal/1"
 
@@ -27,7 +28,7 @@ class RefusalRecord(Document):
 
 
 class ReportRecord(Document):
-    """The output of `vctune report`: paths."""
+    """The output of `vctune report`: the paths of the written files."""
 
     SCHEMA = "vctune/report/1"
 
@@ -35,7 +36,7 @@ class ReportRecord(Document):
 
 
 class ExportRecord(Document):
-    """The output of `vctune export`."""
+    """The output of `vctune export`: the paths of the written files, and what they realise."""
 
     SCHEMA = "vctune/export/1"
 
@@ -47,7 +48,7 @@ class ExportRecord(Document):
 
 
 class BenchRecord(Document):
-    """The result of a benchmark: sentences, and the rows of its table."""
+    """The result of a benchmark: a summary in sentences, and the rows of a table."""
 
     SCHEMA = "vctune/bench/1"
 
@@ -59,7 +60,7 @@ class BenchRecord(Document):
 
 
 class EntryRecord(Part):
-    """The text of a guide on a name, in Markdown; no text in a list of names."""
+    """The text of a guide about a name, in Markdown. In a list of names, the text is absent."""
 
     kind: Literal["code", "key", "term", "claim"]
     name: str
@@ -68,7 +69,7 @@ class EntryRecord(Part):
 
 
 class ExplanationRecord(Document):
-    """The output of `vctune explain`; `name` is the argument, null for the list of names."""
+    """The output of `vctune explain`. `name` is the argument; it is null for the list of names."""
 
     SCHEMA = "vctune/explanation/1"
 
@@ -77,7 +78,7 @@ class ExplanationRecord(Document):
 
 
 class ExampleRecord(Document):
-    """The output of `vctune example`: the file, or the names of all examples."""
+    """The output of `vctune example`: the written file, or the names of all examples."""
 
     SCHEMA = "vctune/example/1"
 

@@ -1,6 +1,7 @@
-"""The region file: the feasible gains, cell by cell, as a baseline for continuous integration.
+"""Define the region file: the feasible gains, cell by cell, as a baseline for continuous integration.
 
-Each key of region.json is stated once, with its type. It determines what is written and what a file must contain.
+These classes state each key of region.json once, with its type. They determine what vctune writes and what a file must
+contain.
 """
 
 from __future__ import annotations
@@ -42,7 +43,8 @@ Index = Annotated[int, Field(ge=0)]
 Edges = Annotated[list[NotNegative], Field(min_length=2)]
 Verdict = Literal["feasible", "infeasible", "undecided"]
 Cell = Annotated[tuple[Index, Index, Index, Index, Verdict, float | None], Strict(False)]
-"""Indices of the edges x_low, x_high, y_low and y_high; the verdict; and b_c of a feasible cell if b_c is free."""
+"""Indices of the edges x_low, x_high, y_low and y_high, then the verdict, then b_c of a feasible cell if b_c is
+free."""
 
 
 class DemandsRecord(Part):
@@ -55,7 +57,7 @@ class DemandsRecord(Part):
 
 
 class AxesRecord(Part):
-    """The variables that span the plane, or the numbers of the environments that the listed design bears."""
+    """The two variables that span the plane: gains, or numbers of the environments for the listed design."""
 
     x: Key
     y: Key
@@ -69,19 +71,19 @@ class EdgesRecord(Part):
 
 
 class ListedGains(GainsRecord, extra="forbid"):
-    """Gains that somebody may have added by hand: a slip of the pen is not kept as a key of another version."""
+    """Gains of a set. A user may write a set by hand, so unknown keys are refused: they may be typing errors."""
 
 
 class ListedCoupling(CouplingRecord, extra="forbid"):
-    """Their coupling."""
+    """Coupling of a gain set."""
 
 
 class ListedSpring(SpringRecord, extra="forbid"):
-    """Their coupling on an impedance display."""
+    """Coupling of a gain set on an impedance display."""
 
 
 class DesignPoint(Part):
-    """Gains and coupling that are proved on their own."""
+    """A gain set: gains and coupling with a proof of their own."""
 
     gains: ListedGains
     coupling: Annotated[
@@ -95,7 +97,7 @@ class DesignPoint(Part):
 
 
 class CheckedProblemRecord(Part):
-    """The problem of today."""
+    """The problem in its present state."""
 
     name: str
     sha256: str
@@ -104,7 +106,8 @@ class CheckedProblemRecord(Part):
 class RegionDocument(Document):
     """The plane of gains and its cells, in SI units: the object of region.json.
 
-    If it was `interrupted`, skipped cells are undecided. In `others` the infinite damping of a rigid coupling is null.
+    If the search was `interrupted`, skipped cells are undecided. In `others`, the infinite damping of a rigid coupling
+    is null.
     """
 
     SCHEMA = "vctune/region/1"
@@ -137,7 +140,7 @@ class RegionDocument(Document):
 
 
 class RegionCheckRecord(Document):
-    """The shares of a region that are still proved, and the cells and gain sets that are not."""
+    """The result of checking a region again: the shares that are still proved, and the lost cells and gain sets."""
 
     SCHEMA = "vctune/region-check/1"
 

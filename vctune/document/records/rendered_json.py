@@ -1,4 +1,4 @@
-"""The record of the environments that a design can render: the stiffest spring and the lightest tool that are
+"""Define the record of the environments that a design can render: the stiffest spring and the lightest tool that are
 proved."""
 
 from __future__ import annotations
@@ -11,9 +11,11 @@ from vctune.model.numbers.units import Units
 
 
 class RenderedRecord(Part):
-    """The greatest stiffness and the least mass that are proved in every hand, each with the rest of the box as it is.
+    """The greatest stiffness and the least mass of an environment that are proved in every hand, within the other
+    ranges.
 
-    `tools` are the masses beside the spring, `springs` the stiffnesses beside the tool. Infinite is null in the file.
+    `tools` is the range of masses for the stiffest spring. `springs` is the range of stiffnesses for the lightest tool.
+    An infinite number is null in the file.
     """
 
     stiffest_spring: Annotated[Number, Shown("stiffest spring", digits=4, of="stiffness")] = None
@@ -28,7 +30,7 @@ class RenderedRecord(Part):
             yield row._replace(unit=f"{row.unit if row.value != 'none' else ''}  {_beside(numbers, unit)}".strip())
 
     def said(self, units: Units) -> str:
-        """Return a sentence on what is proved; "" if nothing is proved."""
+        """Return a sentence that states the proved environments; "" if none is proved."""
         parts = []
         if self.stiffest_spring is not None:
             parts.append(f"springs up to {text(self.stiffest_spring, 4)} {units.stiffness}")

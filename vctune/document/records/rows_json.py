@@ -1,6 +1,6 @@
-"""The output of a study: the lines of rows.jsonl, and the objects of `vctune sweep` and `vctune front`.
+"""Define the output of a study: the lines of rows.jsonl, and the objects of `vctune sweep` and `vctune front`.
 
-Names of columns have no dot, so that they never equal the key of an axis.
+A column's name has no dot, so it never equals the dotted key of an axis.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ class RowsHeader(Document):
 
 
 class FeltRecord(Part):
-    """How a design feels, on no yardstick (`vctune.analysis.feel`); null without a design, or above Nyquist.
+    """How a design feels, in physical units (`vctune.analysis.feel`); null without a design, or above Nyquist.
 
-    The wall is evaluated at 10 Hz; tracking ends where |G_he|, for an impedance display |A H/N|, falls below 1/sqrt 2.
+    The wall is evaluated at 10 Hz. Tracking ends where |G_he| (for an impedance display |A H/N|) falls below 1/sqrt 2.
     """
 
     felt_mass_1hz: Annotated[Number, Shown("mass felt at 1 Hz", of="mass")]
@@ -35,7 +35,7 @@ class FeltRecord(Part):
 
 
 class YardstickRecord(Part):
-    """The yardstick of the error, besides norm and weights: the transparency band and Z_0."""
+    """The scale of the error in addition to norm and weights: the transparency band and Z_0."""
 
     yardstick_low_hz: Annotated[Number, Shown("lower edge of the transparency band", of="frequency")]
     yardstick_high_hz: Annotated[Number, Shown("upper edge of the transparency band", of="frequency")]
@@ -43,7 +43,8 @@ class YardstickRecord(Part):
 
 
 class NumbersRecord(Part):
-    """The error, its unweighted terms, the design, its least ratio and the frequency of it; null without a design."""
+    """The error, its unweighted terms, the design, the least ratio and the frequency of the least ratio; null without a
+    design."""
 
     error: Annotated[Number, Shown("transparency error")]
     admittance_term: Annotated[Number, Shown("|Z_0 G_hh|")]
@@ -62,7 +63,7 @@ class NumbersRecord(Part):
 
 
 COLUMNS = how_shown(NumbersRecord) | how_shown(FeltRecord) | how_shown(YardstickRecord)
-"""How the columns of numbers are displayed, in their order."""
+"""How tables display the columns of numbers, in order."""
 NUMBERS = {name: shown.of for name, shown in COLUMNS.items()}
 """Quantity of each column (`vctune.model.numbers.units`)."""
 DESIGN = {
@@ -73,13 +74,13 @@ DESIGN = {
     "coupling.drag": "coupling_drag",
     "coupling.stiffness": "coupling_stiffness",
 }
-"""Column of each number of a design, by its key. No kind of display has all of these numbers."""
+"""Column of each number of a design, by its key. Each kind of display has only some of these numbers."""
 
 
 class RowRecord(YardstickRecord, FeltRecord, NumbersRecord):
-    """A line of rows.jsonl: a finished point, by the digest of all that determines it.
+    """A line of rows.jsonl: a finished point, identified by the digest of everything that determines the point.
 
-    If the `time_limit`, s, has cut its work short, it is undecided, and a run with more time tries it again.
+    If the `time_limit`, s, cut its work short, the point is undecided, and a run with more time tries the point again.
     """
 
     key: str
@@ -92,7 +93,7 @@ class RowRecord(YardstickRecord, FeltRecord, NumbersRecord):
 
 
 Cells = dict[str, bool | float | str | None]
-"""A row of a table: the axes by dotted key, `status`, `idle`, the numbers and `reason`."""
+"""A row of a study's table: the axes by dotted key, `status`, `idle`, the numbers and `reason`."""
 
 
 class CornerRecord(Part):
@@ -106,7 +107,8 @@ class CornerRecord(Part):
 
 
 class ObjectiveRecord(Part):
-    """The yardstick of a study: the scale of the errors of all its points, except for parts that an axis states."""
+    """The yardstick of a study: the scale on which the errors of all points are measured, except for parts that an axis
+    states."""
 
     band_hz: Pair
     reference_impedance: float
@@ -118,7 +120,7 @@ class ObjectiveRecord(Part):
 class SweepRecord(Document):
     """The summary of a sweep.
 
-    `units` are those of axes and numbers, `idle` counts certified designs.
+    `units` states the units of axes and numbers. `idle` counts the certified designs that render almost nothing.
     """
 
     SCHEMA = "vctune/sweep/2"
@@ -135,7 +137,8 @@ class SweepRecord(Document):
 
 
 class FrontRecord(Document):
-    """The designs that no other beats: in the three terms, and in error and upper edge of the stability band."""
+    """The two Pareto fronts: one over the three error terms, one over the error and the upper edge of the stability
+    band."""
 
     SCHEMA = "vctune/front/1"
 

@@ -1,6 +1,6 @@
-"""The simulation file: the object that `vctune simulate --json` prints, read back for a report.
+"""Define simulation.json, which `vctune simulate --json` prints and which a report reads.
 
-Each key is a field of a class. The fields determine what is written and what a file must contain to be read back.
+Each key is a field of a class. The fields determine what vctune writes and what a file must contain.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ class EnvironmentRecord(Part):
 
 
 class LeastVirtualRecord(Part):
-    """The least virtual mass and damping with which the regular PID is stable, and their share of its own."""
+    """The least virtual mass and damping with which the regular PID is stable, relative to its given mass and
+    damping."""
 
     share: float
     mass: float
@@ -52,7 +53,7 @@ class LeastVirtualRecord(Part):
 
 
 class FitRecord(Part):
-    """A felt number of the environment."""
+    """A number of the environment as the hand feels it."""
 
     value: Number
     asked: Number
@@ -60,7 +61,7 @@ class FitRecord(Part):
 
 
 class MetricsRecord(Part):
-    """The measures of a run."""
+    """The measures of one simulated run."""
 
     non_overlap: Number
     fits: dict[str, FitRecord]
@@ -95,9 +96,9 @@ class RunRecord(Part):
 
 
 class DifferenceRecord(Part):
-    """The greatest difference of a firmware's command from the design's on the same measurements, and its time, s.
+    """The greatest difference between the commands of a firmware and of the design on the same data, and its time, s.
 
-    Both are in the precision of the firmware; a difference up to `tolerance` passes.
+    Both commands are in the precision of the firmware. A difference up to `tolerance` passes.
     """
 
     force: Number
@@ -126,7 +127,7 @@ class ExperimentRecord(Part):
 
     @property
     def stayed(self) -> bool:
-        """Whether the design stayed at rest: its loop does not grow over a period of the hand's changes."""
+        """Whether the design stayed at rest, that is, whether no motion grows over one period of the hand's changes."""
         return self.design.loop.stable and self.design.diverged_s is None
 
 
@@ -145,7 +146,7 @@ class SimulationRecord(Document):
 
     @property
     def units(self) -> Units:
-        """Units of the record."""
+        """The units of the record."""
         return UNITS[self.problem.units]
 
     @property
@@ -154,7 +155,7 @@ class SimulationRecord(Document):
         return {"velocity": self.units.speed, "position": self.units.position, None: self.units.force}[self.commanded]
 
     def is_of(self, design: DesignRecord) -> bool:
-        """Return whether the simulation is of the design and experiments in a design.json, without another
+        """Return whether a simulation belongs to the design and the experiments in a design.json, and used no other
         controller."""
         if self.controller is not None:
             return False

@@ -1,4 +1,4 @@
-"""Contradictions in a problem file between values that are valid on their own."""
+"""Find contradictions in a problem file between values that are valid on their own."""
 
 from __future__ import annotations
 
@@ -21,7 +21,10 @@ MAX_DECADES = 12
 
 
 def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
-    """Return contradictions between values that are valid on their own. Works on the valid parts of the document."""
+    """Return contradictions between values that are valid on their own.
+
+    The function examines only the valid parts of the document.
+    """
     return [
         *_empty_ranges(raw),
         *_impossible_bands(raw),
@@ -82,7 +85,7 @@ def _impossible_criterion(raw: dict[str, Any]) -> Iterator[Contradiction]:
     if criterion == "hands" and not servo and isinstance(uncertainty, dict) and uncertainty.get("unmodelled"):
         yield (
             ("uncertainty", "unmodelled"),
-            'is not proved in hands; leave it out, or ask for stability.criterion = "both" or "passive"',
+            'is not covered by the proof in hands; leave it out, or write stability.criterion = "both" or "passive"',
         )
 
 
@@ -105,7 +108,10 @@ def _unproved_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _endless_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Return limits that environments need which are not passive as they run, and those that none of the others has."""
+    """Yield the faults in the limits of the environments.
+
+    Environments that are not passive as they run need limits that passive ones must not have.
+    """
     table = raw["environment"]
     late, explicit = table.get("late", 0), table.get("rule") == "explicit"
     if not (explicit or (isinstance(late, int) and late > 0)):
@@ -135,27 +141,26 @@ def _endless_worlds(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _unproved_walls(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the keys with which the condition of walls cannot be stated."""
+    """Yield the keys that the proof for walls does not allow."""
     table, corner = raw["environment"], number_at(raw, "environment", "corner_hz")
     rule, late = table.get("rule", "trapezoid"), table.get("late", 0)
     if table.get("walls") is True and (rule != "trapezoid" or late):
         cause = f"late = {late}" if late else f'rule = "{rule}"'
         yield (
             ("environment", "walls"),
-            f"is proved of walls that answer on time beside masses by the trapezoidal rule, not with {cause}: the "
-            "condition needs a force that does not decrease with the position of the same sample; leave one of them "
-            "out",
+            f"needs environments on time and by the trapezoidal rule, not {cause}: the condition for walls needs a "
+            "force that does not decrease with the position of the same sample; leave one of them out",
         )
     if table.get("walls") is not True:
         if corner is not None:
-            yield ("environment", "corner_hz"), "is that of walls, which are not asked for; write walls = true"
+            yield ("environment", "corner_hz"), "applies only to walls; write walls = true, or leave it out"
         return
     most, least = number_at(raw, "environment", "stiffness", "max"), number_at(raw, "environment", "stiffness", "min")
     if most is None or most == inf:
         yield (
             ("environment", "walls"),
-            "needs a stiffest wall; state stiffness.max, or leave out [environment]: every passive environment is met "
-            "then, walls of any stiffness among them",
+            "needs a stiffest wall; state stiffness.max, or leave out [environment]: the claim then covers every "
+            "passive environment, including walls of any stiffness",
         )
     elif most == (least or 0.0):
         yield ("environment", "walls"), f"needs a range of stiffness, not {most:g} alone; a wall has two slopes"
@@ -166,9 +171,9 @@ def _unproved_walls(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _unproved_changing(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Return what is not looked at where the damping of the hand changes."""
-    stability, device = raw.get("stability"), raw.get("device")
-    if not isinstance(stability, dict) or not isinstance(device, dict):
+    """Yield the keys that the proof for a changing damping does not allow."""
+    stability = raw.get("stability")
+    if not isinstance(stability, dict):
         return
     least, most = number_at(raw, "stability", "changing_mass_min"), number_at(raw, "operator", "mass", "max")
     if stability.get("changing") is None:
@@ -179,8 +184,7 @@ def _unproved_changing(raw: dict[str, Any]) -> Iterator[Contradiction]:
         yield ("stability", "changing_mass_min"), f"{least:g} is above operator.mass.max = {most:g}; lower it"
     if stability.get("criterion") == "passive":
         yield ("stability", "changing"), 'needs a box of hands; write stability.criterion = "hands" or "both"'
-    parts = [f"device.{key}" for key in PARTS if key in device and key != "servo"]
-    for stated in [*parts, *(key for key in ("uncertainty", "environment") if key in raw)]:
+    for stated in (key for key in ("uncertainty", "environment") if key in raw):
         yield ("stability", "changing"), f"is not proved together with [{stated}]; leave one of them out"
 
 

@@ -1,4 +1,4 @@
-"""Defaults as formulas in the device's own scales, so that a change of units does not change them.
+"""Compute defaults from the device's own scales, so that a change of units does not change them.
 
 See document/README.md, section 1.
 
@@ -8,7 +8,8 @@ runs out of phase. The transparency band is [0.00025, 0.015]/tau. The stability 
 of
 the sampling rate if there is no delay. Z_0 = 2 pi f m at the transparency band's middle f, K_v <= 2 Z, and K_p <= 2
 Z/tau.
-The least K_v, 1e-8 m/T, is below 1e-5 Z for any supported delay, so that no delay changes it.
+The least K_v is 1e-8 m/T. This value is below 1e-5 Z for any supported delay, so the default need not depend on the
+delay.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Problem | N
     default_name : name of the problem if the document states none
     yardstick : problem whose bands and Z_0 replace the defaults of the objective and of the stability band; None for
         the
-        device's own defaults. The bounds have the scales of the device in either case
+        device's own defaults. The bounds of the variables use the device's own scales in either case
     """
     hands = _hands(document.operator or OperatorTable(), document.device.units)
     operator = LeastOperator(hands.low.mass, hands.low.damping) if hands.low.mass or hands.low.damping else None
@@ -107,7 +108,8 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
     document : document that states some of the ranges
     device : device whose scales the default ranges have
     lag : lag of the device's loop, s
-    Z_0, middle : Z_0, N s/m, and middle, rad/s, of the transparency band; those of the device unless they are stated
+    Z_0, middle : Z_0, N s/m, and the middle of the transparency band, rad/s; the device's own unless the problem states
+        others
     """
     gains, coupling = document.gains, document.coupling
     if device.kind.inverse:
@@ -141,7 +143,7 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
 
 
 def _on(yardstick: Problem | None, own: Transparency, table: TransparencyTable) -> Transparency:
-    """Return the objective with a yardstick's band and Z_0 where a table leaves them at their defaults."""
+    """Return the objective. Where the table leaves the band or Z_0 at the default, the yardstick provides it."""
     if yardstick is None:
         return own
     return replace(
@@ -152,10 +154,11 @@ def _on(yardstick: Problem | None, own: Transparency, table: TransparencyTable) 
 
 
 def _hands(table: OperatorTable, system: UnitSystem) -> Hands:
-    """Return the hands of a table. A plain number is the least; the greatest is that of a human hand, or the number
-    itself.
+    """Return the hands of a table.
 
-    The hands of a rotary device have no default, so that a plain number is both ends.
+    A plain number is the least value. The greatest is then a human hand's, or the number itself if it is greater.
+
+    The hands of a rotary device have no default, so a plain number is both ends of the range.
     """
     ranges = {}
     for name, high in HUMAN_HANDS.high.numbers.items():
@@ -186,7 +189,7 @@ def _asked(hands: Hands, latency: float) -> float:
 
 
 def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag: float, slowest: float) -> Stability:
-    """Return the constraints. For an impedance display they reach up to the Nyquist frequency.
+    """Return the constraints. For an impedance display, their band reaches up to the Nyquist frequency.
 
     Parameters
     ----------
@@ -237,7 +240,7 @@ def stated_parts(table: BaseModel) -> dict[str, Any]:
 
 
 def _uncertainty(table: UncertaintyTable, device: Device) -> Uncertainty | None:
-    """Return the uncertainty; None if no number varies, because each half-width or its number is 0."""
+    """Return the uncertainty. Return None if no number varies, that is, if each half-width or its number is 0."""
     widths = table.model_dump(by_alias=True, exclude={"objective", "unmodelled"})
     moving = tuple((key, width) for key, width in widths.items() if width > 0)
     radii = () if device.servo is not None else tuple(table.unmodelled)

@@ -1,4 +1,4 @@
-"""Contradictions in the tables of a device's parts, between values that are valid on their own."""
+"""Find contradictions in the tables of a device's parts between values that are valid on their own."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from vctune.document.text.raw import number_at
 from vctune.model.parts import DELAYS, LOOP_DELAYS, NUMBERS, PARTS, PartNumber
 
 MAX_DELAY_SAMPLES = 200
-"""Greatest delay, in samples, of the device, and of its force sensor."""
+"""Greatest permitted delay of the device, and of its force sensor, in samples."""
 SENSED_DELAYS = set(DELAYS) - set(LOOP_DELAYS)
-"""Keys of the delays behind the loop's own, which `contradictions` examines."""
+"""Keys of the delays of the parts. `contradictions` examines the delay of the loop itself."""
 FASTEST, SLOWEST = 1e3, 1e-6
 """Greatest and least bandwidth or resonance, as a share of the sampling rate. Outside this range, the part has no
 effect,

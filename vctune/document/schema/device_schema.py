@@ -1,4 +1,4 @@
-"""Schema of a device: type, range and documentation of the keys of [device] and [uncertainty].
+"""Define the schema of a device: type, range and documentation of the keys of [device] and [uncertainty].
 
 The parts of a device are those of `vctune.model.parts`.
 """

@@ -1,4 +1,4 @@
-"""Keys that do not apply to a kind of display, each with the reason."""
+"""Find the keys that do not apply to a kind of display, and state the reason for each."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ OF_ADMITTANCE: dict[tuple[str, ...], str] = {
     ("coupling", "mass"): "its coupling is coupling.damping beside coupling.stiffness",
     ("coupling", "drag"): "its coupling is coupling.damping beside coupling.stiffness",
     ("stability", "band_hz"): "its demands are proved at every frequency up to the Nyquist frequency",
-    ("stability", "changing"): "a hand whose damping changes is proved on a velocity loop alone",
+    ("stability", "changing"): "its port takes a force, and a steady force has no rest in a hand without stiffness",
     ("uncertainty", "unmodelled"): "its demands are not proved of a response that is not known",
 }
 """Keys that do not apply to an impedance display, each with the reason."""
@@ -34,7 +34,6 @@ OF_OWN_LOOP: dict[tuple[str, ...], str] = {
     ("uncertainty", "mass"): "the hand does not move it: its motion follows the command alone",
     ("uncertainty", "damping"): "the hand does not move it: its motion follows the command alone",
     ("uncertainty", "delay"): 'the delay is "servo.delay"',
-    ("stability", "changing"): "a hand whose damping changes is proved on a velocity loop alone",
     ("stability", "max_sensitivity"): "the file closes no loop of its own that could be too sensitive",
 }
 """Keys that do not apply to a servo, each with the reason."""
@@ -86,7 +85,10 @@ def _criterion_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _hands_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the fault of a box whose only hand has no impedance: nothing pushes, so there is no feedback."""
+    """Yield the fault of a box whose only hand has no impedance.
+
+    Such a hand pushes with no force, so there is no feedback.
+    """
     numbers = (key.split(".") for key in HAND)
     if all(number_at(raw, *path, "max") == 0 for path in numbers) and not number_at(
         raw, "device", "servo", "stiffness"

@@ -1,8 +1,9 @@
-"""Contradictions in an [[experiment]], between values that are valid on their own."""
+"""Find contradictions in an [[experiment]] between values that are valid on their own."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from math import pi
 from typing import Any
 
@@ -82,11 +83,23 @@ def _changing(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradict
     if not isinstance(hand, dict):
         return
     dwell, changes = number_at(table, "operator", "dwell"), hand.get("regrip") is True or "other_damping" in hand
-    if dwell is not None and not changes:
-        yield ("operator", "dwell"), "nothing changes; write regrip = true or other_damping"
-    if changes and "dwell" not in hand:
-        yield ("operator",), "a hand that changes needs the time between two changes; write dwell"
+    times = hand.get("changes_at")
+    stated = [key for key in ("dwell", "changes_at") if hand.get(key)]
+    if stated and not changes:
+        yield ("operator", stated[0]), "nothing changes; write regrip = true or other_damping"
+    if changes and not stated:
+        yield ("operator",), "a hand that changes needs the time between two changes; write dwell or changes_at"
+    if len(stated) > 1:
+        yield ("operator", "changes_at"), "dwell says when the hand changes; leave one of them out"
     sample_time = number_at(raw, "device", "sample_time")
+    if isinstance(times, list) and sample_time and all(isinstance(each, int | float) for each in times):
+        for one, other in pairwise([0.0, *times]):
+            if other - one < sample_time * (1 - 1e-9):
+                yield (
+                    ("operator", "changes_at"),
+                    f"{other:g} s is less than a sample time after {one:g} s; write increasing times at least "
+                    f"{sample_time:g} s apart",
+                )
     if dwell is not None and sample_time and 0 < dwell < sample_time:
         yield ("operator", "dwell"), f"{dwell:g} s is shorter than a sample time; write at least {sample_time:g}"
 

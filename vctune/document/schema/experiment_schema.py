@@ -1,4 +1,4 @@
-"""Schema of the [[experiment]] tables: type, range, default and documentation of every key."""
+"""Define the schema of the [[experiment]] tables: type, range, default and documentation of every key."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class SceneOperatorTable(Table):
         description="Intended motion: to and fro at constant speed, with a fifth of each stroke for turning, or a "
         "sine.",
     )
-    start: Place = Field(0.0, alias="from", description="Start of the intended motion, which is one end of it, m.")
+    start: Place = Field(0.0, alias="from", description="Position, m, at which the intended motion starts.")
     end: Place = Field(0.05, alias="to", description="Other end of the intended motion, m.")
     speed: Positive = Field(0.01, description="Greatest speed of the intended motion, m/s.")
     cycles: Count = Field(
@@ -49,21 +49,29 @@ class SceneOperatorTable(Table):
     stiffness: NotNegative = Field(1000.0, description="Stiffness between hand and intended motion, N/m.")
     dwell: Positive | None = Field(
         None,
-        description="Time from one change of the hand to the next, s, rounded to whole samples. Default: it does not "
-        "change.",
+        description="Time from one change of the hand to the next, s, rounded to whole samples. Default: the "
+        "hand does not change.",
+    )
+    changes_at: tuple[Positive, ...] = Field(
+        (),
+        strict=False,
+        description="Times at which the hand changes, increasing, s, each rounded to a whole sample. They take the "
+        "place of dwell. Default: none.",
     )
     other_damping: NotNegative | None = Field(
-        None, description="Damping in every other interval, N s/m. Default: the same in all."
+        None,
+        description="Damping of the hand in every other interval, N s/m. Default: the damping is the same in all "
+        "intervals.",
     )
     regrip: bool = Field(
         False,
         strict=True,
-        description="Whether the hand lets go and takes hold again where the handle is, at each change.",
+        description="Whether the hand lets go at each change, and takes hold again where the handle is.",
     )
 
 
 class FrictionTable(Table):
-    """LuGre friction of the device; without this table there is no friction."""
+    """LuGre friction of the device. Without this table there is no friction."""
 
     coulomb: Positive = Field(description="Sliding friction at high speed, N.")
     stiction: Positive | None = Field(None, description="Sliding friction at vanishing speed, N. Default: coulomb.")
@@ -71,8 +79,8 @@ class FrictionTable(Table):
     stiffness: Positive = Field(1e5, description="Stiffness of the bristles, N/m.")
     damping: NotNegative | None = Field(
         None,
-        description="Damping of the bristles at rest, N s/m. It decreases with speed, as passivity requires. Default: "
-        "sqrt(stiffness times the device's mass).",
+        description="Damping of the bristles at rest, N s/m. vctune reduces this damping with speed, as "
+        "passivity requires. Default: sqrt(stiffness times the device's mass).",
     )
 
 
@@ -91,7 +99,7 @@ class LimitTable(Table):
 
 
 class BaselineTable(Table):
-    """A regular PID for comparison, with a virtual mass and damping in place of the coupling."""
+    """A regular PID for comparison. It has a virtual mass and damping instead of a coupling."""
 
     kp: NotNegative = Field(description="Gain on the position error, N/m.")
     ki: NotNegative = Field(0.0, description="Gain on the integral of the position error, N/(m s).")

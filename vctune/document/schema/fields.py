@@ -1,4 +1,4 @@
-"""The types of keys that several documents share."""
+"""Define the types of keys that several documents share."""
 
 from __future__ import annotations
 

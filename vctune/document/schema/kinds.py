@@ -1,4 +1,4 @@
-"""The kind of device for which gains, a design or a region were made. vctune refuses those of another kind."""
+"""Check the kind of device for which gains, a design or a region were made. vctune refuses those for another kind."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DISPLAYS: Mapping[DisplayName, str] = MappingProxyType(
 
 
 def require_gains_of(file: ProblemFile, given: GainsFile) -> None:
-    """Make sure that gains are for the same kind of device as a problem.
+    """Check that gains are for the same kind of device as a problem.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def require_gains_of(file: ProblemFile, given: GainsFile) -> None:
 
 
 def require_record_of(file: ProblemFile, record: ProblemRecord, source: str, what: str) -> None:
-    """Make sure that a record is for the same kind of device as a problem.
+    """Check that a record is for the same kind of device as a problem.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def require_record_of(file: ProblemFile, record: ProblemRecord, source: str, wha
 
 
 def _differences(file: ProblemFile, display: DisplayName, units: UnitSystem | None, what: str) -> list[tuple[str, str]]:
-    """Return the differences, each as "display" or "units" with its message."""
+    """Return the differences between two kinds. Each is "display" or "units", with its message."""
     device, remedy = file.problem.device, f"name the problem of the {what}, or solve this one"
     verb = "are" if what == "gains" else "is"
     sides = [("display", DISPLAYS[display], DISPLAYS[device.display])]

@@ -1,4 +1,4 @@
-"""Schema of log.toml: the columns of a log, their units, and the known numbers of the device."""
+"""Define the schema of log.toml: the columns of a log, their units, and the known numbers of the device."""
 
 from __future__ import annotations
 
@@ -83,11 +83,11 @@ class ColumnsTable(Table):
     command: Column | None = Field(None, description="Commanded force, held until the next sample.")
     force: Column | None = Field(
         None,
-        description="Measured force of the motor: current times its constant. Without a command, vctune tries the "
-        "column as a measured and as a commanded force and takes the better fit.",
+        description="Measured force of the motor: current times its constant. If the log has no command, vctune "
+        "tries this column as a measured and as a commanded force, and takes the better fit.",
     )
     hand: Column | None = Field(None, description="Sensed force of the hand on the handle.")
-    handle: Column | None = Field(None, description="Position of the handle behind a spring, if it is measured too.")
+    handle: Column | None = Field(None, description="Position of the handle behind a spring, if the log contains it.")
     reference: Column | None = Field(
         None, description="Commanded position of the firmware, used as an instrumental variable."
     )
@@ -107,7 +107,7 @@ class KnownVelocityTable(VelocityTable):
         None,
         alias="from",
         description="Source of the velocity: a sensor, or the backward difference of the sampled position. Default: "
-        "difference, which device.toml then states as an assumption.",
+        "difference. device.toml then states this as an assumption.",
     )
 
 
@@ -147,9 +147,11 @@ class LogDocument(Table):
     rotary: bool = Field(
         False,
         strict=True,
-        description='Whether kg, m and N stand for kg m2, rad and N m. device.toml then has units = "rotary".',
+        description='Whether kg, m and N stand for kg m2, rad and N m. If true, device.toml states units = "rotary".',
     )
-    sample_time: Positive | None = Field(None, description="T, s. Default: the median step of the column time.")
+    sample_time: Positive | None = Field(
+        None, description="Sample time T, s. Default: the median step of the column `time`."
+    )
     columns: ColumnsTable = Field(default_factory=ColumnsTable)
     device: KnownDeviceTable = Field(default_factory=KnownDeviceTable)
     classical: ClassicalTable | None = Field(None)

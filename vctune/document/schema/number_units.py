@@ -1,4 +1,4 @@
-"""The unit of every number in a problem file, from its quantity and the motion of the device."""
+"""Find the unit of every number in a problem file from its quantity and the motion of the device."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ QUANTITIES = {
     "force": ("coulomb", "stiction", "limit", "force_noise"),
     "position": ("zero", "from", "to", "position_resolution"),
     "speed": ("stribeck_velocity", "speed"),
-    "time": ("sample_time", "delay", "dwell"),
+    "time": ("sample_time", "delay", "dwell", "changes_at"),
     "frequency": ("band_hz", "bandwidth_hz", "filter_hz", "frequency_hz", "corner_hz"),
 }
 """Quantity of a number by the last part of its key (`vctune.model.numbers.units`), in any table."""
 BY_KEY = OF_VARIABLES | {f"operator.{name}": quantity for name, quantity in OF_HAND.items()}
-"""Quantity of numbers that only their whole keys determine."""
+"""Quantity of those numbers whose whole key, not only its last part, determines it."""
 SHARES = ("uncertainty", "weights")
 """Tables of numbers that have no unit."""
 
 
 def units_stated(raw: dict[str, Any]) -> Units:
-    """Return the units that a problem's tables state, whether the tables are valid or not."""
+    """Return the units that a problem's tables state. The tables may be invalid."""
     device = raw.get("device")
     return UNITS["rotary" if isinstance(device, dict) and device.get("units") == "rotary" else "linear"]
 

@@ -1,4 +1,4 @@
-"""Values that are valid but probably not intended: numbers in another unit, names that a system reserves."""
+"""Find values that are valid but probably not intended: numbers in another unit, names that a system reserves."""
 
 from __future__ import annotations
 
@@ -48,7 +48,10 @@ def doubts(problem: Problem) -> Iterator[Note]:
 
 
 def _outside(environment: Environment, problem: Problem) -> tuple[str, str] | None:
-    """Return words on a number of an environment outside a problem's box, and its key; None if all are inside."""
+    """Return words on a number of an environment that is outside a problem's box, and its key.
+
+    Return None if all are inside.
+    """
     worlds, units = problem.worlds, problem.units
     if worlds is None:
         return None
@@ -70,9 +73,10 @@ _RULES = {"backward": "backward Euler", "trapezoid": "the trapezoidal rule", "ex
 
 
 def _stepped_alike(environment: Environment, worlds: Worlds) -> bool:
-    """Return whether an environment of a rule is one of a box's.
+    """Return whether a box contains an environment that is stepped by a rule.
 
-    A spring by backward Euler is one by the trapezoidal rule with a damper beside it, a mass is not.
+    A spring stepped by backward Euler equals a spring stepped by the trapezoidal rule with a parallel damper. A mass
+    has no such equivalent.
     """
     rule = "implicit" if environment.rule == "backward" else environment.rule
     alike = environment.mass == 0 and (environment.stiffness == 0 or (rule == "implicit" and worlds.lossless))

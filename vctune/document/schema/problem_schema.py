@@ -1,4 +1,4 @@
-"""Schema of the problem file: type, range and documentation of every key (document/README.md, section 1).
+"""Define the schema of the problem file: type, range and documentation of every key (document/README.md, section 1).
 
 `vctune schema` prints the JSON Schema made from it.
 """
@@ -58,16 +58,16 @@ Damping = Annotated[
 class OperatorTable(Table):
     """The hands at the handle, mass s + damping + stiffness/s. { min, max } is a range; a number is its minimum.
 
-    The ranges are the hands of the criterion "hands". The criterion "passive" uses only the least mass and damping,
-    which stand for what is always at the handle, such as a tool. A rotary device has no defaults, because its hands
-    depend on their distance from the axis.
+    The criterion "hands" covers every hand within these ranges. The criterion "passive" uses only the least mass and
+    damping: they describe a load that is always at the handle, such as a tool. A rotary device has no defaults, because
+    its hands depend on their distance from the axis.
     """
 
     # a plain number is the least of a range whose greatest is a human hand's (`defaults.resolve`), so that the 0.0 of a
     # key that is left out means { min = 0, max = 0.5 } for the mass, as its description says
-    mass: Variable = Field(0.0, description="M, kg. Default { min = 0, max = 0.5 }.")
-    damping: Variable = Field(0.0, description="B, N s/m. Default { min = 0, max = 30 }.")
-    stiffness: Variable = Field(0.0, description="K, N/m. Default { min = 0, max = 3000 }.")
+    mass: Variable = Field(0.0, description="Mass M of the hand, kg. Default { min = 0, max = 0.5 }.")
+    damping: Variable = Field(0.0, description="Damping B of the hand, N s/m. Default { min = 0, max = 30 }.")
+    stiffness: Variable = Field(0.0, description="Stiffness K of the hand, N/m. Default { min = 0, max = 3000 }.")
 
 
 class WorldMassTable(Table):
@@ -83,8 +83,8 @@ class WorldDampingTable(Table):
     min: NotNegative = Field(0.0, description="Least damping, N s/m.")
     max: NotNegativeOrInf | None = Field(
         None,
-        description="Greatest damping, N s/m. Environments that run late or by explicit Euler require it, for they are "
-        "not passive; all others have no upper limit.",
+        description='Greatest damping, N s/m. Environments with late > 0 or rule = "explicit" are not passive '
+        "and need this limit. All other environments have no upper limit.",
     )
 
 
@@ -114,16 +114,18 @@ class WorldsTable(Table):
     )
     corner_hz: Positive | None = Field(
         None,
-        description="Corner frequency of the multiplier that proves the walls, Hz. Default: the one with the greatest "
-        "margin.",
+        description="Corner frequency of the multiplier that proves the walls, Hz. Default: vctune chooses the "
+        "frequency with the greatest margin.",
     )
     rule: WorldRule = Field(
         "trapezoid",
-        description="Rule by which mass and spring are stepped: the lossless trapezoidal rule, explicit Euler, or "
-        "implicit Euler, which damps.",
+        description="Rule by which the firmware integrates mass and spring: the lossless trapezoidal rule, "
+        "explicit Euler, or implicit Euler, which damps.",
     )
     late: Late = Field(
-        0, description="Whole samples by which the force of the environment is late, as that of a slow game loop."
+        0,
+        description="Number of whole samples by which the force of the environment is late. A slow game loop may "
+        "cause such a delay.",
     )
 
 
@@ -132,23 +134,24 @@ class GainsTable(Table):
 
     velocity: Variable | None = Field(
         None,
-        description="K_v, N s/m. Default { min = 1e-8 mass/sample_time, max = 2 Z } with Z = mass/tau + damping. tau "
-        "is the sum of sample_time/2, delay and the lags of actuator and velocity estimate. min is at most 1e-5 Z.",
+        description="K_v, N s/m. Default { min = 1e-8 mass/sample_time, max = 2 Z } with Z = mass/tau + damping. "
+        "tau is the sum of sample_time/2, delay and the lags of actuator and velocity estimate. The default min "
+        "never exceeds 1e-5 Z.",
     )
     position: Variable | None = Field(None, description="K_p, N/m. Default { min = 0, max = 2 Z/tau }.")
 
 
 class CouplingTable(Table):
-    """The virtual coupling Z_c: a drag in parallel with damping and mass in series.
+    """The virtual coupling Z_c: damping and mass in series, and a drag in parallel with them.
 
     For an impedance display, Z_c = damping + stiffness/s.
     """
 
     damping: Damping | None = Field(
         None,
-        description="b_c, N s/m. Default { min = 1e-6 Z_0, max = 1e6 Z_0 }. For an impedance display the default min "
-        "is 0; other devices do not allow 0. For a servo, inf makes the coupling rigid, so that only mass and drag "
-        "remain, as in the usual admittance controller of a robot.",
+        description="b_c, N s/m. Default { min = 1e-6 Z_0, max = 1e6 Z_0 }. For an impedance display the default "
+        "min is 0. For other displays the minimum must be above 0. For a servo, inf makes the coupling rigid, so "
+        "that only mass and drag remain, as in the usual admittance controller of a robot.",
     )
     mass: PositiveVariable | None = Field(
         None,
@@ -205,22 +208,25 @@ class StabilityTable(Table):
         'device with hold "lag" and no delay.',
     )
     safety_factor: Positive = Field(
-        1.05, description="Least permitted Re Z_c / R, at least 1. vctune refuses gains below it. 1 leaves no reserve."
+        1.05,
+        description="Least permitted ratio Re Z_c / R, at least 1. A ratio of 1 leaves no reserve. vctune "
+        "refuses gains with a smaller ratio.",
     )
     max_sensitivity: Positive = Field(
         2.0, description="Greatest permitted |S| of the exact sampled loop, up to the Nyquist frequency."
     )
     criterion: Literal["passive", "hands", "both"] = Field(
         "both",
-        description='What vctune proves stability for. "passive": any passive hand, on band_hz. "hands": every hand of '
-        '[operator], in the sampled loop at every frequency. "both": both claims. A servo, or a file with '
-        '[environment], has the default "hands". The environment is any passive one or, if the file has [environment], '
-        "any one in its box.",
+        description='Set of hands for which vctune proves stability. "passive": any passive hand, on band_hz. '
+        '"hands": every hand of [operator], in the sampled loop at every frequency. "both": both claims. The '
+        'default is "hands" for a servo and for a file with [environment]. The environment is any passive one or, '
+        "if the file has [environment], any one in its box.",
     )
     changing: Literal["damping"] | None = Field(
         None,
-        description='What of the hand may change while it holds the handle. Default: nothing. "damping": at every '
-        "sample the damping takes any value of its range. vctune proves it, and does not search for it.",
+        description='Number of the hand that may change while it holds the handle. Default: none. "damping": the '
+        "damping may take any value of its range at every sample. vctune proves this for the finished design; the "
+        "search does not consider it.",
     )
     changing_mass_min: NotNegative | None = Field(
         None, description="Least mass of a hand whose damping changes, kg. Default: the least one of operator.mass."
@@ -287,20 +293,20 @@ class FixedCouplingTable(Table):
 
 
 class OriginTable(Table):
-    """The origin of gains and the kind of device that they are for. vctune treats any other key as a remark."""
+    """The origin of the gains, and the kind of device for which they are. vctune treats any other key as a remark."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Text] = Field(init=False)
 
     display: DisplayName | None = Field(
-        None, description="Display that the gains are for. Default: derived from [coupling]."
+        None, description="Kind of display for which the gains are. Default: derived from [coupling]."
     )
-    units: UnitSystem | None = Field(None, description="Units that the gains are in. Default: those of the problem.")
+    units: UnitSystem | None = Field(None, description="Units of the gains. Default: the units of the problem.")
     sha256: Text | None = Field(
         None,
-        description="Digest of the problem with every default, without comments, name, description and experiments.",
+        description="Digest of the problem with all its defaults, without comments, name, description and experiments.",
     )
-    numbers: Text | None = Field(None, description="The numbers of the solved design, in the order of the file.")
+    numbers: Text | None = Field(None, description="Numbers of the solved design, in the order of the file.")
     corner_hz: Positive | None = Field(
         None, description="Corner frequency of the multiplier that proved the walls, Hz."
     )

@@ -1,4 +1,4 @@
-"""Numbers that a rotary device must state because their defaults contain a hand or a length."""
+"""Find the numbers that a rotary device must state because their defaults assume a hand or a length."""
 
 from __future__ import annotations
 
@@ -16,8 +16,7 @@ from vctune.model.problem import HUMAN_HANDS
 
 
 def missing_of_rotary(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    """Yield the numbers that a rotary device's problem must state: those of its hands, and of its experiments'
-    hands."""
+    """Yield the numbers that a rotary problem must state: numbers of its hands, and of the hands in its experiments."""
     if units_stated(raw) is not ROTARY:
         return
     if _hands_are_met(raw):
@@ -30,7 +29,7 @@ def missing_of_rotary(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _hands_are_met(raw: dict[str, Any]) -> bool:
-    """Return whether a box of hands is required. On an impedance display any passive hand takes its place."""
+    """Return whether a box of hands is required. On an impedance display, any passive hand replaces the box."""
     stability, display = raw.get("stability", {}), raw["device"].get("display")
     criterion = stability.get("criterion", "both") if isinstance(stability, dict) else "both"
     return criterion == "hands" or (criterion == "both" and display != "impedance")
@@ -53,7 +52,7 @@ def _hands(operator: Any, *, servo: bool) -> Iterator[Contradiction]:
 
 
 def _defaults(path: tuple[str | int, ...], stated: Any, table: type[BaseModel]) -> Iterator[Contradiction]:
-    """Yield the absent keys of a table whose defaults are in units of a linear device."""
+    """Yield those absent keys of a table whose defaults are in the units of a linear device."""
     if not isinstance(stated, dict):
         return
     for name, field in table.model_fields.items():

@@ -22,7 +22,7 @@ SERVO_KEYS = ("units", "sample_time", *(key for key, part in PARTS.items() if "s
 def statement(problem: Problem) -> dict[str, Any]:
     """Return the document of a problem, as a problem file would state it.
 
-    Reading it gives the same problem. Only the edges of bands may differ, in the second last place.
+    Reading it gives the same problem. Only the edges of bands may differ, in the second last digit.
     """
     device = table_of(problem.device)
     operator = device.pop("operator", None)
@@ -120,7 +120,7 @@ def _hz(band: Band) -> list[float]:
 
 
 def _edge(omega: float) -> float:
-    """Return a frequency in hertz. If it was a short decimal, it is that decimal again."""
+    """Return a frequency in hertz. If the frequency was a short decimal in hertz, the result is that decimal."""
     short = hertz(omega)
     return short if omega == inf or 2 * pi * short == omega else omega / (2 * pi)
 

@@ -1,4 +1,7 @@
-"""Schema of the study file: the types of its tables. `vctune.document.study_axes` reads the value of an axis."""
+"""Define the schema of the study file: the types of its tables.
+
+`vctune.document.study_axes` reads the values of an axis.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +20,12 @@ class _Table(BaseModel):
 
 
 class SampleTable(_Table):
-    """How the axes make points."""
+    """The rule by which the axes form points."""
 
     kind: Literal["grid", "lhs", "list"] = Field(
         "grid",
-        description="Sampling: every combination, a Latin hypercube, or the lists of the axes element by element.",
+        description="Sampling rule: every combination of values, a Latin hypercube, or the lists of the axes "
+        "element by element.",
     )
     n: Count | None = Field(None, description="Number of points of a Latin hypercube.")
     seed: Annotated[int, Field(strict=True, ge=0)] | None = Field(
@@ -35,7 +39,7 @@ class StudyDocument(_Table):
     problem: Text = Field(min_length=1, description="Path of the problem file, relative to the study file's folder.")
     axes: dict[str, Any] = Field(
         min_length=1,
-        description='Numbers of the problem that vary, by dotted key, as in "stability.band_hz[1]" for the element of '
-        "a list. Each is a list of numbers, { linear = [a, b], n = ... } or { log = [a, b], n = ... }.",
+        description='Numbers of the problem that vary, by dotted key. "stability.band_hz[1]" is the key of an '
+        "element of a list. Each is a list of numbers, { linear = [a, b], n = ... } or { log = [a, b], n = ... }.",
     )
     sample: SampleTable = Field(default_factory=SampleTable)

@@ -20,12 +20,12 @@ from vctune.document.text.hints import CALLED, commas_meant, number_meant
 
 MAX_MISTAKES = 25
 TAGS = ("<number>", "<range>", "<text>", "<column>", "<mass>", "<spring>", "<mechanism>", "<servo>")
-"""Tags of a key's alternative forms. They are not part of its path."""
+"""Tags of the alternative forms of a key's value. A tag is not part of the key's path."""
 LONG = 60
 
 KeyPath = tuple[str | int, ...]
 Contradiction = tuple[KeyPath, str]
-"""Path of a key, and how its value contradicts other values that are valid on their own."""
+"""Path of a key, and a message on how its value contradicts other values."""
 
 
 class Fault(NamedTuple):
@@ -40,13 +40,13 @@ MOVED: dict[KeyPath, str] = {
     ("sensors", "velocity"): "is the device's now, of design and simulation alike: write it as [device.velocity] from",
     ("sensors", "filter_hz"): "is the device's now, of design and simulation alike: write it in [device.velocity]",
 }
-"""Keys of earlier versions, with their present places."""
+"""Keys of earlier versions, each with advice on where to write it now."""
 PAIR_LISTS: dict[KeyPath, tuple[str, str]] = {
     ("uncertainty", "unmodelled"): ("[Hz, radius]", "unmodelled = [[1.0, 0.02], [100.0, 0.1]]"),
 }
-"""Keys that are lists of pairs, with the meaning of a pair and the written form of the list."""
+"""Keys whose values are lists of pairs, each with an example."""
 Check = Callable[[dict[str, Any]], list[Contradiction]]
-"""A function that finds contradictions between valid values in the valid parts of a document."""
+"""Function that finds contradictions between values in the valid parts of a document."""
 Document = TypeVar("Document", bound=BaseModel)
 
 
@@ -154,7 +154,7 @@ def _fault(model: type[BaseModel], details: Any, means: Callable[[KeyPath, str],
 
 
 Message = Callable[[Any, dict[str, Any]], str]
-"""A function that makes a message from a value and the constraint that it violates."""
+"""Function that makes a message from a value and the constraint that it violates."""
 
 
 def _range_messages(model: type[BaseModel], path: KeyPath) -> dict[str, Message]:
@@ -234,7 +234,7 @@ def _field_at(model: type[BaseModel], path: KeyPath) -> FieldInfo | None:
 
 
 def _table_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
-    """Return the table at a path: a key's own table, that of each element of a list, or an optional one.
+    """Return the table at a path: the value of the key, an element of its list, or an optional table.
 
     A tag in the path selects one of several tables that a key may hold. Without a tag, the function returns the first.
     """
@@ -281,7 +281,9 @@ def _with(raw: Any, path: KeyPath) -> Any:
 
 
 def _unknown(model: type[BaseModel], path: KeyPath, has_a_meaning: Callable[[str], bool]) -> str:
-    """Return the message on an unknown key: the key that was probably intended, or the table where it belongs.
+    """Return the message on an unknown key.
+
+    It names the key that was probably intended, or the table to which the key belongs.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""The stable codes of all refusals, warnings, remarks and omitted lines.
+"""List the stable codes of all refusals, warnings, remarks and omitted lines.
 
-Each code has a heading in the README of the folder that uses it. `vctune explain CODE` takes its page from there. Tests
-fail if a code has no page, or if the example on a page does not produce the code.
+Each code has a heading in the README of the folder that uses it. `vctune explain CODE` shows the text under this
+heading. Tests fail if a code has no heading, or if the example under a heading does not produce the code.
 """
 
 from __future__ import annotations
@@ -155,5 +155,5 @@ class Note:
 
     @property
     def line(self) -> str:
-        """The text with its code at its end."""
+        """The text, with its code at the end."""
         return coded(self.text, self.code)

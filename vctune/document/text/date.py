@@ -1,4 +1,4 @@
-"""The current day, which is the only clock reading that is written into a file."""
+"""Get the current day. vctune writes no other clock reading into a file."""
 
 from __future__ import annotations
 

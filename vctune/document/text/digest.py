@@ -1,4 +1,7 @@
-"""Digests of the meaning of a document. They are equal for every spelling, and different if a number differs."""
+"""Compute digests of the meaning of a document.
+
+Documents that differ only in spelling have equal digests; documents with different numbers have different digests.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +20,16 @@ from vctune.model.problem import Problem
 LATER: Mapping[str, Mapping[str, Any]] = {
     "stability": {"changing": None, "changing_mass_min": None},
     "worlds": {"walls": False, "corner": None, "rule": "trapezoid", "late": 0, "resistive": False},
-    "operator": {"dwell": None, "other_damping": None, "regrip": False},
+    "operator": {"dwell": None, "changes_at": (), "other_damping": None, "regrip": False},
     "environment": {"late": 0},
 }
-"""Defaults of the keys that came later than the digests, by table: a digest from before them remains valid."""
+"""Defaults of the keys that are newer than the digests, by table. The digest omits such a key at its default, so older
+digests remain valid."""
 
 
 def problem_digest(problem: Problem) -> str:
-    """Return the digest of all that a design depends on: the problem without name, description and experiments."""
+    """Return the digest of everything on which a design depends: the problem without name, description and
+    experiments."""
     stated = asdict(replace(problem, name="", description="", experiments=()))
     # absent parts are not included, so that digests from before the parts existed remain valid
     absent = {key for key in (*PARTS, "unmodelled") if stated["device"][key] is None}
@@ -32,7 +37,7 @@ def problem_digest(problem: Problem) -> str:
     for part, key in (path.split(".") for path in OF_FIRMWARE):
         if (table := stated["device"].get(part)) is not None and table[key] is None:
             del table[key]
-    for end in stated["hands"].values():  # the same for the numbers of a hand that have a default
+    for end in stated["hands"].values():  # numbers of a hand at their defaults are not included either
         for known in (each for each in fields(Hand) if end[each.name] == each.default):
             del end[known.name]
     if problem.device.kind is ADMITTANCE:
@@ -50,7 +55,7 @@ def problem_digest(problem: Problem) -> str:
 
 
 def _without_defaults(stated: dict[str, Any], later: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a table without the keys of later versions that have their defaults: earlier digests still hold.
+    """Return a table without those keys of later versions that have their defaults, so that earlier digests still hold.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Errors in the user's input, with texts that tell the user how to correct them."""
+"""Define the errors in the user's input. The text of an error tells the user how to correct it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ class Mistake:
 def printable(text: str) -> str:
     """Return a text with all unprintable characters escaped.
 
-    The result stays on one line, cannot steer a terminal or change the direction of text, and fits into any document.
+    The result stays on one line and fits into any document. The result cannot control a terminal or change the
+    direction of text.
     """
     return "".join(char if is_plain(char) else _escaped(ord(char)) for char in text)
 
@@ -45,7 +46,7 @@ def _escaped(code: int) -> str:
 
 
 class InputError(ValueError):
-    """The user's input (a file, an option or a number) cannot be used. `mistakes` lists all of its faults."""
+    """Error in the user's input: a file, an option or a number. `mistakes` lists all faults of the input."""
 
     def __init__(self, source: str, mistakes: list[Mistake]) -> None:
         self.source = source

@@ -1,4 +1,4 @@
-"""Guess the number that the user meant by a text that does not parse, such as 0,4 or "400 g"."""
+"""Guess the number that a user meant by a text that does not parse, such as 0,4 or "400 g"."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ CALLED = {
     "moment_of_inertia": "mass",
     "handle_inertia": "handle_mass",
 }
-"""Other names that users give to keys, in particular those of rotary devices. A torque's key is that of a force."""
+"""Names that users give to keys by mistake, in particular names of rotary quantities. The key of a torque is the key of
+a force."""
 WITH_COMMA = re.compile(r"([-+]?\d+),(\d+)")
 WITH_UNIT = re.compile(r"([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?) *([A-Za-zµ][\w /^²·*]*)")
 ASSIGNED = re.compile(r"=\s*([^#]*?)\s*(?:#.*)?$")

@@ -1,4 +1,4 @@
-"""Read JSON files strictly: numbers must be finite, and the size must be plausible."""
+"""Read JSON files strictly. Numbers must be finite, and the size must be plausible."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Write the files of one run together: first next to their places, then moved in an order that never mixes two runs."""
+"""Write the files of one run together. vctune first writes each file beside its final place, and then moves all files
+in an order that never mixes two runs."""
 
 from __future__ import annotations
 
@@ -19,12 +20,13 @@ RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d) *(\.|$)", re.IGNORECASE)
 
 
 def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = (), aside: Iterable[Path] = ()) -> None:
-    """Replace the files of an earlier run by those of a new run. SIGINT and SIGTERM wait until this is done.
+    """Replace the files of an earlier run by those of a new run. SIGINT and SIGTERM take effect only when this is done.
 
-    When all new files are complete, the function deletes the stale files. It then deletes the files of the earlier run
-    in reverse order, except the first file and the files to set aside. Finally, it renames the files to set aside, and
-    moves the new files into place in order. So the files always belong to one run, even if the process is killed. The
-    first file must be useful alone. The last file should be the one that displays the others.
+    When all new files are complete, the function deletes the stale files. The function then deletes the files of the
+    earlier run in reverse order, except the first file and the files to set aside. Finally, the function renames the
+    files to set aside, and moves the new files into place in order. The files in the folder therefore always belong to
+    one run, even if the process is killed. The first file must be useful alone. The last file should be the one that
+    displays the others.
 
     Parameters
     ----------
@@ -97,7 +99,7 @@ def make_folder(path: Path) -> None:
 def folder_name(name: str) -> str:
     """Return a design's name as a folder name that is valid on any system.
 
-    It has no separators, no unprintable characters, no leading dots, and is not the name of a device.
+    The name has no separators, no unprintable characters and no leading dots, and is not the name of a Windows device.
     """
     plain = "".join(char if is_plain(char) and char not in '/\\:*?"<>|' else "_" for char in name)
     short = plain.encode()[:MAX_NAME_BYTES].decode(errors="ignore").strip().lstrip(".").rstrip(". ")

@@ -1,4 +1,4 @@
-"""Access to numbers of a document whose other parts may be invalid."""
+"""Get and set numbers of a document whose other parts may be invalid."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ def number_at(raw: dict[str, Any], *path: str | int) -> float | None:
 
 
 def placed(document: dict[str, Any], numbers: Iterable[tuple[tuple[str | int, ...], float]]) -> dict[str, Any]:
-    """Return a copy of a document with numbers set at their paths. Missing tables and pairs are created.
+    """Return a copy of a document with numbers set at their paths. The function creates missing tables and pairs.
 
-    An invalid value is replaced by the given number.
+    The function replaces an invalid value by the given number.
 
     Parameters
     ----------

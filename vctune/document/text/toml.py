@@ -1,4 +1,4 @@
-"""TOML with line numbers. tomllib parses the text; parsing its beginnings finds the line of a key."""
+"""Read TOML with line numbers. tomllib parses the text; parsing the first lines alone finds the line of a key."""
 
 from __future__ import annotations
 
@@ -96,11 +96,11 @@ def parse(text: str, source: str) -> dict[str, Any]:
 
 
 class Lines:
-    """The lines of the keys in a TOML text.
+    """Finds the line of a key in a TOML text.
 
     tomllib gives no positions, but it can parse beginnings of the text. The key stands on the line after the longest
-    parsable beginning that lacks it. Whether a beginning has the key grows with its length, so a bisection finds the
-    line in a few parses, which are remembered for the next key.
+    parsable beginning that lacks the key. If a beginning has the key, so has every longer one. A bisection therefore
+    finds the line in a few parses. The object stores these parses for the next key.
     """
 
     def __init__(self, text: str) -> None:

@@ -31,7 +31,7 @@ def toml_text(document: Mapping[str, Any]) -> str:
 
 
 def quoted(text: str) -> str:
-    """Return a TOML basic string. JSON's escapes are valid in TOML, except that TOML also escapes DEL."""
+    """Return a TOML basic string. JSON's escapes are valid in TOML. TOML must also escape DEL."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 

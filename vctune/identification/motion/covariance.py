@@ -1,4 +1,4 @@
-"""Intervals for correlated residuals (README, section 2)."""
+"""Compute intervals for correlated residuals (README, section 2)."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from vctune.document.recording import Floats
 
 TOGETHER = 0.95
-"""Probability that all intervals of a box hold together."""
+"""Probability with which all intervals of a box hold at the same time."""
 BLOCK = 1 << 16
-"""Number of rows that are summed together."""
+"""Number of rows that the code sums in one operation."""
 
 
 class Scores(Protocol):
@@ -41,7 +41,7 @@ def robust_covariance(scores: Scores, information: Floats, reach: int) -> Floats
     n, p = scores.shape
     window = min(reach, n - 1) + 1
     middle = np.zeros((p, p))
-    # Bartlett's weights result from the products of all sums over a window, including windows beyond the ends
+    # the products of all sums over a window, including windows beyond the ends, give Bartlett's weights
     for first in range(0, n + window - 1, BLOCK):
         ends = np.arange(first, min(first + BLOCK, n + window - 1)) + 1
         low, high = max(first + 1 - window, 0), min(int(ends[-1]), n)

@@ -16,7 +16,7 @@ PI2 = 2 * np.pi
 
 @dataclass(frozen=True, slots=True)
 class DriveFit:
-    """A first-order lag and a delay between two sampled columns. They include half a sample for the hold.
+    """A first-order lag and a delay between two sampled columns. The delay includes half a sample for the hold.
 
     Attributes
     ----------

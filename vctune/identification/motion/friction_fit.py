@@ -15,17 +15,17 @@ from vctune.identification.motion.signals import Signals
 from vctune.identification.motion.spectral_filters import filtered, smooth, spectrum, stride
 
 CLEAR = 4.0
-"""Required significance of the rise at low speed, in standard deviations. It is high because the velocity of the rise
-is chosen after looking at the data."""
+"""Required significance of the rise at low speed, in standard deviations. This threshold is high because the fit
+chooses the velocity of the rise from the same data."""
 TRIED = 24
-"""Number of velocities tried for the curve, from a hundredth to a half of the peak speed."""
+"""Number of velocities that the fit tries for the curve, from a hundredth to a half of the peak speed."""
 WITHIN = 12
 """Greatest rise of Stribeck's curve, in units of Coulomb's friction."""
 
 
 @dataclass(frozen=True, slots=True)
 class FrictionFound:
-    """Friction in the form of the simulation.
+    """Friction in the form that the simulation uses.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ def _speeds(v: Floats) -> Sequence[float]:
 
 
 def _risen(signals: Signals, fit: MotionFit, samples: FittedSamples, speed: float) -> tuple[Floats, _Risen]:
-    """Return the sensitivity, and the fit with an additional rise of the friction towards low speed."""
+    """Return the sensitivity to a rise of the friction towards low speed, and the fit with this rise."""
     T, cutoff, v = signals.sample_time, fit.cutoff_hz, signals.velocity
     column = spectrum(np.sign(v) * np.exp(-((v / speed) ** 2)), T)
     rise = filtered(column, lambda w: smooth(w, cutoff), stride(cutoff, T))[samples.rows]

@@ -2,8 +2,8 @@
 
     F(t - delay) + f_h(t + sensor) = m a + b_+ v_+ + b_- v_- + c_+ [v > 0] - c_- [v < 0]
 
-is linear in all numbers except the delays, which the method of Gauss and Newton finds. Both sides pass the same
-low-pass, and so do the signs of the velocity.
+is linear in all numbers except the delays. The method of Gauss and Newton finds the delays. The same low-pass filters
+both sides and the signs of the velocity.
 """
 
 from __future__ import annotations
@@ -23,13 +23,14 @@ from vctune.identification.motion.spectral_filters import Complex, edge, filtere
 DIRECTIONAL = ("mass", "damping_forwards", "damping_backwards", "coulomb_forwards", "coulomb_backwards")
 SYMMETRIC = ("mass", "damping", "coulomb", "offset")
 MEMORY = 1.0
-"""Time over which residuals are correlated, s. Half and twice this time change the intervals of the test data by less
+"""Time over which residuals are correlated, s. Half or twice this time changes the intervals of the test data by less
 than a fifth."""
 SLOW = 0.05
 """Share of the peak speed below which friction does not follow Coulomb's law and the sign of the velocity is
 unclear."""
 LEAST_KEPT = 0.3
-"""Least share of the samples away from turning points. If fewer are left, the samples at turning points are kept."""
+"""Least share of the samples away from turning points. If fewer samples are left, the fit keeps those at turning
+points."""
 STEPS = 60
 STRIDE = 4.0
 """Greatest change of a delay in one step, in sample times."""
@@ -46,7 +47,7 @@ class MotionFit:
     values : estimates, SI units, shape (p,)
     covariance : covariance for correlated residuals, shape (p, p)
     cutoff_hz : cut-off of the low-pass on both sides, Hz
-    samples : number of samples used, and number of samples in the log
+    samples : number of used samples, and number of samples in the log
     residual, force : root mean square of residual and of force, N
     """
 
@@ -107,7 +108,7 @@ def motion_fit(
     signals : position, force and time of a recording, prepared for the regression
     cutoff_hz : cut-off of the low-pass on both sides, Hz, at most `HIGHEST` of the sampling rate
     names : `DIRECTIONAL` or `SYMMETRIC`
-    known : delays that are given instead of fitted, by "delay" and "sensor_delay", s
+    known : delays that the fit does not search for, by "delay" and "sensor_delay", s
     slow : share of the peak speed below which samples are not used
 
     Returns
@@ -161,7 +162,7 @@ def _delays(signals: Signals, known: Mapping[str, float]) -> dict[str, float]:
 def _covariance(
     sensitivity: Floats, residual: Floats, information: Floats, kept: Flags, cutoff_hz: float, step: float
 ) -> Floats:
-    """Return the covariance with residuals at their places in time; dropped samples count as 0."""
+    """Return the covariance with the residuals at their original times. A dropped sample counts as 0."""
     reach = int(min(max(MEMORY, 3 / cutoff_hz) / step, 0.1 * kept.size))
     scores = PlacedScores(sensitivity, residual, np.flatnonzero(kept), kept.size)
     return robust_covariance(scores, information, reach)
@@ -169,7 +170,7 @@ def _covariance(
 
 @dataclass(frozen=True, slots=True)
 class PlacedScores:
-    """Residual times sensitivity at every sample in time, made in pieces for summation.
+    """Residual times sensitivity at every sample of the log. The object makes the rows in pieces, to save memory.
 
     Attributes
     ----------
@@ -225,7 +226,7 @@ def _pushed(
 
 
 def _kept(signals: Signals, cutoff_hz: float, least: float) -> Flags:
-    """Return flags of the used samples: those away from ends and turning points."""
+    """Return flags that mark the samples to use: those away from ends and turning points."""
     T, v = signals.sample_time, signals.velocity
     kept = np.ones(v.size, dtype=bool)
     margin = edge(cutoff_hz, 4 * T, T)
@@ -239,13 +240,13 @@ def _kept(signals: Signals, cutoff_hz: float, least: float) -> Flags:
 
 
 def _regressors(signals: Signals, cutoff_hz: float, names: Sequence[str], every: int) -> Iterator[Floats]:
-    """Yield the column of each name."""
+    """Yield the column that belongs to each name."""
     a = acceleration(signals.spectra["position"], cutoff_hz, every)
     return regressors_of(a, lambda way: filtered(signals.spectra[way], lambda w: smooth(w, cutoff_hz), every), names)
 
 
 def regressors_of(a: Floats, behind: Callable[[str], Floats], names: Sequence[str]) -> Iterator[Floats]:
-    """Yield the factor of each number, one after the other.
+    """Yield the regressor of each number, one after the other.
 
     Parameters
     ----------

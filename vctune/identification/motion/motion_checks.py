@@ -18,13 +18,13 @@ from vctune.identification.motion.signals import Signals, acceleration, speed, w
 from vctune.identification.motion.spectral_filters import filtered, smooth, spectrum, stride
 
 BLOCKS = 400
-"""Number of resamplings. Half and twice as many change a deviation by a twentieth."""
+"""Number of resamplings. With half or twice as many resamplings, a deviation changes by 5 %."""
 SEED = 1
 
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """A number, estimated in another way.
+    """An estimate of a number by another method.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ def instrumental(signals: Signals, fit: MotionFit, samples: FittedSamples) -> Ch
 
 @dataclass(frozen=True, slots=True)
 class Classical:
-    """The inverse model by ordinary least squares, with the deviations that this method claims.
+    """The inverse model by ordinary least squares, with the standard deviations that this method claims.
 
     Attributes
     ----------
@@ -141,4 +141,4 @@ def classical(recording: Recording, sample_time: float, recipe: ClassicalTable) 
 
 
 EDGE = 5
-"""Number of decimated samples at each end that the filters distort."""
+"""Number of decimated samples at each end that the filters distort; the fit omits them."""

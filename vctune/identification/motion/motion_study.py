@@ -1,4 +1,4 @@
-"""Study a recording of any motion: fits at several cut-offs, for each direction and for both, and their results.
+"""Study a recording of any motion. The study fits it at several cut-offs, for each direction and for both.
 
 See README, section 2.
 """
@@ -26,11 +26,12 @@ from vctune.identification.motion.spectral_filters import HIGHEST, smooth, spect
 from vctune.model.parts import Actuator
 
 UNEXPLAINED = 0.6
-"""Greatest relative residual of the force at which a log counts as that of a mass with friction."""
+"""Greatest relative residual of the force with which the study accepts a mass with friction as the explanation of a
+log."""
 SUSPICIOUS = 0.05
-"""Relative residual of the force above which the study tests whether two columns are swapped."""
+"""Relative residual of the force above which the study tests whether the user swapped two columns."""
 CLEAR = 2.0
-"""Difference between the directions, in standard deviations, above which they get separate numbers."""
+"""Difference between the directions, in standard deviations, above which each direction gets its own numbers."""
 FRICTION = Note("limit-friction", "friction is not quite Coulomb's")
 MASSES = {False: (1e-4, 5e3), True: (1e-8, 5e3)}
 """Range of masses of a haptic device, kg, or kg m2 if it is rotary."""
@@ -91,7 +92,7 @@ class MotionStudy:
         return found
 
     def _excess(self, name: str) -> tuple[float, float]:
-        """Return how far the other cut-offs differ beyond their own spread, below and above."""
+        """Return how far the estimates at other cut-offs differ beyond their own spread, below and above."""
         own, below, above = self.directional.value(name), 0.0, 0.0
         for fit in self.others:
             beyond = abs(fit.value(name) - own) - 2 * fit.sigma(name) - 2 * self.directional.sigma(name)
@@ -147,7 +148,7 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
         raise InputError.of(recording.source, "log-unexplained", message, key=recording.channels["position"].header)
     fits = {cutoff: motion_fit(signals, cutoff, DIRECTIONAL, delays)[0] for cutoff in usable}
     best = min(fits, key=lambda cutoff: fits[cutoff].sigma("mass"))
-    samples = motion_fit(signals, best, DIRECTIONAL, delays)[1]  # again, since keeping all takes memory
+    samples = motion_fit(signals, best, DIRECTIONAL, delays)[1]  # again: keeping all takes too much memory
     _check_explained(recording, signals, fits[best], delays)
     hand, recipe = recording.values("hand"), known.document.classical
     symmetric = motion_fit(signals, best, SYMMETRIC, delays)[0]
@@ -201,7 +202,7 @@ def _check_explained(recording: Recording, signals: Signals, fit: MotionFit, del
 
 
 def _swapped(signals: Signals, delays: Mapping[str, float]) -> float | None:
-    """Return the relative residual with force and position swapped."""
+    """Return the relative residual of a fit with force and position swapped."""
     if signals.command is None:
         return None
     T, position = signals.sample_time, signals.command
@@ -215,7 +216,9 @@ def _swapped(signals: Signals, delays: Mapping[str, float]) -> float | None:
 
 
 def force_noise(hand: Floats) -> float:
-    """Return the standard deviation of a force sample from its third difference, to which no hand's motion
-    contributes."""
+    """Return the standard deviation of a force sample from the third difference.
+
+    A hand moves too slowly to contribute to it.
+    """
     third = np.diff(hand, 3)
     return float(1.4826 * np.median(np.abs(third)) / sqrt(20))

@@ -1,4 +1,4 @@
-"""Prepare a recording for a regression: columns, derivatives, and the encoder's noise in them."""
+"""Prepare a recording for a regression: columns, derivatives, and the noise that the encoder causes in them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ WAYS = ("forwards", "backwards", "ahead", "back", "always")
 """Names of the regressors of friction."""
 
 ATTENUATION = 1e-4
-"""Greatest share of the acceleration's power that may be encoder noise, which reduces the mass by the same share."""
+"""Greatest permitted share of encoder noise in the power of the acceleration. Such noise reduces the estimated mass by
+the same share."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +45,8 @@ class Signals:
     is_command : whether the force is a command, which is held between samples
     actuator : actuator after a held command; None if it is not known
     noise : standard deviation of a position sample, m
-    velocity : velocity behind the highest cut-off that its noise permits, m/s; it gives the direction of motion
+    velocity : velocity after the low-pass with the highest cut-off that the noise permits, m/s; it gives the direction
+        of motion
     spectra : spectra of position, of command (behind hold and actuator), of hand, and of the columns of `WAYS`
     """
 
@@ -106,7 +108,7 @@ def ways(velocity: Floats) -> dict[str, Floats]:
 
 
 def acceleration(position: Spectrum, cutoff_hz: float, every: int = 1) -> Floats:
-    """Return the acceleration behind the low-pass, m/s2.
+    """Return the acceleration after the low-pass, m/s2.
 
     Parameters
     ----------
@@ -118,7 +120,7 @@ def acceleration(position: Spectrum, cutoff_hz: float, every: int = 1) -> Floats
 
 
 def speed(position: Spectrum, cutoff_hz: float) -> Floats:
-    """Return the velocity behind the low-pass, m/s.
+    """Return the velocity after the low-pass, m/s.
 
     Parameters
     ----------
@@ -129,7 +131,10 @@ def speed(position: Spectrum, cutoff_hz: float) -> Floats:
 
 
 def cutoffs(signals: Signals) -> list[float]:
-    """Return cut-offs at which the encoder's noise does not spoil the acceleration, the highest first, Hz."""
+    """Return the cut-offs, Hz, at which the encoder's noise does not spoil the acceleration.
+
+    The highest comes first.
+    """
     T, found = signals.sample_time, []
     for halvings in range(7):
         cutoff = HIGHEST / T / 2**halvings
@@ -144,7 +149,7 @@ def cutoffs(signals: Signals) -> list[float]:
 
 
 def acceleration_noise(signals: Signals, cutoff_hz: float) -> float:
-    """Return the standard deviation of an acceleration behind the low-pass due to the encoder alone, m/s2.
+    """Return the standard deviation that the encoder alone causes in the acceleration after the low-pass, m/s2.
 
     Parameters
     ----------
@@ -186,7 +191,7 @@ def signals_of(recording: Recording, sample_time: float, actuator: Actuator | No
 
 
 def _velocity(position: Spectrum, noise: float) -> Floats:
-    """Return the velocity behind the highest cut-off at which its noise is a hundredth of the signal."""
+    """Return the velocity after a low-pass with the highest cut-off at which the noise is at most 1 % of the signal."""
     omega = np.linspace(0, np.pi / position.sample_time, 4096)
     cutoff = HIGHEST / position.sample_time
     for _ in range(7):
@@ -199,7 +204,8 @@ def _velocity(position: Spectrum, noise: float) -> Floats:
 
 
 def position_noise(position: Floats, quantum: float | None) -> float:
-    """Return the standard deviation of a position sample, from its rounding and the noise above half of Nyquist.
+    """Return the standard deviation of a position sample, from its rounding and from the noise above half the Nyquist
+    frequency.
 
     Parameters
     ----------

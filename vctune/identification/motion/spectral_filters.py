@@ -1,4 +1,6 @@
-"""Zero-phase filters that act on the spectrum. All columns pass the same filter, so that none leads another.
+"""Filter columns in the frequency domain without phase.
+
+The same filter acts on all columns, so that none leads another.
 
 After a low-pass filter, fewer samples suffice. `stride` returns n, and every n-th sample suffices."""
 
@@ -21,14 +23,15 @@ Complex = NDArray[np.complex128]
 Response = Callable[[Floats], Any]
 """A frequency response, real or complex, as a function of omega, rad/s."""
 HIGHEST = 0.08
-"""Greatest cut-off as a share of the sampling rate, with 1e-6 left at the Nyquist frequency. Twice this leaves 1 %."""
+"""Greatest cut-off as a share of the sampling rate. A low-pass with this cut-off reduces the Nyquist frequency to 1e-6.
+A low-pass with twice this cut-off would reduce it only to 1 %."""
 REACH = 1.1
 """Reach of the kernel in units of 1/cut-off. Beyond it the kernel is less than 1e-14 of its height."""
 LONGEST = 64
-"""Greatest stride."""
+"""Greatest permitted stride."""
 BEHIND = 1 << 16
-"""Number of zeros after a long column: more than the sum of the lowest cut-off's kernel, the longest delay and an
-actuator's ringing."""
+"""Number of zeros after a long column. The zeros must outlast the kernel of the lowest cut-off, the longest delay and
+the ringing of an actuator together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +41,7 @@ class Spectrum:
     Attributes
     ----------
     lines : complex spectrum, shape (size // 2 + 1,)
-    samples, size : number of samples of the column, without and with the zeros
+    samples, size : number of samples of the column without the zeros, and with them
     sample_time : T, s
     """
 
@@ -80,7 +83,7 @@ def smooth(omega: Floats, cutoff_hz: float) -> Floats:
 
 
 def stride(cutoff_hz: float, sample_time: float) -> int:
-    """Return the stride n after a low-pass: every n-th sample suffices, with an aliasing of 1e-6.
+    """Return the stride n after a low-pass. Every n-th sample suffices, with an aliasing of 1e-6.
 
     Parameters
     ----------
@@ -94,7 +97,7 @@ def stride(cutoff_hz: float, sample_time: float) -> int:
 
 
 def filtered(column: Spectrum, response: Response, every: int = 1) -> Floats:
-    """Return a column behind a filter. Its ends, as long as the kernel's reach, do not depend on the log alone.
+    """Return a column after a filter. Within the kernel's reach, the ends of the column depend on more than the log.
 
     Parameters
     ----------
@@ -108,7 +111,7 @@ def filtered(column: Spectrum, response: Response, every: int = 1) -> Floats:
 
 
 def edge(cutoff_hz: float, delay: float, sample_time: float) -> int:
-    """Return the number of samples at each end of a filtered column that do not depend on the log alone.
+    """Return the number of samples at each end of a filtered column that depend on more than the log.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""A periodic excitation: its response, and the physics that is fitted to it."""
+"""Fit physics to the response to a periodic excitation."""

@@ -1,4 +1,5 @@
-"""A response with a candidate structure: the errors for given numbers, and the search for the least errors."""
+"""Define the fit of a candidate structure to a response: the errors for given numbers, and the search for the least
+errors."""
 
 from __future__ import annotations
 
@@ -20,11 +21,11 @@ Ints = NDArray[np.int64]
 FLOOR = (1e-5, 10.0)
 """Range of the model-error floor, relative to the response."""
 EVALUATIONS = 100
-"""Greatest number of evaluations in a search. A start that needs more is not a good start."""
+"""Greatest number of evaluations in a search. A start that needs more evaluations is not worth pursuing."""
 DECADES = 5.0
 """Greatest change of a positive number in one search, as a natural logarithm."""
 OUTLYING = 1.0
-"""Greatest relative spread of a line that is used. A line with a greater spread is noise."""
+"""Greatest relative spread of a line that the fit uses. A line with a greater spread is noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +46,7 @@ class FitTask:
     aliased: Complex | float = 1.0
 
     def numbers(self, at: Floats) -> dict[str, float]:
-        """Return the numbers at a point of the search."""
+        """Return the numbers of the candidate that a point of the search stands for."""
         named = zip(self.candidate.names, at, strict=True)
         return {name: float(np.exp(value)) if name in SCALED else float(value) for name, value in named}
 
@@ -63,7 +64,7 @@ class FitTask:
         return device, motor * pushed, handle * pushed
 
     def sampled(self, at: Floats) -> FitTask:
-        """Return the task with the aliasing of the samples computed at a point. It hardly depends on the numbers."""
+        """Return the task with the aliasing computed at a point. The aliasing hardly depends on the numbers."""
         if self.measured.input == "force":
             return self
         device, omega = self.outputs(at)[0], self.measured.position.omega

@@ -1,4 +1,4 @@
-"""Study a recording of a periodic excitation: its response, the chosen structure, and the results."""
+"""Study a recording of a periodic excitation: measure the response, choose a structure, and return the results."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vctune.identification.response.response_fit import ResponseFit
 from vctune.model.device import Device
 
 TOLD = 3.0
-"""Significance of a lag in standard deviations; no interval of a box is wider."""
+"""Significance from which a lag counts, in standard deviations. No interval of a box is wider than this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,9 @@ def _bandwidth(lag: float, sigma: float) -> tuple[float, float]:
 def behind_force(
     study: PeriodicStudy, T: float, device: Device, bounds: Sequence[Bounded]
 ) -> tuple[Device, list[Bounded]]:
-    """Return device and box as seen from the recorded force. A measured force comes after the actuator and its delay.
+    """Return device and box without the parts before the recorded force.
+
+    A measured force comes after the actuator and the delay.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The device in the fit of a response: its numbers for each structure, and their effect on a line."""
+"""Model the device in the fit of a response: its numbers for each structure, and their effect on a line."""
 
 from __future__ import annotations
 

@@ -11,20 +11,23 @@ from vctune.document.recording import Channel, Floats, Recording
 
 Complex = NDArray[np.complex128]
 LEAST_PERIODS = 4
-"""Least number of periods. Fewer do not show a line's variance once the first is dropped."""
+"""Least number of periods. The evaluation omits the first one, and fewer periods would not show a line's variance."""
 LEAST_LINES = 8
 REPEATS = 0.9
-"""Least correlation of a column with itself one period later. Noise with a tenth of the power reduces it less."""
+"""Least correlation of a column with itself one period later. Noise with a tenth of the power keeps the correlation
+above this."""
 EXCITED = 0.05
 """Least amplitude of an excited line, relative to the greatest amplitude."""
 ABOVE_NOISE = 5.0
-"""Least amplitude of an excited line, in standard deviations of its mean."""
+"""Least amplitude of an excited line, in standard deviations of the line's mean."""
 FINER = 32
-"""Number of points per sample for the direction of motion. Half and twice as many change the lines by a thousandth."""
+"""Number of points per sample for the direction of motion. With half or twice as many points, the lines change by a
+thousandth."""
 MOST_POINTS = 1 << 21
 """Greatest number of points in half a period. A very long period has fewer points per sample."""
 HIGHEST_LINE = 0.45
-"""Highest line as a share of the sampling rate. Above it, anti-aliasing filters matter more than the device."""
+"""Frequency of the highest line, as a share of the sampling rate. At higher frequencies, anti-aliasing filters matter
+more than the device."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +38,7 @@ class Lines:
     ----------
     omega : frequencies, rad/s, shape (n,)
     ratio : ratio of output to input, averaged over periods, shape (n,)
-    spread : relative standard deviation of that mean, for both parts together, shape (n,)
+    spread : relative standard deviation of this average, for real and imaginary part together, shape (n,)
     coherence : coherence between periods, shape (n,)
     """
 
@@ -56,7 +59,7 @@ class Response:
     input : "force" or "command", by which position and handle are divided
     position, handle : responses, m/N; None if the handle was not recorded
     drive : response from command to force; None unless both were recorded
-    friction : lines of a Coulomb friction of 1 N divided by those of the input, 1/N
+    friction : lines of a Coulomb friction of 1 N, divided by the lines of the input, 1/N
     speed : root mean square speed of the motor, m/s
     sample_time : T, s
     """
@@ -126,7 +129,7 @@ def find_period(values: Floats) -> int | None:
     summed = np.fft.irfft(np.abs(np.fft.rfft(centred, size)) ** 2, size)[: n // LEAST_PERIODS + 1]
     overlap = n / (n - np.arange(summed.size))
     correlation = summed * overlap / power
-    ahead = np.flatnonzero(correlation < 0.5)  # past the width of the correlation's own peak
+    ahead = np.flatnonzero(correlation < 0.5)  # beyond the peak of the correlation around 0
     if not ahead.size:
         return None
     start = int(ahead[0])
@@ -145,7 +148,7 @@ def _spectra(values: Floats, period: int, first: int) -> Complex:
 
 
 def _without_drift(values: Floats, period: int, first: int) -> Complex:
-    """Return the spectra of a position that drifts, by its second difference, which hardly drifts."""
+    """Return the spectra of a position that drifts. The function uses the second difference, which hardly drifts."""
     second = np.zeros(values.size)
     second[1:-1] = values[2:] - 2 * values[1:-1] + values[:-2]
     second[-1] = second[-1 - period] if values.size > period else 0.0
@@ -180,7 +183,7 @@ def _direction(position: Complex) -> Complex:
 
 
 def _rounding(channel: Channel, period: int) -> float:
-    """Return the error of a line due to rounding. It is equal in each period, so that no average shows it."""
+    """Return the error of a line due to rounding. The error is equal in each period, so averages do not show it."""
     quantum = channel.quantum
     if quantum is None:
         steps = np.abs(np.diff(channel.values))

@@ -1,4 +1,5 @@
-"""Fit physics to a response: weighted least squares with a model-error floor, order by chi2 (README, section 3)."""
+"""Fit physics to a response by weighted least squares with a model-error floor; chi2 decides the order (README, section
+3)."""
 
 from __future__ import annotations
 
@@ -17,19 +18,19 @@ from vctune.model.device import Device
 from vctune.model.parts import Actuator
 
 START_FLOOR = 0.1
-"""Model error with which the search starts. Half and twice it lead to the same fits."""
+"""Model error with which the search starts. Half or twice this error leads to the same fits."""
 ROUNDS = 20
 CLEARER = 2.0
 """Factor by which a second mass must reduce chi2. Model errors of neighbouring lines are similar, and friction bends a
-response slightly everywhere, while a resonance reduces chi2 by a hundred."""
+response slightly everywhere. A resonance reduces chi2 by a factor of a hundred."""
 DAMPED = 0.5
 """Damping ratio above which a peak does not count as a resonance."""
 UNKNOWN = 1e-12
-"""Number added to the diagonal of the information, which is 1, so that a number that no line determines gets a huge
-deviation."""
+"""Number added to the diagonal of the information, whose entries are 1. A number that no line determines then gets a
+huge deviation."""
 BLOCKS = 8
-"""Number of blocks of neighbouring lines that are omitted in turn. Model error extends over many lines, and the
-resulting intervals allow for it."""
+"""Number of blocks of neighbouring lines. The code omits one block at a time, so that the intervals allow for model
+errors that extend over many lines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +74,7 @@ class ResponseFit:
 def fit_response(
     measured: Response, actuator: Actuator | None = None
 ) -> tuple[ResponseFit, tuple[ResponseFit, ...]] | None:
-    """Return the simplest candidate that explains a response as well as the best one, and all candidates.
+    """Return the simplest candidate that explains a response as well as the best one does, and all candidates.
 
     Return None if there are too few lines.
 
@@ -110,7 +111,7 @@ def _resonates(fit: ResponseFit, measured: Response) -> bool:
 
 
 def _criterion(measured: Response, fit: ResponseFit, actuator: Actuator | None, model_errors: Floats) -> float:
-    """Return chi2 with the best candidate's model error, plus the penalty for the numbers (Bayes's criterion)."""
+    """Return chi2 with the best candidate's model error, plus a penalty for each free number (Bayes's criterion)."""
     task = FitTask(measured, fit.candidate, actuator)
     at = point(fit.numbers, fit.candidate)
     residuals = task.sampled(at).residuals(at, model_errors)
@@ -211,7 +212,7 @@ def _result(task: FitTask, at: Floats, model_errors: Floats, chi2: float) -> Res
 
 
 def _deleted(task: FitTask, at: Floats, model_errors: Floats) -> Floats:
-    """Return the standard deviations of the point, from omitting one block of neighbouring lines at a time."""
+    """Return the standard deviations of the point. The function omits one block of neighbouring lines at a time."""
     blocks = np.array_split(np.arange(task.measured.position.omega.size), BLOCKS)
     left = np.array([solved_from(replace(task, left_out=block), at, model_errors) for block in blocks if block.size])
     return np.sqrt((len(left) - 1) * np.var(left, axis=0))

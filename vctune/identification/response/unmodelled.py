@@ -16,14 +16,14 @@ from vctune.identification.response.response import Response
 from vctune.model.device import Device
 
 TRIED = 600
-"""Number of devices of the box with which a line is compared. On the bench data, a tenth of them make the radii a fifth
-larger, ten times as many 3 % smaller."""
+"""Number of devices of the box with which the code compares a line. On the bench data, a tenth of this number makes the
+radii 20 % larger, and ten times this number makes them 3 % smaller."""
 KNOTS = 24
 """Greatest number of frequencies at which the radius is stated."""
 SEED = 1
 LEAST = 1e-6
 MARGIN = 1 + 1e-6
-"""Allowance for the rounding of the numbers in the file."""
+"""Relative allowance for the rounding of the numbers in the file."""
 
 
 def distances(device: Device, bounds: Sequence[Bounded], measured: Response, coulomb: float) -> Floats:
@@ -105,7 +105,7 @@ def covered(
 
 
 def envelope(hertz: Floats, needed: Floats) -> tuple[tuple[float, float], ...]:
-    """Return a few points whose polyline on logarithmic axes lies above all required radii.
+    """Return a few points. The polyline through them on logarithmic axes lies above all required radii.
 
     Parameters
     ----------

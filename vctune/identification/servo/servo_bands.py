@@ -1,4 +1,4 @@
-"""The response of a servo in bands of frequencies (README, section 9)."""
+"""Measure the response of a servo in bands of frequencies (README, section 9)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PER_OCTAVE = 3
 LOWEST = 3.0
 """Lowest frequency of a band, in units of the log's frequency resolution."""
 CLEAR = 0.02
-"""Greatest relative standard deviation of a band that is used."""
+"""Greatest relative standard deviation of a band that vctune uses."""
 HANN = 1.5
 """Width of the window in bins."""
 

@@ -14,23 +14,25 @@ from vctune.identification.servo.servo_motion import modes, positions
 from vctune.identification.servo.servo_noise import Noise, exposure, jitter, likeliest, whitened
 
 BANDWIDTHS = (2e-4, 8.0)
-"""Range of the low-pass as shares of the sampling rate: from a lag of 800 samples to a fiftieth of a sample."""
+"""Range of the low-pass's bandwidth, as shares of the sampling rate. The lags range from 800 samples to a fiftieth of a
+sample."""
 TRIED = 24
 """Number of bandwidths from which the search starts, spaced evenly on a logarithmic axis."""
 SETTLED = 6.0
-"""Number of lags after which the servo's motion before the log has no effect."""
+"""Time after which motion before the log has no effect, in lags of the servo."""
 VALLEYS = 14
-"""Number of other bandwidths at which a better fit is sought."""
+"""Number of other bandwidths at which the search looks for a better fit."""
 ROUNDS = 2
 """Number of alternations between fitting the noise and fitting the numbers."""
 LEAST_SPAN = 8
-"""Least number of rows over which a motion is compared; one row shows only the encoder's noise."""
+"""Least number of rows over which a step of the motion is measured. A single row would show only the encoder's
+noise."""
 FINE = 1e-4
 """Relative step of a numerical derivative."""
 WILD = 1.5
-"""Greatest ratio of a standard deviation to the half-width by chi2."""
+"""Greatest permitted ratio of a standard deviation to the half-width that chi2 gives."""
 STATED = 2
-"""How many numbers are stated together: delay and bandwidth."""
+"""Number of intervals that must hold together: those of delay and bandwidth."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +74,8 @@ class ServoFit:
     Attributes
     ----------
     order : order of the low-pass
-    delay, bandwidth : intervals of the delay, s, and of the bandwidth, Hz, which hold together
-    gain, gain_sigma : motion relative to the command, and its standard deviation
+    delay, bandwidth : intervals of the delay, s, and of the bandwidth, Hz; they hold at the same time
+    gain, gain_sigma : ratio of motion to command, and its standard deviation
     lag : lag of the low-pass at rest, s
     jitter : standard deviation of the delay from command to command, s
     noise : noise in the likelihood
@@ -81,7 +83,7 @@ class ServoFit:
     first : first row of the fit
     unlikely : -2 log likelihood
     inflation : factor by which correlation of the residuals increases a variance
-    left : steps of the position that the fit leaves unexplained, m
+    left : part of the position's steps that the fit leaves unexplained, m
     left_share : root mean square residual motion over as many rows as the servo's delay
     told : whether the interval of the bandwidth ends below the highest tried bandwidth
     """
@@ -105,7 +107,10 @@ class ServoFit:
 
 @dataclass(frozen=True, slots=True)
 class _Task:
-    """Least squares of whitened steps. The numbers are latency in samples, and log of bandwidth times sample time."""
+    """The least-squares problem of the whitened steps.
+
+    The unknowns are the latency in samples, and the log of bandwidth times sample time.
+    """
 
     seen: ServoLog
     order: int
@@ -125,7 +130,7 @@ class _Task:
         return np.diff(np.stack([self.seen.position, moved], axis=1)[self.first :], axis=0)
 
     def gain(self, at: Floats) -> float:
-        """Return the servo's motion relative to its command."""
+        """Return the gain: the ratio of the servo's motion to its command."""
         measured, made = self._whitened(self.steps(at)).T
         return float(measured @ made / (made @ made))
 
@@ -135,7 +140,7 @@ class _Task:
         return float(np.sqrt(robust_covariance(made * self.white(at)[:, None], made.T @ made, reach)[0, 0]))
 
     def left(self, at: Floats) -> Floats:
-        """Return the steps that given numbers leave unexplained, m."""
+        """Return the part of the steps that given numbers leave unexplained, m."""
         measured, made = self.steps(at).T
         return np.asarray(measured - self.gain(at) * made)
 
@@ -192,7 +197,7 @@ def _refined(task: _Task, at: Floats) -> tuple[_Task, Floats]:
 
 
 def _better_elsewhere(task: _Task, at: Floats) -> Floats:
-    """Return numbers at another bandwidth that fit better, if there are any, because the least squares have valleys."""
+    """Return numbers at another bandwidth if they fit better. The sum of squares has several valleys."""
     best, least = at, float(np.sum(task.white(at) ** 2))
     for logarithm in np.linspace(log(10 * BANDWIDTHS[0]), log(BANDWIDTHS[1] / 4), VALLEYS):
         tried = _best_latency(task, at, logarithm)
@@ -203,7 +208,7 @@ def _better_elsewhere(task: _Task, at: Floats) -> Floats:
 
 
 def _prepared(seen: ServoLog, order: int, at: Floats, noise: Noise, first: int | None = None) -> _Task:
-    """Return the task near given numbers, with the rows to fit and the effect of the link's jitter on each."""
+    """Return the task near given numbers, with the rows to fit and the effect of the link's jitter on each row."""
     lag = modes(float(np.exp(at[1])), order)[0]
     if first is None:
         first = min(ceil(max(float(at[0]), 0.0) + SETTLED * lag) + 2, seen.time.size // 4)
@@ -213,7 +218,8 @@ def _prepared(seen: ServoLog, order: int, at: Floats, noise: Noise, first: int |
 
 
 def _coarse(seen: ServoLog, order: int) -> Floats:
-    """Return the best of all whole delays and several bandwidths, by correlation of steps."""
+    """Return the best combination of a whole number of samples of delay and one of several bandwidths, by correlation
+    of steps."""
     n, T = seen.time.size, seen.sample_time
     measured = np.diff(seen.position)
     best, least = np.zeros(2), np.inf
@@ -254,7 +260,7 @@ def _with_intervals(task: _Task, at: Floats) -> ServoFit:
     reach = ceil(max(np.sqrt(white.size), 3 * lag))
     robust = robust_covariance(slopes * white[:, None], information, reach)
     plain = np.linalg.inv(information)
-    # from delay and log bandwidth to latency: the lag decreases as the bandwidth increases
+    # convert the slope by delay and log bandwidth to one by latency: the lag decreases as the bandwidth increases
     turn = np.array([[1.0, lag], [0.0, 1.0]])
     robust, plain = turn @ robust @ turn.T, turn @ plain @ turn.T
     inflation = max(1.0, float(np.max(np.diag(robust) / np.diag(plain))))
@@ -287,9 +293,11 @@ def _share(left: Floats, position: Floats, span: int) -> float:
 
 
 def _profile(task: _Task, at: Floats, sigma: Floats, inflation: float) -> tuple[Interval, Interval]:
-    """Return intervals of delay and bandwidth. They end where the least chi2 at a given bandwidth exceeds its limit.
+    """Return intervals of delay and bandwidth.
 
-    For a short lag chi2 is not a parabola, so that a standard deviation would not give the ends of the bandwidth.
+    An interval ends where the least chi2 at a given bandwidth exceeds its limit.
+
+    For a short lag, chi2 is not a parabola. A standard deviation would then give wrong ends for the bandwidth.
     """
     T, factor = task.seen.sample_time, joint_factor(STATED)
     least = float(np.sum(task.white(at) ** 2))
@@ -308,7 +316,7 @@ def _profile(task: _Task, at: Floats, sigma: Floats, inflation: float) -> tuple[
 def _interval(value: float, sigma: float, low: float, high: float, factor: float) -> Interval:
     """Return an interval.
 
-    If the deviation is far beyond an end, chi2 is not a parabola, and the given ends are right.
+    If the standard deviation reaches far beyond an end, chi2 is not a parabola, and the function keeps the given ends.
     """
     sigma = min(sigma, WILD * min(value - low, high - value) / factor)
     return Interval(value, sigma, min(low, value - factor * sigma), max(high, value + factor * sigma))

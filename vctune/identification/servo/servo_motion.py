@@ -1,4 +1,4 @@
-"""The exact motion of a servo at the instants of a log: delay, low-pass and integration of a held velocity.
+"""Compute the exact motion of a servo at the instants of a log: delay, low-pass and integration of a held velocity.
 
 A low-pass H with poles p_i responds to a step of the velocity command with the position
 
@@ -21,7 +21,7 @@ Complex = NDArray[np.complex128]
 
 
 def modes(bandwidth_hz: float, order: int) -> tuple[float, complex, complex]:
-    """Return the lag, a pole, and twice its residue. A response is the real part of their sum.
+    """Return the lag, a pole, and twice the pole's residue. The response to a step is the real part of their sum.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def positions(time: Floats, velocity: Floats, delay: float, bandwidth_hz: float,
 
 
 def _decaying(jumps: Floats, factors: Complex) -> Complex:
-    """Return m with m[k] = factors[k - 1] m[k - 1] + jumps[k], by spans that double."""
+    """Return m with m[k] = factors[k - 1] m[k - 1] + jumps[k]. Each pass of the function doubles the covered span."""
     m, through = jumps.astype(complex), np.concatenate([[0.0], factors])
     span = 1
     while span < m.size and np.abs(through).max() > 1e-17:

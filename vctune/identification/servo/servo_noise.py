@@ -1,8 +1,9 @@
-"""The noise of a servo's log: an encoder, and a link with jitter.
+"""Model the noise of a servo's log, which comes from an encoder and from a link with jitter.
 
-The steps of the position have a banded covariance. An encoder's noise r affects two successive steps. Let a velocity
-command arrive early or late by a random time with deviation q. It permanently shifts the position by q times its jump.
-A position command shifts it by q times its speed, for that sample only. The servo's lag spreads both effects.
+The steps of the position have a banded covariance. An encoder's noise r affects two successive steps. A command arrives
+early or late by a random time with deviation q. A velocity command thereby shifts the position permanently by q times
+the jump of the velocity. A position command shifts the position by q times the speed, for that sample only. The lag of
+the servo spreads these shifts over several samples.
 """
 
 from __future__ import annotations
@@ -15,9 +16,9 @@ import numpy as np
 from vctune.document.recording import Floats
 
 LEAST_LINK = 1e-3
-"""Jitter above which the fit looks for it, in sample times."""
+"""Least jitter that the fit considers, in sample times."""
 LEAST_WINDOWS = 10
-"""Least number of windows of rows for the detection of jitter."""
+"""Least number of windows of rows from which jitter can be detected."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +77,7 @@ def whitened(steps: Floats, noise: Noise, exposed: Floats, *, is_position: bool)
 def likeliest(
     steps: Floats, near: Noise, least: float, T: float, exposed: Floats, *, is_position: bool
 ) -> tuple[Noise, float]:
-    """Return the noise with which steps are likeliest, and -2 log of that likelihood.
+    """Return the noise that makes the steps likeliest, and -2 log of that likelihood.
 
     Parameters
     ----------
@@ -104,7 +105,9 @@ def likeliest(
 
 
 def jitter(left: Floats, encoder: float, lag: float, exposed: Floats, *, is_position: bool) -> float:
-    """Return the standard deviation of a link's delay, s; 0 if it is less than three deviations from 0.
+    """Return the standard deviation of a link's delay, s.
+
+    Return 0 if it is less than three of its own deviations from 0.
 
     The lag of the servo spreads the effect of a late command, so the function sums over several lags.
 

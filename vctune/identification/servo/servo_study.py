@@ -1,4 +1,7 @@
-"""Study a recording of a servo: fits of both orders, their comparison, and whether the servo yields to a force."""
+"""Study a recording of a servo.
+
+The study fits both orders, compares them, and tests whether the servo yields to a force.
+"""
 
 from __future__ import annotations
 
@@ -24,13 +27,14 @@ from vctune.model.numbers.units import Units
 EVIDENCE = 10.0
 """Gain in -2 log likelihood, for independent residuals, that decides between the orders."""
 UNEXPLAINED = 0.5
-"""Relative residual of the motion above which a log is refused."""
+"""Relative residual of the motion above which vctune refuses a log."""
 GAINS = (0.8, 1.25)
-"""Range of a servo's motion relative to its command. Outside it the unit or the axis is wrong."""
+"""Permitted range of the ratio of a servo's motion to its command. Outside this range, the unit or the axis is
+wrong."""
 CLEAR = 4.0
-"""Number of standard deviations above which a gain differs from 1, and above which a servo yields."""
+"""Significance, in standard deviations, with which a gain differs from 1 or a servo yields."""
 YIELDS = 0.005
-"""Share of the motion that follows the force, above which it matters."""
+"""A servo's yielding to the force matters if it causes more than this share of the motion."""
 LATENCY, JITTER = Note("limit-latency", "a delay and a lag are alike in this motion"), Note("limit-jitter", "jitter")
 
 
@@ -41,7 +45,7 @@ class Yielding:
     Attributes
     ----------
     compliance, mobility : m/N and m/(N s), each with its standard deviation
-    share : root mean square share of the motion that the clearer of the two causes
+    share : root mean square share of the motion that follows the force, for the more significant of the two
     clear : whether each of the two is significant
     """
 
@@ -108,7 +112,9 @@ class ServoStudy:
 
 
 def likelier_order(studies: Sequence[ServoStudy]) -> int:
-    """Return the order that is likelier over all recordings, each weighted as its residuals permit.
+    """Return the order that is likelier over all recordings.
+
+    The weight of a recording is smaller if its residuals are correlated.
 
     Parameters
     ----------
@@ -122,7 +128,7 @@ def likelier_order(studies: Sequence[ServoStudy]) -> int:
 
 
 def _estimate(key: str, found: Interval, source: str, jitter: float) -> Estimate:
-    """Return an interval as an estimate. Its excess is the width beyond its standard deviations."""
+    """Return an interval as an estimate. The excess of the estimate is the width beyond its standard deviations."""
     own = joint_factor(STATED) * found.sigma
     beyond = (max(found.value - own - found.low, 0.0), max(found.high - own - found.value, 0.0))
     reason = JITTER if jitter > max(beyond) else LATENCY

@@ -1,4 +1,4 @@
-"""The distance of a servo's response from the servos of the box (README, section 9)."""
+"""Measure the distance of a servo's response from the servos of the box (README, section 9)."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from vctune.identification.servo.servo_study import ServoStudy
 from vctune.model.device import Device
 
 RIDGE = 40
-"""Number of servos with the latency of the fit that are tried in addition to random ones; a slow motion cannot tell
-them apart."""
+"""Number of servos with the same latency as the fit that the code tries in addition to random ones. A slow motion
+cannot distinguish these."""
 BEYOND = 40
-"""Number of frequencies up to Nyquist at which a servo of the other order is compared with the box."""
+"""Number of frequencies up to Nyquist at which the code compares a servo of the other order with the box."""
 
 
 def response_of(device: Device, omega: Floats) -> Complex:
@@ -48,7 +48,7 @@ def servo_distances(device: Device, bounds: Sequence[Bounded], study: ServoStudy
 
 
 def off_other_order(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> tuple[Floats, Floats]:
-    """Return frequencies up to Nyquist, Hz, and the distance of a servo of the other order from the box at each.
+    """Return frequencies up to Nyquist, Hz, and, at each, the distance from the box to a servo of the other order.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def off_other_order(device: Device, bounds: Sequence[Bounded], study: ServoStudy
 
 
 def tried(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> list[Device]:
-    """Return servos of the box, some of which have the latency of a log's fit.
+    """Return servos of the box. Some of them have the latency of a log's fit.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""The velocity loop at a frequency, and the resistance that it requires of the coupling."""
+"""Evaluate the velocity loop at a frequency, and the resistance that this loop requires of the coupling."""

@@ -1,4 +1,6 @@
-"""The loop's constants at a frequency: every response is a quotient of two numbers that are affine in the gains.
+"""Compute the constants of the loop at a frequency.
+
+Every response is a quotient of two numbers that are affine in the gains.
 
 See model/README.md, section 12.
 """
@@ -39,7 +41,7 @@ class Affine:
 
 @dataclass(frozen=True, slots=True)
 class LoopConstants:
-    """The constants of the loop, which is affine in the gains. They are not scaled.
+    """The constants of the loop at a frequency. They are not scaled.
 
     Attributes
     ----------
@@ -59,10 +61,10 @@ class LoopConstants:
 
 
 def loop_constants(at: DeviceResponse) -> LoopConstants:
-    """Return the constants of a device's loop at omega > 0. They do not depend on the gains.
+    """Return the constants of a device's loop at omega > 0. The constants do not depend on the gains.
 
-    In C_0, the coefficient of K_p is that of K_v turned by a right angle. The same holds in W and D, unless the
-    firmware estimates the velocity.
+    In C_0, the coefficient of K_p is the coefficient of K_v turned by a right angle. The coefficients in W and D have
+    the same relation if the firmware measures the velocity.
     """
     if at.follows:
         return _following(at)
@@ -104,7 +106,7 @@ def loop_constants(at: DeviceResponse) -> LoopConstants:
 
 
 def _following(at: DeviceResponse) -> LoopConstants:
-    """Return the constants of a servo, which do not contain the gains."""
+    """Return the constants of a servo. These constants do not contain the gains."""
     drive = Pair(at.drive.re, -(at.omega * at.drive.lag))
     heard = drive if at.sensor is None else Pair(at.sensor.re, -(at.omega * at.sensor.lag)) * drive
     one, none = Pair(1, 0 * at.omega), Pair(0, 0 * at.omega)

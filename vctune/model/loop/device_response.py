@@ -1,7 +1,8 @@
-"""The device's response in its loop at a frequency, independent of the gains (model/README.md, sections 1 and 12).
+"""Compute the device's response at a frequency, which does not depend on the gains (model/README.md, sections 1 and
+12).
 
-An ideal device has a mass, a damping, and a hold with its delay. The other parts are optional and cost nothing if
-absent: actuator, velocity estimate, force sensor, and a spring between motor and handle.
+An ideal device has a mass, a damping, and a hold with its delay. The other parts are optional: actuator, velocity
+estimate, force sensor, and a spring between motor and handle. An absent part costs no computation.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from vctune.model.parts import Servo, Structure
 
 
 class DriveResponse(NamedTuple):
-    """Hold, delay and actuator at a frequency, A H = re - j omega lag; both parts are even and smooth at omega = 0.
+    """Hold, delay and actuator at a frequency, A H = re - j omega lag. Both parts are even and smooth at omega = 0.
 
     Attributes
     ----------
@@ -65,7 +66,7 @@ class DeviceResponse(NamedTuple):
     Attributes
     ----------
     omega : frequency, rad/s
-    mass, damping : mass and damping of the motor's part, kg and N s/m; a rigid device is all motor's part
+    mass, damping : mass and damping of the motor's part, kg and N s/m; a rigid device has no other part
     drive : A H
     estimate : F, from the motor's velocity to the firmware's estimate; None for 1
     sensor : F_s, from the hand's force to the sensed force; None for 1
@@ -135,7 +136,7 @@ def mechanism(device: Device, structure: Structure, ops: Arithmetic) -> Mechanis
 
 
 def hold_response(device: Device, omega: Number, ops: Arithmetic) -> DriveResponse:
-    """Evaluate H = hold(j omega) e^{-j omega delay} (with the 1/T that paper eq. 9 lacks).
+    """Evaluate H = hold(j omega) e^{-j omega delay}, including the factor 1/T that paper eq. 9 lacks.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""The drive, from the held command to the motor's force: its response, its states and their rates.
+"""Model the drive, which turns the held command into the motor's force: its response, its states and their rates.
 
-A new part of the drive adds to each function of this module. No other module knows the parts of the drive.
+To add a part to the drive, extend each function of this module. No other module knows the parts of the drive.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ COMMAND = "command"
 Rows = dict[str, dict[str, Number]]
 """Rates of the states, by the names of the states or inputs that drive them."""
 LowPassRows = Callable[[Rows, tuple[str, str], Number, int, Arithmetic], Number]
-"""Function that writes a low-pass into the rates, such as `filter_rows`."""
+"""Type of a function that writes a low-pass into the rates, such as `filter_rows`."""
 
 
 def drive_states(device: Device) -> tuple[str, ...]:
@@ -46,7 +46,8 @@ def drive_response(device: Device, omega: Number, ops: Arithmetic) -> FilterResp
 def drive_rows(
     rows: Rows, device: Device, ops: Arithmetic, low_pass_rows: LowPassRows = filter_rows
 ) -> dict[str, Number]:
-    """Write the rates of the drive's states, and return the motor's force as shares of the states and the command.
+    """Write the rates of the drive's states, and return the motor's force as a linear combination of states and
+    command.
 
     Parameters
     ----------
@@ -89,6 +90,6 @@ def pushed(force: dict[str, Number], share: Number) -> dict[str, Number]:
     Returns
     -------
     dict
-        The shares of the states and the command. A full share stays the integer 1, so that it adds no rounding.
+        The shares of the states and the command. A share of 1 stays an integer, so that it adds no rounding error.
     """
     return {name: share if type(part) is int and part == 1 else times(part, share) for name, part in force.items()}

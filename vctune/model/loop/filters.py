@@ -1,4 +1,5 @@
-"""Non-ideal parts of a device at a frequency: velocity estimate, actuator, force sensor (README, section 12).
+"""Evaluate the non-ideal parts of a device at a frequency: velocity estimate, actuator, force sensor (README, section
+12).
 
 Each part has unit gain at omega = 0. The code computes 1 - H directly instead of subtracting H from 1, so that no
 digits cancel.
@@ -38,7 +39,8 @@ class FilterResponse:
         Returns
         -------
         FilterResponse
-            The function forms its curvature from those of the factors, not from 1 - Re, so that no digits cancel.
+            The function forms the product's curvature from the factors' curvatures, not from 1 - Re, so that no digits
+            cancel.
         """
         one, two = self, other
         crossed = one.curvature * two.curvature * omega2
@@ -97,8 +99,8 @@ def pure_delay(delay: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
 def interpolation(sample_time: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
     """Return (1 + e^(-s T))/2 at s = j omega, the filter between a held velocity and an interpolated position.
 
-    If the servo interpolates a position command over a sample, the effect is that of a held velocity command behind
-    this filter (model/README.md, section 17).
+    A servo that interpolates a position command over a sample acts like a servo with this filter after a held velocity
+    command (model/README.md, section 17).
 
     Parameters
     ----------
@@ -141,8 +143,8 @@ def velocity_estimate(
 
     See model/README.md, section 12.
 
-    A backward difference of the position is the mean velocity of the last sample interval, (1 - e^(-sT))/(sT). The
-    firmware's low-passes follow it.
+    A backward difference of the position gives the mean velocity of the last sample interval, (1 - e^(-sT))/(sT). The
+    firmware's low-passes then filter this velocity.
 
     Parameters
     ----------
@@ -247,7 +249,7 @@ def filter_rows(
     if order == 1:
         rows[out][out] = -corner
         return corner
-    a = corner * ops.sqrt(0 * corner + 0.5)  # a square root of the square would be wide where the corner is
+    a = corner * ops.sqrt(0 * corner + 0.5)  # the square root of the square would be wide for an uncertain corner
     rows[out][out], rows[out][rate] = -a, a
     rows[rate][out], rows[rate][rate] = -a, -a
     return 2 * a

@@ -1,4 +1,4 @@
-"""The impedances of a velocity loop at a frequency: the device's and the controller's (README, section 1)."""
+"""Compute the impedances of device and controller in a velocity loop at a frequency (README, section 1)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vctune.model.numbers.pair import Pair
 
 
 class LoopResponse(NamedTuple):
-    """The loop's impedances times a common real scale, and the numbers that must not be formed by subtraction.
+    """The loop's impedances times a common real scale, and the numbers for which a subtraction would lose digits.
 
     With an integrator, C_0 grows like 1/omega for omega -> 0. All impedances are then multiplied by the scale omega,
     which makes them regular at omega = 0. Without an integrator the scale is 1.

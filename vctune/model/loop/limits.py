@@ -1,4 +1,4 @@
-"""Exact limits of R and Re Z_c at the ends of the frequency axis (model/README.md, section 6)."""
+"""Compute the exact limits of R and Re Z_c at the ends of the frequency axis (model/README.md, section 6)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 
 @dataclass(frozen=True, slots=True)
 class EndLimit:
-    """Re Z_c and R at an end of the axis. Where both vanish, both are divided by the same positive power of omega.
+    """Re Z_c and R at an end of the axis. Where both vanish, the code divides both by the same positive power of omega.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class EndLimit:
 
 @dataclass(frozen=True, slots=True)
 class Lags:
-    """The lags of a device's parts for omega -> 0, and the loss and the compliance of its spring.
+    """The lags of a device's parts for omega -> 0, and the loss and the compliance of the device's spring.
 
     Attributes
     ----------
@@ -73,11 +73,11 @@ def lags(device: Device, ops: Arithmetic) -> Lags:
 def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling, ops: Arithmetic = FLOATS) -> EndLimit:
     """Return the limits of Re Z_c and R for omega -> 0, with any hold (model/README.md, section 6).
 
-    With K_p > 0, Re Z_c -> b_0 and R -> (b + tau_s K_p)^2/(4 (b + k)) with k = K_v - tau K_p + K_p^2 c/k_s^2. Here tau
-    is the drive's lag, tau_s the force sensor's lag, and k_s and c belong to the spring between motor and handle. With
-    K_p = 0, R vanishes like omega^2, and without drag so does Re Z_c. The ratio then tends to (m_c^2/b_c) 4 (b +
-    K_v)^2/(K_v M^2), M = m + b tau - K_v tau_F + (b + K_v) tau_s with the velocity estimate's lag tau_F. With K_p > 0
-    and b = tau_s = 0, R vanishes like omega^4. In the hand of an operator with damping b_h,
+    With K_p > 0, Re Z_c -> b_0 and R -> (b + tau_s K_p)^2/(4 (b + k)) with k = K_v - tau K_p + K_p^2 c/k_s^2. In this
+    limit, tau is the drive's lag, tau_s the force sensor's lag, and k_s and c belong to the spring between motor and
+    handle. With K_p = 0, R vanishes like omega^2, and without drag so does Re Z_c. The ratio then tends to (m_c^2/b_c)
+    4 (b + K_v)^2/(K_v M^2), M = m + b tau - K_v tau_F + (b + K_v) tau_s with the velocity estimate's lag tau_F. With
+    K_p > 0 and b = tau_s = 0, R vanishes like omega^4. In the hand of an operator with damping b_h,
 
         R -> ((b + tau_s K_p)^2 - 4 b_h Re(C conj N))/(4 (b + k + b_h n^2)),   n = 1 + K_p/k_s,
 

@@ -1,4 +1,4 @@
-"""The velocity loop at a frequency (model/README.md, sections 1, 2 and 12; paper eqs. 7, 9, 10, 11).
+"""Evaluate the velocity loop at a frequency (model/README.md, sections 1, 2 and 12; paper eqs. 7, 9, 10, 11).
 
 With C_0 = A H (K_v + K_p/s), C_f = A H (K_v F + K_p/s), the motor's part W = m_1 s + b + C_f, the handle's impedance
 Z_2 and the admittance y of the spring between them,
@@ -43,7 +43,7 @@ def loop_response(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopResp
     re_C, C, scale2, im_slope = loop.re, loop.scaled, 1, None
     if integral:
         Z_d, scale2 = Pair(b * omega, reactance * omega), omega * omega
-        # re_C has no scale, so this product carries the scale once, not twice
+        # re_C is not scaled, so this product contains the scale once, not twice
         im = b * C.im - Z_d.im * re_C
         if ops.is_zero(b):
             im_slope = -(reactance * re_C)
@@ -68,7 +68,7 @@ def loop_response(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopResp
 
 
 def _following(at: DeviceResponse) -> LoopResponse:
-    """Return the response of a servo: G_hh = 0, because no hand pushes it, and G_he = A H for all gains."""
+    """Return the response of a servo: G_hh = 0, because the hand cannot push it, and G_he = A H for all gains."""
     drive = Pair(at.drive.re, -(at.omega * at.drive.lag))
     C = drive if at.sensor is None else Pair(at.sensor.re, -(at.omega * at.sensor.lag)) * drive
     return LoopResponse(

@@ -1,4 +1,4 @@
-"""The velocity loop of a non-ideal device at a frequency (model/README.md, sections 12 and 13)."""
+"""Evaluate the velocity loop of a non-ideal device at a frequency (model/README.md, sections 12 and 13)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
 
 @dataclass(frozen=True, slots=True)
 class _Scale:
-    """The scale (omega or 1), and omega divided by the scale. None stands for a factor 1, which costs no product."""
+    """The scale (omega or 1), and omega divided by the scale.
+
+    None stands for a factor 1, so that the code omits the product.
+    """
 
     own: Number | None
     lacking: Number | None
@@ -151,7 +154,7 @@ def perturbed_loop(at: DeviceResponse, x: Pair, gains: Gains) -> LoopResponse:
     moved = inverse * idle
     C, D, miss = known.C.closed(gains), moved + known.D.driven(gains), moved + known.miss.driven(gains)
     told = known.controller.closed(gains)
-    # Im(F_s C_0 conj(C_0 + miss)): the product of C_0 with itself leaves only the part that F_s turns
+    # Im(F_s C_0 conj(C_0 + miss)): |C_0|^2 is real, so its term contains only the imaginary part of F_s
     im = im_conj_product(C, miss)
     if at.sensor is not None:
         im = im - at.omega * at.sensor.lag * told.abs2()
@@ -188,9 +191,10 @@ def _estimated(
 
 
 def _turned(at: DeviceResponse, gains: Gains, C_0: Impedance, scale: _Scale, ops: Arithmetic) -> _Turned:
-    """Return Im(C_0 conj W), scaled: the product of C_0 with b, with m omega, and with the loss of F in C_f.
+    """Return Im(C_0 conj W), scaled: the sum of the products of C_0 with b, with m omega, and with the loss of F in
+    C_f.
 
-    The product of C_0 with itself has no imaginary part and is left out.
+    The code omits the product of C_0 with itself, which has no imaginary part.
     """
     integral = scale.own is not None
     slope = -(at.mass * C_0.re)
@@ -209,7 +213,7 @@ def _on_spring(
 ) -> _Handle:
     """Add the handle on its spring to the motor's part W.
 
-    In Im(C_0 conj(Z_2 (1 + y W))), the part with y is Im(C_0 conj W) Re(y Z_2) - Re(C_0 conj W) Im(y Z_2).
+    In Im(C_0 conj(Z_2 (1 + y W))), the terms with y are Im(C_0 conj W) Re(y Z_2) - Re(C_0 conj W) Im(y Z_2).
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""The arithmetics in which the formulas are evaluated, and the units of numbers."""
+"""Define the arithmetics in which the code evaluates formulas, and the units of numbers."""

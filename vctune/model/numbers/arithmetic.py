@@ -1,4 +1,4 @@
-"""The few operations beyond + - * / that the formulas need, for each kind of number.
+"""Define the operations beyond + - * / that the formulas need, for each kind of number.
 
 Every formula of `vctune.model` takes an `Arithmetic`. The same formula then runs on NumPy arrays (scan, margins,
 figures), on CasADi symbols (the NLP), and on Arb balls and arrays of intervals, with or without derivatives (the
@@ -35,7 +35,7 @@ class Arithmetic(Protocol):
 
     def sqrt(self, x: Number) -> Number: ...
     def modulus(self, re: Number, im: Number) -> Number:
-        """Return |re + j im|. Its derivatives are bounded by those of both parts, even at 0.
+        """Return |re + j im|. The derivatives of both parts bound the derivative of the result, even at 0.
 
         Parameters
         ----------
@@ -82,10 +82,10 @@ class Arithmetic(Protocol):
         """
 
     def where_positive(self, x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
-        """Return yes() where x is certainly > 0, and no() elsewhere.
+        """Return the value of yes() where x is certainly > 0, and the value of no() elsewhere.
 
-        Where an enclosure of x contains both signs, the result is no(), so that no() must also hold for positive x.
-        Both are functions because an arithmetic of single numbers evaluates only one of them.
+        Where an enclosure of x contains both signs, the result is no(). Therefore no() must also be valid for positive
+        x. The arguments are functions because an arithmetic of single numbers evaluates only one of them.
 
         Parameters
         ----------
@@ -117,7 +117,7 @@ class Arithmetic(Protocol):
         """Return an enclosure of the numbers between -radius and radius. An arithmetic without enclosures returns 0."""
 
     def middle(self, x: Number) -> Number:
-        """Return a number within x that has no width.
+        """Return a number without width that lies within x.
 
         Parameters
         ----------
@@ -181,7 +181,7 @@ def sinc_curvature_series(x2: Number) -> Number:
 
 
 def by_conjugate(re: Number, im: Number) -> tuple[Number, Number]:
-    """Return 1/(re + j im) by the complex conjugate. For numbers without width this is as tight as any other form.
+    """Return 1/(re + j im) by the complex conjugate. For numbers without width, no other form is tighter.
 
     Parameters
     ----------
@@ -260,7 +260,7 @@ class _FloatArithmetic:
     @staticmethod
     def interpolated(x: Number, table: tuple[tuple[float, float], ...]) -> Number:
         at, value = np.log(np.array(table)).T
-        with np.errstate(divide="ignore"):  # below the first point, 0 included, the value is that of the first point
+        with np.errstate(divide="ignore"):  # below the first point, and also at 0, the value is that of the first point
             return np.exp(np.interp(np.log(x), at, value))
 
     @staticmethod

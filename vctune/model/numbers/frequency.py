@@ -1,4 +1,4 @@
-"""Frequencies in hertz for people, and in rad/s inside the code."""
+"""Convert frequencies: files and output use hertz, the code uses rad/s."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from math import inf, pi
 
 
 def hertz(omega: float) -> float:
-    """Return an angular frequency in hertz. If the hertz were a short decimal, the result is that decimal again.
+    """Return an angular frequency in hertz.
+
+    If a file stated the frequency as a short decimal, the result is this decimal.
 
     Parameters
     ----------

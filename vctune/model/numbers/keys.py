@@ -1,4 +1,7 @@
-"""Keys of the design variables in a problem file. The module imports little, so that the command line stays fast."""
+"""Define the keys of the design variables in a problem file.
+
+This module imports little, so that the command line starts fast.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ QUANTITIES = dict(zip(KEYS, ("damping", "stiffness", "damping", "mass", "damping
 }
 """Symbol of each design variable in equations, and its quantity (`vctune.model.numbers.units`)."""
 WORLD = ("environment.mass", "environment.damping", "environment.stiffness")
-"""Keys of the numbers of a rendered environment."""
+"""Keys of the numbers of a rendered environment that can span a plane."""
 IN_WORDS = dict(zip(WORLD, ("mass of the tool", "least damping", "stiffness of the wall"), strict=True))
 """Names of these numbers on an axis of a figure."""
 

@@ -1,4 +1,4 @@
-"""Small matrices in any arithmetic, and the matrix functions that a sampled system needs.
+"""Compute with small matrices in any arithmetic, including the matrix functions that a sampled system needs.
 
 A matrix is a tuple of rows. The integer 0 stands for an entry that is 0 by structure: products skip it, and it stays
 exactly 0.
@@ -39,7 +39,9 @@ class Block:
     ops: ArrayArithmetic
 
     def mapped(self, entries: Number, other: Block) -> Block:
-        """Return a block with other entries. An entry is 0 by structure where it is so in this block and in another.
+        """Return a block with other entries.
+
+        An entry is 0 by structure if it is 0 by structure in this block and in another.
 
         Parameters
         ----------
@@ -94,7 +96,8 @@ def rows_of(matrix: Matrix | Block) -> Matrix:
 
 LEFT_OUT = 2.0**-10
 """Permitted remainder of the Taylor polynomial of e^A, for A of norm at most 1/2, as a share of the rounding error. The
-code encloses the remainder. Half and twice this share mostly give the same order: 15 for doubles, 29 for 128 bits."""
+code encloses the remainder. With half or twice this share, the order is mostly the same: 15 for doubles, 29 for 128
+bits."""
 
 
 def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:
@@ -110,7 +113,7 @@ def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:
     Returns
     -------
     Matrix
-        n x n. An entry is 0 by structure if it is so in every power of A.
+        n x n. An entry is 0 by structure if it is 0 by structure in every power of A.
     """
     norm = norm_of(matrix, ops)
     halvings = max(0, ceil(log2(norm)) + 1) if 0 < norm < inf else 0
@@ -136,7 +139,7 @@ take one more inverse; twice this norm would take three times as many terms."""
 
 
 def half_coth(matrix: Matrix, ops: Arithmetic) -> Matrix:
-    """Return f(A) = (A/2) coth(A/2) = 1 + A^2/12 - A^4/720 + ..., with doublings f(2A) = f(A) + (A/2)^2/f(A).
+    """Return f(A) = (A/2) coth(A/2) = 1 + A^2/12 - A^4/720 + ..., using f(2A) = f(A) + (A/2)^2/f(A) for large A.
 
     An arithmetic of enclosures adds a bound of the series' remainder, so that the result contains f(A).
 
@@ -162,7 +165,7 @@ def half_coth(matrix: Matrix, ops: Arithmetic) -> Matrix:
         term = divided(product(term, square), (2 * k - 1) * (2 * k))
         number = bernoulli(2 * k)
         # from B_36 on, a double cannot hold the numerator; the unit that enclosures add for one rounding covers this
-        # one, too
+        # rounding, too
         numerator = number.numerator if ops.arrays is None else float(number.numerator)
         found = added(found, divided(scaled(term, numerator), number.denominator))
     # all further terms add up to less than 2 zeta(2)/(1 - ratio) < 3.7 times a power of ratio <= 1/pi^2
@@ -183,7 +186,7 @@ def bernoulli(n: int) -> Fraction:
 
 
 def identity(n: int) -> Matrix:
-    """Return the matrix 1."""
+    """Return the identity matrix."""
     return tuple(tuple(1 if i == j else 0 for j in range(n)) for i in range(n))
 
 
@@ -205,7 +208,7 @@ def inverse(matrix: Matrix) -> Matrix:
 
 
 def minors(rows: Sequence[Sequence[Number]]) -> dict[int, Number]:
-    """Return the determinants of n rows of n + 1 columns without one column, by the index of the omitted column.
+    """Return the n x n minors of n rows of n + 1 columns, by the index of the omitted column.
 
     The expansion goes row by row, without division. The result has no entry for a minor that is 0 by structure.
 
@@ -290,7 +293,7 @@ def nothing(x: Number) -> bool:
 
 
 def add(a: Number, b: Number) -> Number:
-    """Return a + b. The integer 0 is skipped, so that it adds no rounding error.
+    """Return a + b. The function skips the integer 0, so that it adds no rounding error.
 
     Parameters
     ----------
@@ -305,7 +308,7 @@ def add(a: Number, b: Number) -> Number:
 
 
 def times(a: Number, b: Number) -> Number:
-    """Return a b. It is the integer 0 if either factor is.
+    """Return a b. The product is the integer 0 if either factor is.
 
     Parameters
     ----------
@@ -382,7 +385,7 @@ def added(a: AnyMatrix, b: AnyMatrix) -> AnyMatrix:
     Returns
     -------
     Matrix or Block
-        n x m. An entry is 0 by structure if it is so in both.
+        n x m. An entry is 0 by structure if it is 0 by structure in both.
     """
     if isinstance(a, Block):
         return a.mapped(a.entries + b.entries, b)

@@ -1,4 +1,4 @@
-"""A complex number as a pair of real numbers of any arithmetic. CasADi has no complex numbers."""
+"""Represent a complex number as a pair of real numbers of any arithmetic, because CasADi has no complex numbers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Pair:
         return Pair(self.re * factor, self.im * factor)
 
     def plus(self, real: Number) -> Pair:
-        """Return this number plus a real one."""
+        """Return the sum of this number and a real number."""
         return Pair(self.re + real, self.im)
 
     def abs2(self) -> Number:
@@ -56,7 +56,7 @@ class EvenOdd:
         return EvenOdd(self.even * factor, self.odd * factor, self.square)
 
     def plus(self, real: Number) -> EvenOdd:
-        """Return this number plus a real one."""
+        """Return the sum of this number and a real number."""
         return EvenOdd(self.even + real, self.odd, self.square)
 
     def abs2(self) -> Number:

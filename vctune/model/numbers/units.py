@@ -1,7 +1,7 @@
-"""Names and units of a device's numbers, for a linear and for a rotary handle. Only this module states them.
+"""Define the names and units of a device's numbers, for a linear and for a rotary handle.
 
-The formulas hold for both: for a rotary device a mass is a moment of inertia, a force a torque, and a position an
-angle.
+The same formulas hold for linear and for rotary devices. For a rotary device, a mass is a moment of inertia, a force is
+a torque, and a position is an angle.
 """
 
 from __future__ import annotations

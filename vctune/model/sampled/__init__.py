@@ -1,1 +1,1 @@
-"""The exact sampled loop, without a hand and in a hand."""
+"""Evaluate the exact sampled loop, without a hand and in a hand."""

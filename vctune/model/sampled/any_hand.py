@@ -1,14 +1,14 @@
-"""The requirement of any passive hand on an impedance display, in the sampled loop (model/README.md, section 15).
+"""Compute what any passive hand requires of an impedance display in the sampled loop (model/README.md, section 15).
 
 The letters y, s and F are those of `impedance_display`. At each frequency and at each alias omega_n = omega + 2 pi n/T,
-the motor of a rigid device responds with a point of the disc with centre and radius 1/(2b). The points are independent
-of each other, so that
+the motor of a rigid device responds with a point of the disc with centre and radius 1/(2b). The hand may choose each
+point independently, so that
 
     G_y = sum over n of 4 s^2/(omega_n T)^2 A(j omega_n) e^{-j (theta + omega_n delay)} (1 + u_n)/(2b),   |u_n| <= 1,
 
-lies in a disc, too, with centre c and radius r. Without an actuator both sums have a closed form. A delay that is not a
-whole number of samples turns the aliases against each other and costs more than its size. The image of the disc under
-G/(1 + K_v F G) gives
+also lies in a disc, with centre c and radius r. Without an actuator both sums have a closed form. A delay that is not a
+whole number of samples rotates the aliases relative to each other. Such a delay therefore raises R by more than its
+length suggests. The image of the disc under G/(1 + K_v F G) gives
 
     R/s^2 = [r - Re c - (|c|^2 - r^2) K_v Re F]/s^2 / (1 + 2 K_v Re(F c) + K_v^2 |F|^2 (|c|^2 - r^2)).
 """
@@ -26,8 +26,9 @@ from vctune.model.numbers.pair import Pair
 from vctune.model.sampled.impedance_display import Required, firmware_filter
 
 ALIASES = 24
-"""Number of pairs of aliases that are summed one by one behind an actuator or a spring; the code bounds the rest. Half
-as many pairs give R to a thousandth at the Nyquist frequency, twice as many to a tenth of that."""
+"""Number of pairs of aliases that the code sums one by one if the device has an actuator or a spring. The code bounds
+the other aliases. With half this number, R at the Nyquist frequency is accurate to 1e-3; with twice this number, to
+1e-4."""
 
 
 class InAnyHand(NamedTuple):
@@ -67,7 +68,7 @@ class AnyHand(NamedTuple):
         return InAnyHand(self.short, -(self.beyond * low_pass.re), 2 * along, low_pass.abs2() * inside)
 
     def required(self, gains: Gains) -> Required:
-        """Return R/s^2 as a quotient. It depends on K_v alone."""
+        """Return R/s^2 as a quotient. R depends on K_v alone."""
         K_v, of = gains.velocity, self.of_velocity
         return Required(of.lost + K_v * of.lost_slope, 1 + K_v * of.size_slope + K_v * K_v * of.size_square)
 
@@ -120,7 +121,7 @@ def _disc(device: Device, whole: Number, theta: Number, ops: Arithmetic, *, frac
 
 
 class _Alias(NamedTuple):
-    """The motor's response to a force at one frequency, with the delays included: a disc.
+    """The disc of the motor's responses to a force at one frequency, including the delays.
 
     Attributes
     ----------
@@ -259,7 +260,8 @@ def _first_alias(device: Device, theta: Number, ops: Arithmetic) -> tuple[_First
 def _beyond_the_last(device: Device, ops: Arithmetic) -> tuple[Number, Number]:
     """Return bounds of |C'| and of R' over all aliases after the last that is summed.
 
-    Their weights sum to at most 2/(pi^2 N). A, rho and the bound of |C| decrease from the first of these aliases on.
+    The weights of these aliases sum to at most 2/(pi^2 N). A, rho and the bound of |C| decrease from the first of these
+    aliases on.
     """
     omega = (2 * ALIASES + 1) * ops.pi / device.sample_time
     weight = 2 / (ops.pi * ops.pi * ALIASES)

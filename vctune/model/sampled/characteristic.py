@@ -1,4 +1,5 @@
-"""The characteristic polynomial of the sampled loop, whose zeros are its poles (model/README.md, section 7)."""
+"""Compute the characteristic polynomial of the sampled loop, whose zeros are the loop's poles (model/README.md, section
+7)."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ from vctune.model.sampled.velocity_loop import Polynomial, SampledPlant
 def characteristic_polynomial(plant: SampledPlant, gains: Gains) -> list[Number]:
     """Return the coefficients of the sampled loop's characteristic polynomial, highest power of z first.
 
-    They are the coefficients of F as a polynomial in w = 1/z, lowest power of w first.
+    The coefficients equal those of F as a polynomial in w = 1/z, lowest power of w first.
 
     Parameters
     ----------

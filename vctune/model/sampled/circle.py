@@ -1,4 +1,4 @@
-"""A point z = e^(j theta) of the unit circle, by its half angle, in quantities that are regular at theta = 0."""
+"""Represent a point z = e^(j theta) of the unit circle by quantities of theta/2 that are regular at theta = 0."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 
 OfParts = Callable[[Number, Number], Any]
-"""Function that makes the complex number even + j s odd from even and odd."""
+"""Type of a function that makes the complex number even + j s odd from even and odd."""
 
 
 class Circle(NamedTuple):
-    """z = e^{j theta}, with s = sin(theta/2), c = cos(theta/2) and s^2."""
+    """The point z = e^{j theta}, stored as s = sin(theta/2), c = cos(theta/2) and s^2."""
 
     theta: Number
     sin: Number
@@ -25,7 +25,7 @@ class Circle(NamedTuple):
 
         Parameters
         ----------
-        whole : N; the integer 0 costs no further sine or cosine
+        whole : N; for the integer 0 the function computes no further sine or cosine
         number : function that makes the complex number even + j s odd from even and odd
 
         Returns

@@ -1,5 +1,5 @@
-"""The sampled loop with a hand at the handle, and the impedance that the environment sees (model/README.md, section
-14).
+"""Evaluate the sampled loop with a hand at the handle, and the impedance that the environment sees (model/README.md,
+section 14).
 
 The position x_1, the velocity estimate and the sensed force f of device and hand (`plant_in_hand`) give the return
 difference and the impedance that the environment sees:
@@ -57,7 +57,7 @@ class LoopInHand(NamedTuple):
 
 
 class CommandInHand(NamedTuple):
-    """The impedance of a servo in a hand that the environment sees, Z_seen = seen/(2 j s). It does not depend on gains.
+    """The impedance that the environment sees of a servo in a hand, Z_seen = seen/(2 j s). It does not depend on gains.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLo
 
 
 class NextToRest(NamedTuple):
-    """The terms of rho. In a hand without stiffness and with K_p = 0, rho vanishes at theta = 0.
+    """The terms of rho. If the hand has no stiffness and K_p = 0, rho vanishes at theta = 0.
 
     Attributes
     ----------
@@ -188,8 +188,8 @@ def _next_to_rest(
     """Return F and the sensed force divided by rho, as numbers even + j turned odd.
 
     Near theta = 0, K = 0 and K_p = 0, both vanish with rho. The function replaces the unknown x_1, the position, by rho
-    x_1. This divides the position's column of the equations by rho, whose terms contain the factors 2 s and K of the
-    column.
+    x_1. The substitution divides the position's column of the equations by rho, whose terms contain the factors 2 s and
+    K of the column.
     """
     at, turned, half = circle(theta, ops), rest.turned, rest.rho / 2
     square = turned * turned
@@ -201,7 +201,7 @@ def _next_to_rest(
         exact = equations(plant.rates, plant.step, plant.push, older, at.cos, at.square)
         rows = [[None if entry is None else number(entry.even, entry.odd) for entry in row] for row in exact]
         for row, rates, step in zip(rows, plant.rates, plant.step, strict=True):
-            # wherever the hand's spring acts, it acts as -K x_1
+            # the hand's spring acts only through -K x_1
             row[0] = EvenOdd(0 if nothing(rates[0]) else at.cos * rest.spring, step[0], square)
         return numerators(rows)
 
@@ -220,7 +220,7 @@ def _answers(
     moved: Any,
     grip: Number,
 ) -> tuple[Any, Any, Any, Any]:
-    """Return the determinant, and its products with velocity estimate, position and sensed force.
+    """Return the determinant, and the products of the determinant with velocity estimate, position and sensed force.
 
     Parameters
     ----------
@@ -268,7 +268,8 @@ def _force_in_hand(
     d, unit = EvenOdd(2 * square, 2 * cos, square), plant.sample_time / plant.mass
     velocity, met = position * d, position * EvenOdd(-4 * cos, 4, square)  # -4 e^{-j theta/2} G_x/T
     if plant.low_pass is not None:
-        # a quotient, unlike in `loop_in_hand`: what is met stays free of the filter, and boxes of hands tight
+        # a quotient, unlike in `loop_in_hand`, so that `met` does not contain the filter, and enclosures for boxes of
+        # hands stay tight
         a, rest = plant.low_pass, 2 - plant.low_pass
         below = 1 / (a * a * (cos * cos) + rest * rest * square)
         passed = EvenOdd((a * cos * cos + rest * square) * (a * below), 2 * (a - 1) * a * (cos * below), square)
@@ -278,7 +279,7 @@ def _force_in_hand(
 
 
 def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
-    """Return -o/2 and |F|^2, whose quotient is R (model/README.md, section 14; 15 and 17 for the other displays).
+    """Return -o/2 and |F|^2, whose quotient is R (model/README.md, sections 14, 15 and 17).
 
     Here P conj F = e + j s o, and Z_seen = P/(2 j s F).
 
@@ -299,7 +300,7 @@ def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
 
 
 def seen_in_hand(loop: AnyLoopInHand, gains: Gains) -> Seen:
-    """Return Z_seen, the impedance in a hand that the environment sees.
+    """Return Z_seen, the impedance that the environment sees of the loop in a hand.
 
     Parameters
     ----------
@@ -390,7 +391,7 @@ def met_in_hand(
 
 
 def offered(coupling: AnyCoupling, device: Device, theta: Number, ops: Arithmetic) -> Number:
-    """Return Re Z_c of the coupling as the firmware runs it; for an impedance display Re(1/Z_c)/sin^2(theta/2).
+    """Return Re Z_c of the coupling in the firmware; for an impedance display Re(1/Z_c)/sin^2(theta/2).
 
     Parameters
     ----------
@@ -413,7 +414,7 @@ def offered(coupling: AnyCoupling, device: Device, theta: Number, ops: Arithmeti
 def room(
     coupling: AnyCoupling, device: Device, required: Required, factor: Number, theta: Number, ops: Arithmetic
 ) -> Number:
-    """Return (offered - factor R) times a positive number. The result has the sign of the margin.
+    """Return (offered - factor R) times a positive number, so that the result has the sign of the margin.
 
     The positive number is the product of both denominators. The function divides by nothing, so that the result is
     regular where `offered` or R is 0/0.
@@ -439,7 +440,7 @@ def room(
 
 
 def offered_at_spring(coupling: SpringDamper, device: Device, theta: Number, ops: Arithmetic) -> Offered:
-    """Return 1/Z_c/sin^2(theta/2) of an impedance display's coupling as its firmware runs it.
+    """Return 1/Z_c/sin^2(theta/2) of an impedance display's coupling in the firmware.
 
     Parameters
     ----------

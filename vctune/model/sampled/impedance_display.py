@@ -1,4 +1,4 @@
-"""An impedance display, motion in and force out, in sampled time (model/README.md, section 15).
+"""Model an impedance display, motion in and force out, in sampled time (model/README.md, section 15).
 
 The firmware measures a position x and commands the force -(f_c + K_v F y). Here y = (1 - z^-1) x/T is the differenced
 position, F its low-pass, and f_c the coupling's force. The environment and the coupling,
@@ -25,7 +25,8 @@ from vctune.model.numbers.pair import EvenOdd, Pair
 
 
 class ForceInHand(NamedTuple):
-    """The loop of an impedance display in a hand: F = open + K_v velocity, and G_y/s^2 = met/(2 j s F) without f_c.
+    """The loop of an impedance display in a hand, without the coupling's force f_c: F = open + K_v velocity, G_y/s^2 =
+    met/(2 j s F).
 
     Attributes
     ----------
@@ -44,7 +45,7 @@ class ForceInHand(NamedTuple):
         return self.open + self.velocity.scaled(gains.velocity)
 
     def clamped(self, gains: Gains, coupling: SpringDamper) -> EvenOdd:
-        """Return F with the virtual tool held. The coupling is then a part of the loop.
+        """Return F for a virtual tool that is held fixed. The coupling is then a part of the loop.
 
         Parameters
         ----------
@@ -54,7 +55,7 @@ class ForceInHand(NamedTuple):
         return self.open + held + self.position.scaled(coupling.stiffness)
 
     def numerator(self, _gains: Gains) -> EvenOdd:
-        """Return the numerator of G_y/s^2 over 2 j s F; it does not depend on the gains."""
+        """Return the numerator of G_y/s^2 over the denominator 2 j s F. It does not depend on the gains."""
         return self.met
 
 
@@ -127,7 +128,7 @@ def spring_forms(
     """Return the coefficients of b_c and k_c in numerator and denominator of `offered_by_spring`.
 
     Numerator: Re Z_c = a_1 b_c + a_0 k_c. Denominator: s^2 |Z_c|^2 = q_2 b_c^2 + q_1 b_c k_c + q_0 k_c^2. The function
-    evaluates three couplings, which determine the quadratic form.
+    evaluates three couplings; their values determine the quadratic form.
 
     Parameters
     ----------
@@ -180,7 +181,7 @@ class Required(NamedTuple):
     Attributes
     ----------
     lost : numerator; N s/m with the size 1, for an impedance display m/(N s)
-    size : |F|^2 in one hand. In any hand, it is positive where no hand makes the loop with K_v alone unstable at this
+    size : |F|^2 in one hand. For any hand, it is positive if no hand makes the loop with K_v alone unstable at this
         frequency
     """
 

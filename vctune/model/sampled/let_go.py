@@ -1,13 +1,13 @@
-"""The sampled velocity loop without a hand, in a form that does not cancel when the device's numbers are intervals.
+"""Evaluate the sampled velocity loop without a hand, in a form whose terms do not cancel if numbers are intervals.
 
 See model/README.md, section 14. The polynomials of a sampled device are sums whose terms cancel, so that uncertain
 numbers give wide enclosures. This module holds and samples x' = A x + b u exactly as
 
     (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = (A/2) coth(A/2),
 
-whose numbers have enclosures hardly wider than their ranges. The states are the position of the motor, the velocity of
-the centre of mass, and the bend of the spring with its rate. In these states the resonance does not depend on the mass.
-Only the position's own row depends on the position, so the code divides that row by its integrator 2 j s.
+The enclosures of its numbers are hardly wider than their ranges. The states are the position of the motor, the velocity
+of the centre of mass, and the bend of the spring with its rate. In these states the resonance does not depend on the
+mass. Only the row of the position depends on the position, so the code divides this row by the integrator 2 j s.
 """
 
 from __future__ import annotations
@@ -60,12 +60,14 @@ Plant = SampledPlant | PlantLetGo
 
 
 HIGHEST = 0.75
-"""Greatest resonance frequency, in units of the sampling frequency, for this form. At 1, its Q has a pole."""
+"""Greatest resonance frequency, in units of the sampling frequency, for which the code uses this form. At 1, the matrix
+Q has a pole."""
 
 
 def has_sharp_form(device: Device) -> bool:
-    """Return whether this form encloses a device more tightly, which is so if the closed form has too few states for
-    it.
+    """Return whether this form encloses a device more tightly.
+
+    This form is tighter for devices with an actuator or a structure, which the closed form does not cover.
 
     Parameters
     ----------
@@ -79,7 +81,8 @@ def has_sharp_form(device: Device) -> bool:
 def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, fractional: bool) -> PlantLetGo:
     """Sample a device without a hand exactly, in the form of this module (model/README.md, section 14).
 
-    The structure's load is included. The force sensor is not, because no loop without a hand contains it.
+    The result includes the structure's load. The result excludes the force sensor, because no loop without a hand
+    contains the sensor.
 
     Parameters
     ----------
@@ -108,7 +111,7 @@ def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, frac
 
 
 def _mechanism(device: Device, ops: Arithmetic) -> tuple[Matrix, Vector, Number | None, Number]:
-    """Return A, b, the lead, and the unit of mass in b.
+    """Return A, b, the coefficient `lead`, and the unit of mass in b.
 
     Let V be the velocity of the centre of mass, B the bend of the spring, and r the handle's share of the mass m.
     Without a load they follow
@@ -116,7 +119,7 @@ def _mechanism(device: Device, ops: Arithmetic) -> tuple[Matrix, Vector, Number 
         m V' = u - b v,   B'' = (u - b v)/((1 - r) m) - w^2 B - 2 zeta w B',   v = V + r B'.
     """
     T, structure = device.sample_time, device.structure
-    one = 0 * T + 1  # in the arithmetic, so that the quotient below is enclosed
+    one = 0 * T + 1  # a number of the arithmetic, so that the quotient below is enclosed
     names = ["position", "velocity"]
     names += ["bend", "bending"] if structure is not None else []
     names += drive_states(device)
@@ -153,7 +156,7 @@ def _mechanism(device: Device, ops: Arithmetic) -> tuple[Matrix, Vector, Number 
 def return_difference(plant: Plant, theta: Number, ops: Arithmetic, *, position: bool) -> ReturnDifference:
     """Evaluate the parts of the return difference F at z = e^{j theta}.
 
-    The F of a `PlantLetGo` carries a factor that is 0 nowhere and cancels in F_0/F.
+    The F of a `PlantLetGo` contains a factor without zeros, which cancels in F_0/F.
 
     Parameters
     ----------

@@ -1,12 +1,14 @@
-"""Device and hand as one mechanism, held and sampled exactly (model/README.md, section 14).
+"""Model device and hand as one mechanism, held and sampled exactly (model/README.md, section 14).
 
-The mechanism is E x' = A x + b u, dimensionless with T = 1. E alone contains the masses, A alone the damping and the
-stiffness of the hand. Held and sampled, with theta = omega T, s = sin(theta/2) and c = cos(theta/2), it is
+The mechanism is E x' = A x + b u, dimensionless with T = 1. Only E contains the masses. Only A contains the damping and
+the stiffness of the hand. With hold and sampling, and with theta = omega T, s = sin(theta/2) and c = cos(theta/2), the
+mechanism is
 
     (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = f(A/E) E,   f(X) = (X/2) coth(X/2),
 
-where d = 1 - z^-1, b_1 is the share of a sample's older force, and f(X) = 1 + X^2/12 - .... This is nearly the
-mechanism itself with 2 j tan(theta/2) instead of s, so that its low frequencies hardly depend on the mass.
+where d = 1 - z^-1, b_1 is the share of a sample's older force, and f(X) = 1 + X^2/12 - .... At low frequencies Q is
+nearly E. The equation is then nearly that of the mechanism with 2 j tan(theta/2) instead of s, and its response hardly
+depends on the mass.
 """
 
 from __future__ import annotations
@@ -44,12 +46,12 @@ Complex = TypeVar("Complex", EvenOdd, Pair)
 
 @dataclass(frozen=True, slots=True)
 class Delays:
-    """The whole samples of two delays, and whether a fraction of a sample remains.
+    """Two delays, each as a number of whole samples and a flag for a remaining fraction of a sample.
 
     Attributes
     ----------
     loop : N, the number of whole samples in the device's delay
-    loop_fractional : whether a fraction remains, so that an older force acts in each sample
+    loop_fractional : whether a fraction remains; an older force then acts at the start of each sample
     felt : the number of whole samples in the sum of the device's and the force sensor's delay
     felt_fractional : whether the sensed force contains an older command
     """
@@ -73,7 +75,7 @@ class Mechanism(NamedTuple):
     Attributes
     ----------
     names : names of the states
-    inertia : diagonal of E by state; it is 1 for the other states
+    inertia : diagonal of E by state; for all other states it is 1
     sensed : additional entries of E, which belong to the handle's acceleration, by the row of the sensor's filter
     rates : rows of A
     push : b
@@ -107,7 +109,7 @@ class PlantInHand:
     sample_time, mass : T and m, which define the units
     difference : whether the firmware differences positions to get the velocity
     low_pass, order : a and r of the firmware's low-passes of the velocity; None and 0 without low-passes
-    meets_position : whether the environment acts on the position, as it does on an impedance display
+    meets_position : whether the environment acts on the position, as on an impedance display
     """
 
     rates: Matrix
@@ -127,20 +129,23 @@ class PlantInHand:
 
     @property
     def poles(self) -> int:
-        """Return the number of F's poles apart from its delays. If no pole is unstable, this number gives F's turns."""
+        """Return the number of poles of F without those of the delays.
+
+        If no pole is unstable, this number determines how often F encircles 0.
+        """
         return len(self.push) + (0 if self.meets_position else self.order)
 
 
 @dataclass(frozen=True, slots=True)
 class ServoInHand:
-    """A servo over one sample, and the hand that holds it. Neither moves the other."""
+    """A servo over one sample, and the hand that holds it. The hand does not move the servo."""
 
     plant: ServoPlant
     hand: Hand
 
     @property
     def poles(self) -> int:
-        """Return the number of poles of a loop, which is not part of it."""
+        """Return 0, the number of poles of a loop: a servo's plant contains none."""
         return 0
 
 
@@ -208,7 +213,7 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
 
 
 class Sample(NamedTuple):
-    """A mechanism over a sample.
+    """A mechanism over one sample.
 
     Attributes
     ----------
@@ -223,7 +228,7 @@ class Sample(NamedTuple):
 def _rigid(parts: Mechanism, ops: Arithmetic) -> Sample | None:
     """Return the sample of a rigid device without further states, in closed form.
 
-    None for another device, for single numbers, and if device and hand are too stiff for a sample.
+    Return None for any other device, for single numbers, and if device and hand are too stiff for the sample time.
     """
     if len(parts.names) > 2 or ops.arrays is None:
         return None
@@ -243,7 +248,7 @@ def _rigid(parts: Mechanism, ops: Arithmetic) -> Sample | None:
 
 
 def _any(parts: Mechanism, at: dict[str, int], ops: Arithmetic) -> Sample:
-    """Return the sample of any mechanism by functions of its matrix."""
+    """Return the sample of any mechanism. The function uses matrix functions."""
     over = _over_inertia(parts, at)
     rounded = half_coth(over, ops)
 
@@ -266,7 +271,7 @@ def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
     ops : arithmetic of device and hand
     """
     T, m, sensor = device.sample_time, device.mass, device.sensing
-    one = 0 * T + 1  # in the arithmetic, so that the quotient below is enclosed
+    one = 0 * T + 1  # a number of the arithmetic, so that the quotient below is enclosed
     carried, held, grip = hand.mass / m, hand.damping * T / m, hand.stiffness * (T * T) / m
     own = device.damping * T / m
     names = ["position", "velocity"]
@@ -295,7 +300,7 @@ def mechanism_in_hand(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
         corner = filter_rows(rows, ("felt", "felt rate"), sensor.bandwidth_hz * T, sensor.order, ops)
         driven = ("felt", "felt rate")[sensor.order - 1]
         rows[driven] |= {name: -share for name, share in felt.items()}
-        sensed[driven], felt = carried, {"felt": -corner}  # divided by the corner, so that A/E has no square of it
+        sensed[driven], felt = carried, {"felt": -corner}  # divided by the corner: A/E then lacks its square
     return Mechanism(
         names=names,
         inertia=inertia,
@@ -367,9 +372,10 @@ def equations(
 
 
 def numerators(rows: list[list[Complex | None]]) -> dict[int, Complex]:
-    """Return the solution of n linear equations by Cramer's rule: the determinant, and its product with each unknown.
+    """Return the solution of n linear equations by Cramer's rule: the determinant, and the determinant times each
+    unknown.
 
-    The key n has the determinant, the key j its product with the unknown j.
+    The key n holds the determinant. The key j holds the determinant times unknown j.
     """
     n = len(rows)
     # the right-hand side, the last column, moves past n - 1 - j others to column j

@@ -1,13 +1,14 @@
-"""Functions of a rigid device and hand over a sample, in closed form (model/README.md, section 14).
+"""Compute functions of a rigid device and hand over a sample in closed form (model/README.md, section 14).
 
-The matrix X = A/E of two states satisfies X^2 = -c X - k with c = (b + B) T/(m + M) and k = K T^2/(m + M), so that each
-of its powers is u + v X, and so is each of its functions. The functions that a sample needs are power series with
+The matrix X = A/E of two states satisfies X^2 = -c X - k with c = (b + B) T/(m + M) and k = K T^2/(m + M), so every
+power of X, and every function of X, has the form u + v X. A sample needs two functions. Both are power series with
 Bernoulli's numbers and polynomials,
 
     (X/2) coth(X/2) = sum of B_n/n! X^n over even n,
     (e^X - e^((1-d) X))/(e^X - 1) = sum of w_n(d) X^(n-1) over n >= 1,
 
-w_n(d) = (B_n(1) - B_n(1 - d))/n!. The latter is the share of the older force of a sample that acts for d of it.
+w_n(d) = (B_n(1) - B_n(1 - d))/n!. The second function is the effect of an older force that acts for the share d of a
+sample, relative to a force that acts throughout.
 """
 
 from __future__ import annotations
@@ -22,16 +23,17 @@ from vctune.model.numbers.arithmetic import ArrayArithmetic, Number
 from vctune.model.numbers.matrices import LEFT_OUT, add, bernoulli, times
 
 WITHIN = 2.0
-"""Spectral radius of X up to which the series are used; their radius is 2 pi. Half leaves stiff hands at long sample
-times to the functions of any matrix, which take ten times as long; twice needs twice as many terms for them."""
+"""Spectral radius of X up to which the code uses the series. Their radius of convergence is 2 pi. With half this limit,
+stiff hands at long sample times would need general matrix functions, which take ten times as long. With twice this
+limit, the series would need twice as many terms."""
 COEFFICIENT = 3.3
-"""At least 2 zeta(2): |B_n(x)|/n! is at most 2 zeta(n)/(2 pi)^n for n >= 2 and x between 0 and 1."""
+"""Upper bound of 2 zeta(2). For n >= 2 and x between 0 and 1, |B_n(x)|/n! is at most 2 zeta(n)/(2 pi)^n."""
 RAISED = 1 + 1e-9
-"""Covers the roundings of a bound. Half and twice the excess are as good."""
+"""Factor that covers the rounding errors in a bound. Half or twice its excess over 1 would serve as well."""
 
 
 class Linear(NamedTuple):
-    """The matrix constant + slope X."""
+    """The matrix constant + slope X, stored as its two coefficients."""
 
     constant: Number
     slope: Number
@@ -45,7 +47,7 @@ class Powers(NamedTuple):
 
 
 def powers_of(c: Number, k: Number, ops: ArrayArithmetic) -> Powers | None:
-    """Return as many powers of X as the series need.
+    """Return as many powers of X as the two series need.
 
     Parameters
     ----------
@@ -55,7 +57,7 @@ def powers_of(c: Number, k: Number, ops: ArrayArithmetic) -> Powers | None:
     Returns
     -------
     Powers or None
-        None if an eigenvalue may be greater than `WITHIN`.
+        None if an eigenvalue may exceed `WITHIN`.
     """
     damping, stiffness = ops.magnitude(c), ops.magnitude(k)
     # |x|^2 <= |c| |x| + |k| for an eigenvalue x
@@ -70,11 +72,11 @@ def powers_of(c: Number, k: Number, ops: ArrayArithmetic) -> Powers | None:
 
 
 def half_coth_of(powers: Powers, ops: ArrayArithmetic) -> Linear:
-    """Return (X/2) coth(X/2), in enclosures with what the series leaves out.
+    """Return (X/2) coth(X/2). An arithmetic of enclosures includes the remainder of the series.
 
     Parameters
     ----------
-    powers : of X
+    powers : powers of X
     ops : their arithmetic
     """
     even = {n: _coefficient(bernoulli(n) / factorial(n), ops) for n in range(2, len(powers.each), 2)}
@@ -82,11 +84,11 @@ def half_coth_of(powers: Powers, ops: ArrayArithmetic) -> Linear:
 
 
 def share_of_older(powers: Powers, older: Number, ops: ArrayArithmetic) -> Linear:
-    """Return (e^X - e^((1-d) X))/(e^X - 1), in enclosures with what the series leaves out.
+    """Return (e^X - e^((1-d) X))/(e^X - 1). An arithmetic of enclosures includes the remainder of the series.
 
     Parameters
     ----------
-    powers : of X
+    powers : powers of X
     older : d, share of the sample for which the older force acts, in [0, 1]
     ops : arithmetic of both
     """
@@ -106,7 +108,7 @@ def share_of_older(powers: Powers, older: Number, ops: ArrayArithmetic) -> Linea
 
 
 def _summed(coefficients: dict[int, Number], powers: Powers, ops: ArrayArithmetic) -> Linear:
-    """Return the sum of coefficients times powers, and what is left out."""
+    """Return the sum of coefficients times powers, plus a bound of the remainder."""
     constant: Number = 0
     slope: Number = 0
     for n, factor in coefficients.items():
@@ -125,17 +127,18 @@ def _polynomial(coefficients: Sequence[Fraction], powers: Sequence[Number], ops:
 
 
 def _coefficient(exact: Fraction, ops: ArrayArithmetic) -> Number:
-    """Return a coefficient, in enclosures with the rounding of its double."""
+    """Return a coefficient. An arithmetic of enclosures includes the rounding error of its double."""
     rounded = float(exact)
     return rounded + ops.within(2.0**-52 * abs(rounded))
 
 
 def _rest(count: int, radius: float) -> float:
-    """Return a bound of what either series leaves out after so many powers, for the constant and for the slope.
+    """Return bounds of the remainder of either series after the given number of powers, for the constant and for the
+    slope.
 
     With x = radius/(2 pi), u of X^n is at most (n - 1) radius^n and v at most n radius^(n-1). A coefficient is at most
-    `COEFFICIENT`/(2 pi)^n, or twice that over (2 pi)^(n+1). The sum of n x^(n-1) from n = m on is at most
-    m x^(m-1)/(1 - x)^2.
+    `COEFFICIENT`/(2 pi)^n in the first series, and 2 `COEFFICIENT`/(2 pi)^(n+1) in the second. The sum of n x^(n-1)
+    from n = m on is at most m x^(m-1)/(1 - x)^2.
     """
     x = radius / (2 * pi)
     return COEFFICIENT * count * x ** (count - 1) / (1 - x) ** 2 * RAISED
@@ -145,7 +148,7 @@ def _rest(count: int, radius: float) -> float:
 def _in_offset(n: int) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:
     """Return the coefficients of w_n(1/2 + h) with respect to the even and to the odd powers of h.
 
-    They are those of (B_n(1) - B_n(1/2 - h))/n!.
+    w_n(1/2 + h) equals (B_n(1) - B_n(1/2 - h))/n!.
     """
     half = Fraction(1, 2)
     centred = [comb(n, j) * _bernoulli_polynomial(n - j, half) * (-1) ** j for j in range(n + 1)]

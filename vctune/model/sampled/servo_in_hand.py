@@ -1,6 +1,8 @@
-"""The impedance of a servo in a hand that the environment sees, and what it requires of the coupling.
+"""Compute the impedance that the environment sees of a servo in a hand, and the resistance that it requires of the
+coupling.
 
-See model/README.md, section 17. The motion follows the command alone, and the sensed force of a hand is linear in it:
+See model/README.md, section 17. The motion follows the command alone, and the sensed force of a hand is linear in this
+motion:
 
     Z_seen = M G_a + B G_v + K G_x = (even + j s odd)/(2 j s),   R = -Re Z_seen = -odd/2.
 
@@ -8,9 +10,9 @@ With the letters of `vctune.model.sampled.servo_plant` and d = 1 - w = 2 j s e^(
 
     Z_seen = w^(N+1) (K T (1 - delta + delta w)/d + B - K T l - (B, M/T, K T) (q_0, q_1, q_-1)),
 
-For a position command it is also multiplied by cos(theta/2) e^(-j theta/2). A filter a/(1 - b w), b = 1 - a, of the
-sensed samples is a/(a + b d); in front of 1/d it is 1 - b d/(a + b d). The firmware's own spring adds its stiffness
-times the G_x of a servo without force sensor to Z_seen.
+For a position command, Z_seen also has the factor cos(theta/2) e^(-j theta/2). A filter a/(1 - b w), b = 1 - a, of the
+sensed samples is a/(a + b d). In front of 1/d, the code writes this filter as 1 - b d/(a + b d). The firmware's own
+spring adds its stiffness times the G_x of a servo without force sensor to Z_seen.
 """
 
 from __future__ import annotations
@@ -35,8 +37,8 @@ Radii = tuple[tuple[float, float], ...]
 constant above the last point, and proportional to the frequency below the first, because a servo at rest is at its
 command."""
 BEYOND = 1e9
-"""Multiple of a disc's last frequency up to which r is constant. With half and twice this number, that frequency is
-above Nyquist as well."""
+"""Multiple of the disc's last frequency up to which r is constant. The product must lie above the Nyquist frequency,
+which it also does with half or twice this multiple."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,9 +55,9 @@ class Seen:
 
 
 def seen_of_servo(plant: ServoPlant, hand: Hand, theta: Number, ops: Arithmetic) -> Seen:
-    """Return Z_seen, the impedance of a servo in a hand that the environment sees (model/README.md, section 17).
+    """Return Z_seen, the impedance that the environment sees of a servo in a hand (model/README.md, section 17).
 
-    It includes the firmware's own spring, if the servo has one.
+    Z_seen includes the firmware's own spring, if there is one.
 
     Parameters
     ----------
@@ -78,7 +80,7 @@ def seen_of_servo(plant: ServoPlant, hand: Hand, theta: Number, ops: Arithmetic)
 
 
 def _pulling(pull: Pull) -> Hand:
-    """Return the firmware's own spring as a hand."""
+    """Return a hand that has the stiffness of the firmware's own spring."""
     return Hand(0, 0, pull.stiffness)
 
 
@@ -120,7 +122,7 @@ def _regular(plant: ServoPlant, hand: Hand, spring: Number, at: Circle) -> Pair:
 
 
 def _driven(plant: ServoPlant, d: Pair, ops: Arithmetic) -> list[Pair]:
-    """Return p. Nothing drives the servo's states; the servo's states drive the sensor's."""
+    """Return p. The states of the sensor depend on those of the servo, but not the reverse."""
     first = len(plant.held) - plant.order
     servo, sensor = plant.below[first:], plant.below[:first]
     moved = _solved(servo[0][first:], [Pair(h, 0) for h in plant.held[first:]], d, ops)
@@ -134,7 +136,8 @@ def _driven(plant: ServoPlant, d: Pair, ops: Arithmetic) -> list[Pair]:
 
 
 def _solved(below: Vector, right: list[Pair], d: Pair, ops: Arithmetic) -> list[Pair]:
-    """Return (w + d g)^-1 times a vector; g is a number x, or ((x, y), (-y, x)), which is x + j y and x - j y."""
+    """Return (w + d g)^-1 times a vector. g is a number x, or a matrix ((x, y), (-y, x)) with the eigenvalues x + j y
+    and x - j y."""
     along = d.scaled(below[0] - 1).plus(1)
     if len(right) == 1:
         return [right[0] * _reciprocal(along, ops)]
@@ -170,7 +173,7 @@ def blur_of(plant: ServoPlant, seen: Seen, theta: Number, ops: Arithmetic) -> Nu
 
 
 def _blur(radii: Radii, sample_time: Number, theta: Number, ops: Arithmetic) -> Number:
-    """Return r/(2 s). Between the points, r/f is as linear as r."""
+    """Return r/(2 s). Between two points, r/f is linear on logarithmic axes, as r is."""
     beyond = BEYOND * radii[-1][0]
     table = (*((hertz, radius / hertz) for hertz, radius in radii), (beyond, radii[-1][1] / beyond))
     turn = 2 * ops.pi * sample_time
@@ -191,7 +194,7 @@ class Demand:
     vertices: Hand
 
     def in_each(self, theta: Floats) -> Floats:
-        """Return R in each vertex, N s/m, of shape (v, n), at angles of shape (n,)."""
+        """Return R at each vertex, N s/m, of shape (v, n), for angles of shape (n,)."""
         seen = seen_of_servo(self.plant, self.vertices, theta, FLOATS)
         return np.asarray(blur_of(self.plant, seen, theta, FLOATS) - 0.5 * seen.odd)
 

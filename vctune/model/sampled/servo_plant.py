@@ -1,9 +1,9 @@
-"""A servo and its force sensor over a sample, exactly (model/README.md, section 17).
+"""Sample a servo and its force sensor exactly (model/README.md, section 17).
 
-Velocity, acceleration and position pass through servo and sensor alike. So the sensor's low-pass may follow the
-servo's, and both delays add up to (N + delta) T. Together they form a chain x' = A x + b u with T = 1. Its first state
-is the sensed velocity, and all states are 1 at rest with u = 1. With w = z^-1 and d = 1 - w, the pulse transfer
-functions from the held velocity are
+Velocity, acceleration and position pass through servo and sensor alike. So the code may put the sensor's low-pass after
+the servo's, and add both delays to (N + delta) T. The two low-passes form a chain x' = A x + b u with T = 1. The first
+state of the chain is the sensed velocity. All states are 1 at rest with u = 1. With w = z^-1 and d = 1 - w, the pulse
+transfer functions from the held velocity are
 
     G_v = w^(N+1) (1 - q_0),   G_a = -w^(N+1) q_1/T,   G_x = T w^(N+1) ((1 - delta + delta w)/d - l - q_-1),
 
@@ -11,8 +11,8 @@ where q_i is the first entry of A^i d g p with d g p = h - w p, l is the first e
 
     p = (w + d g)^-1 h,   g = 1/(1 - e^A) = 1/2 - f A^-1,   f = (A/2) coth(A/2),   h = e^(A (1 - delta)) (1, 1, ...).
 
-Little of this depends on delta, and g is nearly linear in the lags -A^-1. So boxes of uncertain delays and bandwidths
-stay tight.
+Only h and one term of G_x contain delta, and g is nearly linear in the lags -A^-1. So enclosures over boxes of
+uncertain delays and bandwidths stay tight.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ from vctune.model.parts import Servo
 from vctune.model.sampled.velocity_loop import split_delay
 
 FAR = 4.0
-"""Greatest |A| times half a time for which the code expands the exponential around the middle of the time. Half and
-twice this number enclose a servo of half and twice the bandwidth."""
+"""Greatest |A| times half a time for which the code expands the exponential around the middle of the time. Half this
+number would enclose servos up to half the bandwidth; twice this number, up to twice the bandwidth."""
 
 
 @dataclass(frozen=True, slots=True)

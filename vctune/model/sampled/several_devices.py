@@ -1,4 +1,4 @@
-"""Several devices as one whose numbers are arrays, where formulas have the same form for all of them."""
+"""Join several devices into one whose numbers are arrays, if the formulas have the same form for all of them."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from vctune.model.sampled.plant_in_hand import Delays, delays_of
 
 
 class SeveralDevices(NamedTuple):
-    """Devices as one.
+    """Several devices, joined into one.
 
     Attributes
     ----------
-    device : a device whose numbers are plain where all agree, and arrays elsewhere
-    delays : whole samples of its delays, likewise
+    device : device whose numbers are plain where all devices agree, and arrays elsewhere
+    delays : whole samples of its delays, plain or arrays in the same way
     """
 
     device: Device
@@ -27,13 +27,15 @@ class SeveralDevices(NamedTuple):
 
 
 def alike(devices: Sequence[Device]) -> list[list[int]]:
-    """Return groups of devices that `as_one` can join, by their places: those that differ in numbers alone.
+    """Return groups of devices that `as_one` can join, by their indices.
 
-    A servo is alone, since no hand moves it.
+    The devices of a group differ in numbers alone.
+
+    Each servo is a group of its own, because no hand moves it.
 
     Parameters
     ----------
-    devices : of plain numbers
+    devices : devices with plain numbers
     """
     groups: dict[object, list[int]] = {}
     for place, device in enumerate(devices):
@@ -46,12 +48,12 @@ def alike(devices: Sequence[Device]) -> list[list[int]]:
 
 
 def as_one(devices: Sequence[Device], shape: tuple[int, ...]) -> SeveralDevices:
-    """Return devices that are alike as one.
+    """Return alike devices as one device.
 
     Parameters
     ----------
-    devices : of plain numbers, a group of `alike`
-    shape : of the arrays
+    devices : devices with plain numbers, a group from `alike`
+    shape : shape of the arrays
     """
     first, delays = devices[0], [delays_of(device) for device in devices]
     if len(set(devices)) == 1:

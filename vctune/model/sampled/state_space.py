@@ -1,6 +1,6 @@
-"""The exact step over one sample of a device with an actuator or a structure.
+"""Compute the exact step over one sample of a device with an actuator or a structure.
 
-Time is in units of T and impedance in units of m/T, so that all numbers are dimensionless and have the size of their
+Time is in units of T and impedance in units of m/T. All numbers are then dimensionless, and their size shows their
 effect on the sampled loop (README, section 12).
 """
 
@@ -31,7 +31,7 @@ from vctune.model.numbers.matrices import (
 
 @dataclass(frozen=True, slots=True)
 class StepResponse:
-    """The effect of one sample, x[k+1] - x[k] = psi x[k] + the forces' shares, as polynomials of the step.
+    """The effect of one sample, x[k+1] - x[k] = psi x[k] + the effect of the forces, as polynomials of z - 1.
 
     Attributes
     ----------
@@ -66,13 +66,13 @@ def sampled_states(device: Device, older: Number | None, ops: Arithmetic) -> Ste
 
 @dataclass(frozen=True, slots=True)
 class SampledChain:
-    """States that a held input drives, and the integral of the first state, as polynomials of the step.
+    """Responses of the states and of the first state's integral to a held input, as polynomials of x = z - 1.
 
     Attributes
     ----------
     open : coefficients of det(x - psi) without the last, which is 1
     states : numerators of all states, one vector for each power of x, for the newer and the older input of a sample
-    position : numerators of the integral, divided by another x, for the newer and the older input
+    position : numerators of the integral, over the denominator times x, for the newer and the older input
     """
 
     open: Vector
@@ -161,7 +161,7 @@ def _moved_on(early: Matrix, late: Matrix) -> Vector:
 def _rates(device: Device, ops: Arithmetic) -> Matrix:
     """Return the matrix of d/dt for position, motor's velocity, bend, handle's velocity, drive and command."""
     T, m = device.sample_time, device.mass
-    one = 0 * T + 1  # in the arithmetic, so that the quotient below is enclosed
+    one = 0 * T + 1  # a number of the arithmetic, so that the quotient below is enclosed
     bent = ("bend", "handle") if device.structure is not None else ()
     names = ("position", "velocity", *bent, *drive_states(device), COMMAND)
     rows: Rows = {name: {} for name in names}

@@ -1,19 +1,19 @@
-"""The exact sampled velocity loop, with any real delay (model/README.md, sections 7 and 12).
+"""Evaluate the exact sampled velocity loop, with any real delay (model/README.md, sections 7 and 12).
 
 Between samples the device receives u[k-N-1] for the first delta T and u[k-N] for the rest, where delay = (N + delta) T.
 With w = z^-1 and d = 1 - w, the pulse transfer functions from the held command to velocity and position are
 
     G_v = w^N (V_0 + w V_1)/O,   G_x = w^N (P_0 + w P_1)/(d O)
 
-with polynomials that are homogeneous in d and w, O = sum c_k d^k w^(n-k). Their coefficients are those of the step z -
-1, and nothing cancels near z = 1. The firmware estimates the velocity as L G_v or L d G_x/T, with the low-pass L =
-a^r/(d + a w)^r. So the loop's return difference, cleared of its denominators, is
+with polynomials that are homogeneous in d and w, O = sum c_k d^k w^(n-k). As polynomials of z - 1, they have the same
+coefficients, and no terms cancel near z = 1. The firmware estimates the velocity as L G_v or L d G_x/T, with the
+low-pass L = a^r/(d + a w)^r. So the loop's return difference, cleared of its denominators, is
 
     F = d O (d + a w)^r + K_v V d + K_p P (d + a w)^r,
 
-or F = O (d + a w)^r + K_v V if K_p = 0, when the loop does not contain the position. Let F_0 be F without the gains.
-Then the loop's sensitivity is S = F_0/F = 1/(1 + K_v G_v + K_p G_x). F is affine in the gains; its complex constants
-depend on the device alone.
+or F = O (d + a w)^r + K_v V if K_p = 0, because the loop then does not contain the position. Let F_0 be F without the
+gains. Then the loop's sensitivity is S = F_0/F = 1/(1 + K_v G_v + K_p G_x). F is affine in the gains, with complex
+constants that depend on the device alone.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Polynomial = tuple[Number, ...]
 
 @dataclass(frozen=True, slots=True)
 class SampledPlant:
-    """The device with input delay, sampled exactly for a held input.
+    """The exact sampled model of a device with input delay, for a held input.
 
     Attributes
     ----------
@@ -80,14 +80,14 @@ class SampledPlant:
 
 
 SNAP = 1e-12
-"""Share of a sample that counts as rounding. A quotient of decimals is wrong by 1e-16 of itself, and no intended delay
-is that close to a whole sample. Half and twice this share make no difference."""
+"""Share of a sample that counts as a rounding error. A quotient of decimals has a relative error of 1e-16, and nobody
+intends a delay this close to a whole sample. Half or twice this share makes no difference."""
 
 
 def split_delay(delay: Number, sample_time: Number) -> tuple[Number, Number]:
     """Split a delay into whole samples and the remaining fraction of a sample.
 
-    If a delay differs from a whole number of samples only by rounding (`SNAP`), it is that number.
+    If a delay differs from a whole number of samples only by rounding (`SNAP`), the function returns this number.
 
     Parameters
     ----------
@@ -156,12 +156,12 @@ def _rigid(device: Device, older: Number | None, ops: Arithmetic) -> StepRespons
         return t * t / m * ops.phi_2(rate * t)
 
     t_0 = T if older is None else T - older
-    drift = T * ops.phi_1(rate * T)  # distance that a unit velocity coasts in one sample
+    drift = T * ops.phi_1(rate * T)  # distance that the device coasts in one sample from unit velocity
     fall = rate * drift
     beta_0, gamma_0 = velocity_step(t_0), position_step(t_0)
     beta_1 = gamma_1 = 0
     if older is not None:
-        v_1 = velocity_step(older)  # the effect of the older force coasts on for t_0
+        v_1 = velocity_step(older)  # the velocity that the older force caused coasts on for t_0
         beta_1 = v_1 * ops.exp(-(rate * t_0))
         gamma_1 = position_step(older) + v_1 * (t_0 * ops.phi_1(rate * t_0))
     return StepResponse(

@@ -1,12 +1,13 @@
 """Prove the constraint in every hand of a box for many cells of gains, also near theta = 0, where the margin vanishes.
 
-See proof/README.md, section 10.
+With a box of environments one of several margins has to be positive. See proof/README.md, section 10.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 
@@ -14,18 +15,24 @@ from vctune.model.hands import HAND
 from vctune.model.numbers.keys import KEYS
 from vctune.model.problem import Demands
 from vctune.model.sampled.plant_in_hand import delays_of
-from vctune.proof.claims.array_claims import SHARES, claims_of, limp_hands_margins
+from vctune.proof.claims.array_claims import SHARES, claims_of, hands_margins, limp_hands_margins
 from vctune.proof.claims.margins_of_claims import HALF_TURN
 from vctune.proof.enclosures.array_intervals import Enclosure, Flags, Floats
+from vctune.proof.enclosures.jets import ENCLOSURES
+from vctune.proof.enclosures.taylor_functions import TAYLOR
 from vctune.proof.engine.bands import CELL_HALVINGS, STEP
 from vctune.proof.engine.box_tests import Margin, alone, positive
 from vctune.proof.engine.boxes import Boxes, Cells, Integers, band_of, joined, over_hands
 from vctune.proof.engine.branching import Test, prove
+from vctune.proof.engine.polynomial_tests import any_positive
 
 MAX_HALVINGS, MAX_BOXES, TOGETHER = 4 * CELL_HALVINGS, 30_000, 128
 """Greatest number of halvings of a box of angle and hand, greatest number of boxes for a cell, and number of cells that
 are proved together, so that their boxes fit into memory. Feasible cells take up to 30,000 boxes, most some thousand.
 With 12,000 boxes the prover leaves some of the cells near K_p = 0 to smaller cells."""
+IN_WORLDS = 5_000
+"""Greatest number of boxes for a cell with a box of environments. Most feasible cells take some thousand. With six
+times as many, 0.1 % less of a plane is undecided."""
 AT_REST = 0.1
 """Greatest K_p T^2/m of cells that are proved separately near theta = 0, as a share of the first interval of angles."""
 
@@ -45,7 +52,10 @@ def hold_in_hands(demands: Demands, cells: Cells) -> Flags:
     """
     limp = _next_to_rest(demands, cells)
     proved = np.zeros(len(cells), bool)
-    for some in _few(np.flatnonzero(~limp)):
+    if demands.worlds is not None:  # a coupling that bears every passive environment takes far fewer boxes
+        proved = hold_in_hands(replace(demands, worlds=None), cells)
+        limp &= ~proved
+    for some in _few(np.flatnonzero(~limp & ~proved)):
         proved[some] = _proved_everywhere(demands, cells.subset(some))
     for some in _few(np.flatnonzero(limp)):
         proved[some] = _proved_apart(demands, cells.subset(some))
@@ -79,14 +89,20 @@ def _band() -> tuple[Floats, Floats]:
 
 def _proved_everywhere(demands: Demands, cells: Cells) -> Flags:
     assert demands.hands is not None
-    return _prove(_in_hand(demands), over_hands(cells, demands.hands, _band()), len(cells))
+    boxes = over_hands(cells, demands.hands, _band())
+    return _prove(_in_hand(demands, boxes), boxes, len(cells), MAX_BOXES if demands.worlds is None else IN_WORLDS)
 
 
-def _in_hand(demands: Demands) -> Test:
-    """Return the test that the margin in a hand is positive. At theta = 0 the coupling offers its drag alone.
+def _in_hand(demands: Demands, boxes: Boxes) -> Test:
+    """Return the test that a margin in a hand is positive. At theta = 0 the coupling offers its drag alone.
 
     There a heavy coupling changes within a millionth of the angles, and nothing else changes as fast.
     """
+    if demands.worlds is not None:
+        spans = boxes.high.max(axis=1, initial=0.0, keepdims=True) - boxes.low.min(axis=1, initial=inf, keepdims=True)
+        delays = delays_of(demands.device)
+        polynomials, slopes = (hands_margins(demands, (), delays, ops) for ops in (TAYLOR, ENCLOSURES))
+        return any_positive(polynomials, slopes, {}, spans[1:])
     margin = alone(claims_of(demands).in_hand)
     return positive(margin, {}, None if demands.device.kind.inverse else _by_drag(margin))
 
@@ -102,8 +118,9 @@ def _proved_apart(demands: Demands, cells: Cells) -> Flags:
     assert hands is not None
     stiffness = min(hands.high.stiffness, _stiffness_of(demands, first[1][0]))
     softer = replace(hands, high=replace(hands.high, stiffness=stiffness))
+    passive = replace(demands, worlds=None)  # with K_p > 0 only the real part has a margin for these shares
     proved = _prove(
-        positive(_by_drag(*limp_hands_margins(demands, (), delays_of(demands.device))), {}),
+        positive(_by_drag(*limp_hands_margins(passive, (), delays_of(demands.device))), {}),
         _with_shares(over_hands(cells, softer, first)),
         len(cells),
     )
@@ -113,7 +130,7 @@ def _proved_apart(demands: Demands, cells: Cells) -> Flags:
     if stiffness < hands.high.stiffness:
         stiffer = replace(hands, low=replace(hands.low, stiffness=stiffness))
         boxes = joined(boxes, over_hands(part, stiffer, first))
-    proved[left] = _prove(_in_hand(demands), boxes, len(part))
+    proved[left] = _prove(_in_hand(demands, boxes), boxes, len(part))
     return proved
 
 
@@ -135,14 +152,14 @@ def _with_shares(boxes: Boxes) -> Boxes:
     )
 
 
-def _prove(test: Test, boxes: Boxes, owners: int) -> Flags:
+def _prove(test: Test, boxes: Boxes, owners: int, max_boxes: int = MAX_BOXES) -> Flags:
     return prove(
         test,
         boxes,
         owners,
         halved=[True] * len(boxes.names),
         max_halvings=MAX_HALVINGS,
-        max_boxes=MAX_BOXES,
+        max_boxes=max_boxes,
         at_ends=True,
         only_whole=True,
         few=FEW,

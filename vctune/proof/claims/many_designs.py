@@ -6,6 +6,7 @@ See proof/README.md, section 2.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf
 
 import numpy as np
@@ -13,7 +14,9 @@ import numpy as np
 from vctune.model.gains import Gains
 from vctune.model.hand_arrays import PlacesInHands
 from vctune.model.hands import Hands
+from vctune.model.numbers.arithmetic import Number
 from vctune.model.problem import Demands
+from vctune.model.sampled.worlds.loop_in_worlds import posed
 from vctune.proof.claims.array_claims import Claims, claims_of
 from vctune.proof.claims.cells_in_hands import hold_in_hands
 from vctune.proof.claims.encirclements import by_integrator, encirclements, encirclements_in_hand, turns_in_hand
@@ -22,13 +25,13 @@ from vctune.proof.claims.margins_of_claims import HALF_TURN, outwards, resistanc
 from vctune.proof.claims.registry import ClaimId, claims_asked
 from vctune.proof.enclosures.array_intervals import Flags, Floats
 from vctune.proof.engine.bands import CELL_HALVINGS, MAX_BOXES, cells_over_band
-from vctune.proof.engine.box_tests import Margin, alone, lower_bound_over, positive
-from vctune.proof.engine.boxes import Cells, Integers, over_each
+from vctune.proof.engine.box_tests import Margin, Margins, lower_bound_over, positive
+from vctune.proof.engine.boxes import Cells, Integers, Values, over_each
 from vctune.proof.engine.branching import prove as prove_boxes
 
 ON_ARRAYS: tuple[ClaimId, ...] = "passive", "sensitivity", "stable_model", "stable"
 """Identifiers of the claims whose boxes are counted, in the order of `Certified.boxes`."""
-OF_CELLS: tuple[ClaimId, ...] = *ON_ARRAYS, "any_hand", "hands"
+OF_CELLS: tuple[ClaimId, ...] = *ON_ARRAYS, "any_hand", "hands", "worlds"
 """Identifiers of the claims that can be proved for cells. If a problem requires another claim, no cell is proved."""
 
 
@@ -63,11 +66,16 @@ def prove(demands: Demands, cells: Cells) -> Certified:
         A cell that is not proved is open, which does not mean refuted.
     """
     proofs = Certified(np.zeros(len(cells), bool), np.zeros((4, len(cells)), np.intp))
-    known = set(claims_asked(demands)) <= set(OF_CELLS)
+    known = set(claims_asked(demands)) <= set(OF_CELLS) and _worlds_are_known(demands)
     for at in by_integrator(cells) if known else ():
         part = _proofs(demands, cells.subset(at))
         proofs.proved[at], proofs.boxes[:, at] = part.proved, part.boxes
     return proofs
+
+
+def _worlds_are_known(demands: Demands) -> bool:
+    """Return whether the margins of cells cover the environments: those of section 18, on an admittance display."""
+    return demands.worlds is None or (demands.worlds.lossless and not demands.device.kind.inverse)
 
 
 def _proofs(demands: Demands, cells: Cells) -> Certified:
@@ -140,7 +148,7 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
     if looped and hands.high.stiffness == 0 and not cells.high[1].any():
         return proved  # there is no spring anywhere, so the position is free
     left = np.flatnonzero(turns_in_hand(demands, cells.centres()) == 0)
-    if _have_the_same_gains(cells):
+    if demands.worlds is None and _have_the_same_gains(cells):
         proved[left] = _above_envelope(demands, hands, claims, cells.subset(left))
         return proved
     proved[left] = hold_in_hands(demands, cells.subset(left))
@@ -221,7 +229,7 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
         if places.theta is not None:
             lost |= negative_at(claims.any_hand[0], part, places.theta[0, at])
         if places.in_hands is not None:
-            lost |= negative_at(alone(claims.in_hand), part, places.in_hands[0, at])
+            lost |= fails_in_hands(demands, part, places.in_hands[0, at])
         left = np.flatnonzero(~lost)
         number = encirclements(demands, part.subset(left)).number
         lost[left] = (np.isfinite(number) & (number != 0)).any(axis=0)
@@ -248,6 +256,35 @@ def negative_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> Fla
         Shape (n,).
     """
     return np.asarray(lower_bound_at(lambda omega, values: -margin(omega, values), cells, at) > 0)
+
+
+def fails_in_hands(demands: Demands, cells: Cells, at: PlacesInHands) -> Flags:
+    """Return the cells throughout which the constraint in hands fails, each cell at its own place.
+
+    With a box of environments, it fails where every margin is negative: one of the environments then has a pole there,
+    with the coupling divided by a number from 1 to the factor.
+
+    Parameters
+    ----------
+    demands : constraints with hands
+    cells : n cells of designs, either all with K_p > 0 or all with K_p = 0
+    at : n places
+
+    Returns
+    -------
+    array of bool
+        Shape (n,); True only if the claim is proved.
+    """
+    margins, worlds, lost = claims_of(demands).in_hand, demands.worlds, np.ones(len(cells), bool)
+    for k in range(1 if worlds is None else len(posed(worlds, demands.factor))):
+        left = np.flatnonzero(lost)
+        if left.size:
+            lost[left] = negative_at(partial(_one_of, margins, k), cells.subset(left), at[left])
+    return lost
+
+
+def _one_of(margins: Margins, k: int, theta: Number, values: Values) -> Number:
+    return margins(theta, values)[k]
 
 
 def lower_bound_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> Floats:

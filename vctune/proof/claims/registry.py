@@ -196,7 +196,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "every sample, its mass and stiffness fixed: one storage function for all dampings"
             ),
             quantity="storage",
-            margin="model.sampled.changing_hand.room_of_storage",
+            margin="model.sampled.changing.storage_function.room_of_storage",
             witness="a hand of `[operator]` in which no storage function is found",
             label="hands whose damping changes",
             explain=(

@@ -14,7 +14,7 @@ from vctune.model.device import Device
 from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.frequency import hertz
-from vctune.model.sampled.changing_hand import Storage
+from vctune.model.sampled.changing.storage_function import Storage
 from vctune.proof.enclosures.arb_balls import box
 from vctune.running import check_time, tell
 

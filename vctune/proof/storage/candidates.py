@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.matrices import Matrix
-from vctune.model.sampled.changing_hand import STAYING, Storage, loop_states, weights
-from vctune.model.sampled.plant_in_hand import delays_of
+from vctune.model.sampled.changing.loop_states import Law, LoopStates, loop_states
+from vctune.model.sampled.changing.storage_function import TERMS, Storage, moved_mass, weights
 from vctune.proof.claims.margins_of_claims import Design
-from vctune.proof.enclosures.array_intervals import Floats
-from vctune.proof.storage.barrier import analytic_centre
+from vctune.proof.enclosures.array_intervals import TINY, Flags, Floats
+from vctune.proof.storage.barrier import Family, analytic_centre
 
 ACROSS = {"mass": 4, "damping": 3, "stiffness": 3}
 """Numbers of each quantity at which the first candidate is sought. One less needs another round for many a design, one
 more takes a third longer."""
-DIGITS = 10
+DIGITS = 14
 """Significant digits of the decimals. Half are too few for loops with little room; twice are more than a double has."""
 
 
@@ -63,11 +64,11 @@ def candidate(design: Design, hands: Hands, at: Places) -> Storage | None:
     hands : box to which its functions refer
     at : hands of the box
     """
-    constant, linear, basis = _affine(design, hands, at)
-    found = analytic_centre(constant, linear)
+    sought = _affine(design, hands, at)
+    found = analytic_centre(sought.constant, sought.families, sought.free)
     if found is None:
         return None
-    terms = np.tensordot(found.reshape(-1, len(basis)), basis, axes=1)
+    terms = np.tensordot(found, sought.basis, axes=1)
     return Storage(hands, tuple(tuple(tuple(_rounded(x) for x in row) for row in term) for term in terms.tolist()))
 
 
@@ -97,33 +98,69 @@ def _rounded(x: float) -> float:
     return float(f"{x:.{DIGITS}g}")
 
 
-def _affine(design: Design, hands: Hands, at: Places) -> tuple[Floats, Floats, Floats]:
-    """Return the constant part of the matrices of `room_of_storage`, the parts of Y's numbers, and the units of Y."""
-    loop = loop_states(design.device, design.gains, design.series, at.hand, at.sensed, delays_of(design.device), FLOATS)
-    count = at.sensed.size
-    step, push, seen = (
-        _stacked(loop.change, count) + np.diag(np.arange(len(loop.push)) < STAYING),
-        _stacked((loop.push,), count)[:, 0],
-        _stacked((loop.seen,), count)[:, 0],
-    )
-    n = push.shape[1]
+class _Sought(NamedTuple):
+    """Matrices of `room_of_storage` that are affine in numbers.
+
+    Attributes
+    ----------
+    constant, families, free : see `analytic_centre`
+    basis : units of Y, one for each entry of a triangle
+    """
+
+    constant: Floats
+    families: tuple[Family, ...]
+    free: Flags
+    basis: Floats
+
+
+def _affine(design: Design, hands: Hands, at: Places) -> _Sought:
+    plain, count = (design.device, Law(design.gains, design.series)), at.sensed.size
+    loop = loop_states(plain, plain, at.hand, at.sensed, FLOATS)
+    n = len(loop.push)
+    moved = _stacked(tuple((*row, push) for row, push in zip(loop.change, loop.push, strict=True)), count)
     before = replace(at.hand, damping=at.sensed)
     now, then = (
-        _stacked((weights(hands, design.device.mass, hand, float),), count)[:, 0] for hand in (before, at.hand)
+        _stacked((weights(hands, moved_mass(design.device), hand, float),), count)[:, 0] for hand in (before, at.hand)
     )
+    constant = np.zeros((count, n + 1, n + 1))
+    constant[:, :n, n] = constant[:, n, :n] = _stacked((loop.seen,), count)[:, 0]
+    constant[:, n, n] = 2 * loop.direct - loop.spring
+    unit = _units(moved[count // 2], loop.staying, constant[count // 2, n, n])
     rows, columns = np.triu_indices(n)
     basis = np.zeros((rows.size, n, n))
     basis[np.arange(rows.size), rows, columns] = basis[np.arange(rows.size), columns, rows] = 1.0
-    moved = np.concatenate([step, push[:, :, None]], axis=2)
-    held = np.zeros((rows.size, n + 1, n + 1))
+    basis /= np.outer(unit[:n], unit[:n])
+    stays, held = np.eye(n, n + 1) * (np.arange(n) < loop.staying)[:, None], np.zeros((rows.size, n + 1, n + 1))
     held[:, :n, :n] = basis
-    after = moved.swapaxes(1, 2)[:, None] @ basis @ moved[:, None]
-    constant = np.zeros((count, n + 1, n + 1))
-    constant[:, :n, n] = constant[:, n, :n] = seen
-    constant[:, n, n] = 2 * loop.direct - loop.spring
-    now, then = (each[:, :, None, None, None] for each in (now, then))
-    linear = now * held - then * after[:, None]
-    return constant, linear.reshape(count, -1, n + 1, n + 1), basis
+    crossed = stays.T @ basis @ moved[:, None]
+    # Y - F' Y F from the changes alone, in which what stays cancels
+    grown = crossed + crossed.swapaxes(-1, -2) + moved.swapaxes(1, 2)[:, None] @ basis @ moved[:, None]
+    kept = held - stays.T @ basis @ stays - grown
+    after, free = held - kept, np.ones((len(TERMS), rows.size), bool)
+    if loop.pull is not None:
+        kept[:, 0], after[:, 0] = -_grown(loop, count) * basis[0, 0, 0], 0.0
+        free[TERMS.index("beta"), 0] = False
+    across = np.outer(unit, unit)
+    return _Sought(constant * across, (Family(now, kept * across), Family(now - then, after * across)), free, basis)
+
+
+def _units(moved: Floats, staying: int, direct: float) -> Floats:
+    """Return the size of each state, and of v_e, of a loop that noise drives: in these units all are alike."""
+    n = len(moved)
+    step, push = moved[:, :n] + np.diag(np.arange(n) < staying), moved[:, n:] / np.sqrt(abs(direct) + TINY)
+    spread = push @ push.T
+    with np.errstate(all="ignore"):
+        for _ in range(60):
+            spread, step = spread + step @ spread @ step.T, step @ step
+    found = np.append(np.sqrt(np.diagonal(spread)), 1 / np.sqrt(abs(direct) + TINY))
+    return np.where(np.isfinite(found) & (found > 0), found, 1.0)
+
+
+def _grown(loop: LoopStates, count: int) -> Floats:
+    """Return the growth of p^2/K in a sample, of zeta and v_e."""
+    assert loop.pull is not None
+    size = len(loop.push) + 1
+    return _stacked(tuple(tuple(loop.pull.grown(i, j) for j in range(size)) for i in range(size)), count)
 
 
 def _stacked(matrix: Matrix, count: int) -> Floats:

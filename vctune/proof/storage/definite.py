@@ -42,10 +42,13 @@ def surely_definite(matrix: Taylor) -> Definite:
     with np.errstate(all="ignore"):
         middle = 0.5 * (poly[0] + poly[0].swapaxes(-1, -2))
         known = np.asarray(np.isfinite(poly).all(axis=(0, 2, 3)) & np.isfinite(rest).all(axis=(0, 2, 3)))
-        values, vectors = np.linalg.eigh(np.where(known[:, None, None], middle, np.eye(m)))
+        middle = np.where(known[:, None, None], middle, np.eye(m))
+        unit = 1 / np.sqrt(np.abs(np.diagonal(middle, axis1=-2, axis2=-1)) + TINY)  # states of any size
+        values, vectors = np.linalg.eigh(unit[:, :, None] * middle * unit[:, None, :])
         fails: Flags = known & (values[:, 0] <= 0)
         usable: Flags = known & ~fails
         by = np.where(usable[:, None, None], vectors.swapaxes(-1, -2), 0.0) / np.sqrt(np.abs(values) + TINY)[..., None]
+        by *= unit[:, None, :]
         across, size = by.swapaxes(-1, -2), np.abs(by)
         turned = by @ poly @ across
         turned[0] -= np.eye(m)

@@ -7,12 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.matrices import Matrix, add, nothing, times
-from vctune.model.sampled.changing_hand import Storage, loop_states, room_of_storage, weights
-from vctune.model.sampled.plant_in_hand import delays_of
+from vctune.model.sampled.changing.loop_states import Law, loop_states
+from vctune.model.sampled.changing.storage_function import Storage, moved_mass, room_of_storage, weights
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.array_intervals import UNIT, Enclosure, Floats, between, decimal
 from vctune.proof.enclosures.taylor import Taylor, stacked, variables
@@ -87,23 +88,36 @@ def _judged(design: Design, storage: Storage, low: Floats, high: Floats) -> Defi
     value.rad += 4 * UNIT * np.abs(high)
     rows = variables([Enclosure(mid, rad) for mid, rad in zip(value.mid, value.rad, strict=True)], [True] * len(low))
     hand, exact = Hand(*rows), _enclosed(design)
-    Y = stored(storage, exact.device.mass, hand)
-    matrices, delays = [Y], delays_of(design.device)
+    Y, matrices = stored(storage, moved_mass(exact[0]), hand), list[Matrix]()
+    plain = design.device, Law(design.gains, design.series)
     for sensed in sorted({storage.hands.low.damping, storage.hands.high.damping}):
         more = _lost(storage, hand, sensed)
-        loop = loop_states(exact.device, exact.gains, exact.series, hand, decimal(sensed), delays, TAYLOR)
+        loop = loop_states(plain, exact, hand, decimal(sensed), TAYLOR)
         matrices.append(room_of_storage(loop, Y, more, TAYLOR))
+    matrices.append(Y if loop.pull is None else _with_spring(Y, exact[0], high[2]))
     found = [surely_definite(_stacked(matrix)) for matrix in matrices]
     return Definite(
         np.all([each.proved for each in found], axis=0),
-        np.any([each.fails for each in found], axis=0),
+        np.any([each.fails for each in found[:-1]], axis=0),
         np.max([each.losses for each in found], axis=0),
     )
 
 
-def _enclosed(design: Design) -> Design:
+def _enclosed(design: Design) -> tuple[Device, Law]:
     gains, coupling = (map(decimal, astuple(part)) for part in (design.gains, design.series))
-    return Design(design.device.converted(decimal), Gains(*gains), Coupling(*coupling))
+    return design.device.converted(decimal), Law(Gains(*gains), Coupling(*coupling))
+
+
+def _with_spring(Y: Matrix, device: Device, stiffest: Floats) -> Matrix:
+    """Return less than the storage as a matrix of zeta: p^2/K is least in the stiffest hand of a box.
+
+    Without a spring p is 0.
+    """
+    if not stiffest.any():
+        return tuple(row[1:] for row in Y[1:])
+    T = device.sample_time
+    K = Enclosure(stiffest, 4 * UNIT * stiffest) * (T * T) / device.mass
+    return (Y[0][0] / K, *Y[0][1:]), *Y[1:]
 
 
 def _stacked(matrix: Matrix) -> Taylor:
@@ -127,7 +141,7 @@ def stored(storage: Storage, mass: Number, hand: Hand) -> Matrix:
     Parameters
     ----------
     storage : in decimals
-    mass : m of the device
+    mass : of the device, see `moved_mass`
     hand : its damping is that of the last sample
     """
     shares = weights(storage.hands, mass, hand, decimal)

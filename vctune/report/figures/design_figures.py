@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, pi
 
@@ -11,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand
 from vctune.analysis.phases import sensor_miss
 from vctune.document.records.contact_json import ContactRecord
 from vctune.document.records.design_json import BoxRecord, DesignRecord, OptimalityRecord
@@ -30,7 +32,6 @@ from vctune.report.figures.panels import (
     draw_required,
     least_view,
 )
-from vctune.report.figures.region_figure import world_figure
 from vctune.report.figures.style import (
     BLUE,
     GREEN,
@@ -47,7 +48,6 @@ from vctune.report.figures.style import (
 from vctune.report.page.contents import IN_WORDS
 from vctune.report.page.summary import doubt
 from vctune.report.typography import quantity
-from vctune.study.world_region import world_plane, world_region
 
 MAP_LEVELS = 4
 """How often the map of what may be rendered is halved on a page: to a sixteenth, in about a second."""
@@ -55,12 +55,19 @@ MAP_LEVELS = 4
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """The data of the figures: a problem, its gains and coupling, and the record of that design."""
+    """The data of the figures.
+
+    Attributes
+    ----------
+    problem, gains, coupling, record : a problem, its design and the record of it
+    least : the least ratios in the problem's hands (`vctune.analysis.in_hands.least_ratios`); empty to work them out
+    """
 
     problem: Problem
     gains: Gains
     coupling: AnyCoupling
     record: DesignRecord
+    least: Sequence[RatioInHand | RatioInAnyHand] = ()
 
 
 def figures(design: Design) -> dict[str, Figure]:
@@ -88,7 +95,10 @@ def _in_hands(design: Design) -> dict[str, Figure]:
     hands = design.problem.hands_met
     if design.problem.any_hand:
         return {"any-hand": any_hand_figure(design.problem, design.gains, design.coupling)}
-    return {} if hands is None else {"hands": hands_figure(design.problem, hands, design.gains, design.coupling)}
+    if hands is None:
+        return {}
+    before_passive = [] if design.problem.worlds else [each for each in design.least if isinstance(each, RatioInHand)]
+    return {"hands": hands_figure(design.problem, hands, design.gains, design.coupling, before_passive)}
 
 
 def _rendered(design: Design) -> dict[str, Figure]:
@@ -96,6 +106,9 @@ def _rendered(design: Design) -> dict[str, Figure]:
     problem = design.problem
     if problem.worlds is None or not problem.worlds.lossless:
         return {}
+    from vctune.report.figures.region_figure import world_figure
+    from vctune.study.world_region import world_plane, world_region
+
     plane = world_plane(problem, WORLD[2], WORLD[0], MAP_LEVELS)
     return {"z-width": world_figure(problem, world_region(problem, design.gains, design.coupling, plane))}
 

@@ -11,28 +11,28 @@ from matplotlib.figure import Figure
 
 from vctune.document.records.simulation_json import ExperimentRecord, RunRecord, SimulationRecord
 from vctune.model.numbers.units import Units
-from vctune.report.figures.style import BLUE, GREY, ORANGE, RED, STYLE, canvas
+from vctune.report.figures.style import BLUE, GREY, ORANGE, RED, STYLE, WIDTH, canvas
 
 HEADINGS = ("experiment", "controller", "felt", "off by", "non-overlap", "residual", "ripple", "motor", "loop")
 
 
 def simulation_figure(simulation: SimulationRecord) -> Figure:
-    """Return the figure: a row an experiment, a) with the regular PID on the left, b) with the design on the right."""
+    """Return the figure: an experiment in each row, a regular PID on the left and the design on the right."""
     with rc_context(STYLE):
         count, units = len(simulation.experiments), simulation.units
-        figure = canvas(8, 3.1 * count, top=0.35, gaps=(0.06, 0.4))
+        figure = canvas(WIDTH, 1.95 * count + 0.2, left=0.72, right=0.12, top=0.3, gaps=(0.12, 0.62))
         rows = figure.subplots(count, 2, squeeze=False, sharey="row", sharex="row")
         for (left, right), experiment in zip(rows, simulation.experiments, strict=True):
-            _draw(left, experiment, experiment.baseline, "a) regular PID", ORANGE, units)
-            _draw(right, experiment, experiment.design, "b) this design", BLUE, units)
-            left.set_ylabel(f"{units.force_name} of the hand, {units.force}")
+            _draw(left, experiment, experiment.baseline, "regular PID", ORANGE, units)
+            _draw(right, experiment, experiment.design, simulation.controller or "this design", BLUE, units)
+            left.set_ylabel(f"{units.force_name}, {units.force}")
     return figure
 
 
 def _draw(
     axes: Axes, experiment: ExperimentRecord, run: RunRecord | None, title: str, colour: str, units: Units
 ) -> None:
-    axes.set_title(f"{experiment.name}: {title}")
+    axes.set_title(f"{experiment.name}: {title}", fontsize=8)
     axes.set_xlabel(
         {"position": f"position, {units.position}", "velocity": f"velocity, {units.speed}"}[experiment.axis]
     )
@@ -45,7 +45,8 @@ def _draw(
     asked = _asked(experiment, ends)
     reached = (asked >= curve[:, 1].min()) & (asked <= curve[:, 1].max())
     axes.plot(ends[reached], asked[reached], color=RED, linewidth=1, linestyle="--")
-    axes.locator_params(axis="x", nbins=5)
+    axes.locator_params(axis="x", nbins=3)
+    axes.locator_params(axis="y", nbins=5)
     if run.diverged_s is not None:
         note = f"diverged from {run.diverged_s:.4g} s on"
         axes.text(0.5, 0.9, note, transform=axes.transAxes, ha="center", color=RED)
@@ -71,6 +72,25 @@ def measured_rows(simulation: SimulationRecord) -> list[tuple[str, ...]]:
         )
         if run is not None
     ]
+
+
+def simulation_finding(simulation: SimulationRecord) -> str:
+    """Return by how much each felt number is off, with the design and with the regular PID; "" if none is asked for."""
+    shown = [(one.name, _worst_off(one.design), _worst_off(one.baseline)) for one in simulation.experiments]
+    lines = [
+        f"{name}: off by {design}" + (f" ({baseline} with a regular PID)" if baseline else "")
+        for name, design, baseline in shown
+        if design
+    ]
+    whole = "; ".join(lines)
+    return f"{whole[0].upper()}{whole[1:]}." if whole else ""
+
+
+def _worst_off(run: RunRecord | None) -> str:
+    """Return by how much the felt number that is farthest off is off; "" without one."""
+    fits = {} if run is None or run.metrics is None else run.metrics.fits
+    off = [fit.value / fit.asked - 1 for fit in fits.values() if fit.value is not None and fit.asked]
+    return f"{100 * max(off, key=abs):+.2g} %" if off else ""
 
 
 def dwell_line(simulation: SimulationRecord) -> str:

@@ -71,7 +71,13 @@ class Met(NamedTuple):
     least: list[RatioInHand]
 
 
-def met_in_hands(problem: Problem, gains: Gains, coupling: AnyCoupling, hands: Hands | None = None) -> Met:
+def met_in_hands(
+    problem: Problem,
+    gains: Gains,
+    coupling: AnyCoupling,
+    hands: Hands | None = None,
+    least: list[RatioInHand] | None = None,
+) -> Met:
     """Return the curves that `draw_required_in_hands` and `draw_ratio_in_hands` draw.
 
     Parameters
@@ -79,17 +85,20 @@ def met_in_hands(problem: Problem, gains: Gains, coupling: AnyCoupling, hands: H
     problem : the device
     gains, coupling : the design
     hands : to be met; None for the problem's
+    least : the least ratios in them, before passive environments; None to work them out
     """
     device, hands = problem.device, hands or problem.hands
     where = loops_in_hands(device, hands, per_decade=CURVES)
     some = where.theta > 0
     theta = where.theta[some]
-    found = least_ratios_in_hands(device, hands, gains, coupling)
+    found = least or least_ratios_in_hands(device, hands, gains, coupling)
     required = where.required(gains)[:, some].max(axis=0)
     return Met(theta / (2 * pi * device.sample_time), theta, offered(coupling, device, theta, FLOATS), required, found)
 
 
-def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling) -> Figure:
+def hands_figure(
+    problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling, least: list[RatioInHand] | None = None
+) -> Figure:
     """Draw Re Z_c against the R of the worst hands, and a map of the share that they need over mass and stiffness.
 
     Parameters
@@ -97,6 +106,7 @@ def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoup
     problem : the device
     hands : hands of the claim
     gains, coupling : the design
+    least : the least ratios in the hands, before passive environments; None to work them out
 
     Returns
     -------
@@ -104,7 +114,7 @@ def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoup
     """
     figure = canvas(WIDTH, 5.55, left=0.8, top=0.45, gaps=(0, 0.45))
     curves, ratio, plane = figure.subplots(3, 1, height_ratios=(5, 4, 4))
-    met = met_in_hands(problem, gains, coupling, hands)
+    met = met_in_hands(problem, gains, coupling, hands, least)
     draw_required_in_hands(curves, problem, gains, coupling, met)
     curves.set_xlabel("")
     draw_ratio_in_hands(ratio, problem, gains, coupling, met)

@@ -18,7 +18,19 @@ from vctune.identification.response.periodic_study import PeriodicStudy, behind_
 from vctune.identification.response.unmodelled import covered
 from vctune.model.numbers.units import Units
 from vctune.report.figures.servo_figures import following, servo_response
-from vctune.report.figures.style import BLUE, GREEN, GREY, ORANGE, STYLE, canvas, decades, frequency_axis, legend_above
+from vctune.report.figures.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    STYLE,
+    WIDTH,
+    canvas,
+    decades,
+    frequency_axis,
+    in_prefixed,
+    legend_above,
+)
 
 WINDOW = 2.0
 """How long the part of the log is that is shown closely, s."""
@@ -55,7 +67,7 @@ def identification_figures(found: Identified, record: IdentificationRecord) -> d
 
 
 def _time_fit(studies: list[RecordStudy], units: Units) -> Figure:
-    figure = canvas(9, 3.4 * len(studies) + 1.0, top=0.35, gaps=(0.0, 0.65))
+    figure = canvas(WIDTH, 3.7 * len(studies), left=0.75, top=0.35, gaps=(0.0, 0.62))
     axes = np.atleast_1d(figure.subplots(2 * len(studies), 1))
     for (close, whole), study in zip(axes.reshape(-1, 2), studies, strict=True):
         assert study.motion is not None
@@ -65,16 +77,17 @@ def _time_fit(studies: list[RecordStudy], units: Units) -> Figure:
         shown = np.abs(fit.time - worst) < WINDOW / 2
         close.plot(fit.time[shown], fit.measured[shown], color=BLUE, label=f"recorded, {study.recording.name}")
         close.plot(fit.time[shown], fit.fitted[shown], "--", color=ORANGE, label=units.translated("mass and friction"))
-        close.set_ylabel(f"{units.force_name}, {units.force}")
+        close.set(ylabel=f"{units.force_name}, {units.force}", xlabel="time, s")
         legend_above(close, 2)
         every = max(1, left.size // MOST_POINTS)
-        whole.plot(fit.time[::every], left[::every], color=GREY, linewidth=0.8)
-        whole.set(ylabel=f"residual, {units.force}", xlabel="time, s")
+        remaining, unit = in_prefixed(left[::every], units.force)
+        whole.plot(fit.time[::every], remaining, color=GREY, linewidth=0.8)
+        whole.set(ylabel=f"residual, {unit}", xlabel="time, s")
     return figure
 
 
 def _response(found: Identified, studies: list[RecordStudy], units: Units) -> Figure:
-    figure = canvas(9, 8.5, top=0.35, gaps=(0.0, 0.12))
+    figure = canvas(WIDTH, 5.0, left=0.75, top=0.35, gaps=(0.0, 0.12))
     size, phase, repeat = figure.subplots(3, 1, sharex=True, height_ratios=[3, 2, 1])
     colours = (BLUE, GREEN, ORANGE, GREY)
     for study, colour in zip(studies, colours * len(studies), strict=False):
@@ -115,7 +128,7 @@ def _degrees(response: np.ndarray) -> Floats:
 
 
 def _residual_spectra(studies: list[RecordStudy], units: Units) -> Figure:
-    figure = canvas(9, 3.4, top=0.35)
+    figure = canvas(WIDTH, 2.6, left=0.75, top=0.35)
     axes = figure.subplots()
     ends = []
     for study, colour in zip(studies, (BLUE, GREEN, ORANGE, GREY) * len(studies), strict=False):
@@ -128,7 +141,7 @@ def _residual_spectra(studies: list[RecordStudy], units: Units) -> Figure:
     axes.set_ylabel(f"residual, share of the {units.force_name}")
     decades(axes)
     frequency_axis(axes, min(ends), max(ends))
-    legend_above(axes, 4)
+    legend_above(axes, 2 if len(studies) == 1 else 3)
     return figure
 
 
@@ -158,7 +171,7 @@ def _lines_left(study: RecordStudy) -> tuple[Floats, Floats, Floats]:
 
 
 def _numbers(record: IdentificationRecord) -> Figure:
-    figure = canvas(9, 0.55 * len(record.numbers) + 1.1, left=2.2, top=0.35)
+    figure = canvas(WIDTH, 0.34 * len(record.numbers) + 0.9, left=1.6, top=0.35)
     axes = figure.subplots()
     for row, each in enumerate(record.numbers):
         low, high = each.low / each.value - 1, each.high / each.value - 1
@@ -172,11 +185,11 @@ def _numbers(record: IdentificationRecord) -> Figure:
                 100 * (one.value / each.value - 1), row + place, xerr=sigma, fmt="o", color=BLUE, markersize=4,
                 label="found, twice the standard deviation" if row == 0 and place == places[0] else "",
             )  # fmt: skip
-    axes.set_yticks(range(len(record.numbers)), [each.key for each in record.numbers])
+    axes.set_yticks(range(len(record.numbers)), [each.key for each in record.numbers], fontsize=7.5)
     axes.invert_yaxis()
     axes.set_xscale("symlog", linthresh=1.0)
     axes.set_xlim(-110, 110)
-    axes.set_xticks([-100, -10, -1, 0, 1, 10, 100], ["-100", "-10", "-1", "0", "1", "10", "100"])
-    axes.set_xlabel("per cent from the middle of the box")
+    axes.set_xticks([-100, -10, -1, 0, 1, 10, 100], ["−100", "−10", "−1", "0", "1", "10", "100"], fontsize=7.5)
+    axes.set_xlabel("off the middle of the box, %")
     legend_above(axes, 2)
     return figure

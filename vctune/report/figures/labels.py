@@ -109,15 +109,16 @@ def _of_area(area: Polygon, placed: Any, shape: tuple[int, int]) -> Mask:
 
 def _room(taken: Mask, size: tuple[int, int]) -> Floats:
     """Return the distance from a box around each cell to the nearest one that is taken; -1 if it covers one."""
-    total = np.pad(taken.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
-    room = np.full(taken.shape, -1.0)
+    (rows, columns), room = taken.shape, np.full(taken.shape, -1.0)
+    around = [(each // 2 + ENOUGH + 1, each // 2 + ENOUGH) for each in size]
+    total = np.pad(taken, around).cumsum(axis=0, dtype=np.int32).cumsum(axis=1, dtype=np.int32)
     for distance in range(ENOUGH + 1):
-        (y, y_end), (x, x_end) = (
-            (np.clip(np.arange(cells) - half, 0, cells), np.clip(np.arange(cells) + half + 1, 0, cells))
-            for cells, half in zip(taken.shape, (each // 2 + distance for each in size), strict=True)
+        high, wide = (2 * (each // 2 + distance) + 1 for each in size)
+        start = ENOUGH - distance
+        first, second, third, last = (
+            total[y : y + rows, x : x + columns] for y in (start, start + high) for x in (start, start + wide)
         )
-        covered = total[y_end][:, x_end] - total[y][:, x_end] - total[y_end][:, x] + total[y][:, x]
-        room[covered == 0] = distance
+        room[first + last == second + third] = distance
     return room
 
 

@@ -14,7 +14,18 @@ from vctune.identification.servo.servo_motion import Complex, positions
 from vctune.identification.servo.servo_study import ServoStudy
 from vctune.identification.servo.servo_unmodelled import response_of, tried
 from vctune.model.numbers.units import Units
-from vctune.report.figures.style import BLUE, GREEN, GREY, ORANGE, canvas, decades, frequency_axis, legend_above
+from vctune.report.figures.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    WIDTH,
+    canvas,
+    decades,
+    frequency_axis,
+    in_prefixed,
+    legend_above,
+)
 
 WINDOW = 200
 """Rows of the part of a log that is shown closely."""
@@ -29,7 +40,7 @@ def following(studies: list[RecordStudy], units: Units) -> Figure:
     studies : studies of servos
     units : units of their numbers
     """
-    figure = canvas(9, 3.4 * len(studies) + 1.0, top=0.35, gaps=(0.0, 0.65))
+    figure = canvas(WIDTH, 3.7 * len(studies), left=0.75, top=0.35, gaps=(0.0, 0.62))
     axes = np.atleast_1d(figure.subplots(2 * len(studies), 1))
     for (close, whole), study in zip(axes.reshape(-1, 2), studies, strict=True):
         servo = study.servo
@@ -43,14 +54,16 @@ def following(studies: list[RecordStudy], units: Units) -> Figure:
         shown = slice(middle - WINDOW // 2, middle + WINDOW // 2)
         told = np.concatenate([[0.0], np.cumsum(seen.velocity[:-1] * np.diff(seen.time))])[fit.first :]
         told += float(np.mean(measured - told))
-        close.plot(time[shown], told[shown], ":", color=GREY, label="commanded")
-        close.plot(time[shown], measured[shown], color=BLUE, label=f"measured, {study.recording.name}")
-        close.plot(time[shown], made[shown], "--", color=ORANGE, label="fit")
-        close.set_ylabel(f"position, {units.position}")
+        drawn, unit = in_prefixed(np.stack([told[shown], measured[shown], made[shown]]), units.position)
+        labels = "commanded", f"measured, {study.recording.name}", "fit"
+        for curve, line, colour, label in zip(drawn, (":", "-", "--"), (GREY, BLUE, ORANGE), labels, strict=True):
+            close.plot(time[shown], curve, line, color=colour, label=label)
+        close.set(ylabel=f"position, {unit}", xlabel="time, s")
         legend_above(close, 3)
         every = max(1, left.size // MOST_POINTS)
-        whole.plot(time[::every], left[::every], color=GREY, linewidth=0.8)
-        whole.set(ylabel=f"residual, {units.position}", xlabel="time, s")
+        remaining, unit = in_prefixed(left[::every], units.position)
+        whole.plot(time[::every], remaining, color=GREY, linewidth=0.8)
+        whole.set(ylabel=f"residual, {unit}", xlabel="time, s")
     return figure
 
 
@@ -67,7 +80,7 @@ def servo_response(found: Identified, studies: list[RecordStudy]) -> Figure:
     found : device and box
     studies : studies of servos whose response shows
     """
-    figure = canvas(9, 6.5, top=0.35, gaps=(0.0, 0.12))
+    figure = canvas(WIDTH, 4.2, left=0.75, top=0.35, gaps=(0.0, 0.12))
     size, phase = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
     hertz = np.concatenate([study.measured_hz for study in studies])
     axis = np.geomspace(hertz.min(), hertz.max(), 200)
@@ -93,7 +106,7 @@ def servo_response(found: Identified, studies: list[RecordStudy]) -> Figure:
         size.plot(bands.hertz, np.abs(bands.fitted), color=colour, linewidth=1.0, label="fit")
         phase.errorbar(bands.hertz, fitted + off, np.degrees(2 * bands.spread), fmt=".", color=colour)
         phase.plot(bands.hertz, fitted, color=colour, linewidth=1.0)
-    size.set_ylabel("measured / commanded velocity")
+    size.set_ylabel("velocity, measured / commanded")
     decades(size)
     phase.set_ylabel("phase, degrees")
     frequency_axis(phase, 0.9 * float(hertz.min()), 1.1 * float(hertz.max()))

@@ -5,13 +5,15 @@ from __future__ import annotations
 from math import ceil, floor, log10, pi
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.markers import TICKDOWN
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+from vctune.analysis.extrema import Floats
 from vctune.model.problem import Band
-from vctune.report.typography import quantity, tick
+from vctune.report.typography import prefixed, quantity, tick
 
 INK, PAPER = "#010203", "#fefdfc"
 """Text and ground; a page replaces both by its own."""
@@ -102,6 +104,7 @@ def frequency_axis(axes: Axes, low: float, high: float) -> None:
     low, high : ends, Hz
     """
     axes.set(xscale="log", xlim=(low, high), xlabel="frequency, Hz")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if high > FEW_DECADES * low else (1.0, 2.0, 5.0)))
     axes.xaxis.set_major_formatter(PLAIN)
     axes.xaxis.set_minor_locator(NullLocator())
     between = [step * 10.0**k for k in range(floor(log10(low)), ceil(log10(high))) for step in (2, 5)]
@@ -117,6 +120,18 @@ def frequency_axis(axes: Axes, low: float, high: float) -> None:
         transform=foot,
         clip_on=False,
     )
+
+
+def in_prefixed(values: Floats, unit: str) -> tuple[Floats, str]:
+    """Return values in the unit whose prefix suits their greatest size, and that unit.
+
+    Parameters
+    ----------
+    values : to be drawn
+    unit : theirs, without a prefix
+    """
+    power, named = prefixed(float(np.max(np.abs(values), initial=0.0)), unit)
+    return values / 10.0**power, named
 
 
 def decades(axes: Axes) -> None:

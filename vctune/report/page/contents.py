@@ -129,7 +129,8 @@ IDENTIFICATION_READINGS = {
     "response": (
         "Response",
         "Measured lines or bands with twice their standard deviation, the fit, and in grey the box with the unmodelled "
-        "disc, which contains them all. The lower panel shows how well each line repeats.",
+        "disc, which contains every size. Dry friction, which the box leaves out, turns the phase of slow lines beyond "
+        "it. The lower panel shows how well each line repeats.",
     ),
     "residual-spectrum": (
         "The residual",

@@ -13,10 +13,21 @@ MOST = 3
 """Active constraints on the first screen. The others are in the table of every number."""
 
 
+NAMES = {
+    "|S|": "Robustness of the velocity loop",
+    "|1 - S|": "Robustness against unmodelled dynamics",
+    "walls in a hand": "Stability at walls",
+    "in a hand": "Stability in the stated hands",
+    " R": "Stability in any passive hand",
+}
+"""Names of active constraints by a part of their formula; the first that fits counts."""
+
+
 class Limit(NamedTuple):
-    """What limits a design: in words, and the effect of easing it."""
+    """What limits a design: in words, its formula and frequencies, and the effect of easing it."""
 
     words: str
+    formula: str
     worth: str
 
 
@@ -32,15 +43,20 @@ def limits(record: DesignRecord) -> list[Limit]:
         prices[each.demand] = prices.get(each.demand, 0.0) + each.multiplier
     dearest = sorted(prices, key=lambda demand: -prices[demand])
     found = [
-        Limit(words, f"with this limit 1 % weaker: error {-prices[demand]:+.2g} %")
-        for words, demand in zip(record.limits[:MOST], dearest, strict=False)
+        Limit(_named(demand), formula, f"with this limit 1 % weaker: error {-prices[demand]:+.2g} %")
+        for formula, demand in zip(record.limits[:MOST], dearest, strict=False)
     ]
     if found and record.certificate is not None and (hand := _binding(record)):
-        found.append(Limit(f"Worst hand: {hand}", ""))
+        found.append(Limit("Worst hand", hand, ""))
     best = min(record.prices or [], key=lambda price: price.change, default=None)
     if best is not None and best.worth != "no difference":
-        found.append(Limit(f"{best.key} better by 1 %: error {best.worth}", ""))
+        found.append(Limit("Best change of the device", f"{best.key} better by 1 %: error {best.worth}", ""))
     return found
+
+
+def _named(demand: str) -> str:
+    """Return the name of an active constraint, for readers who do not know its formula."""
+    return next((name for part, name in NAMES.items() if part in demand), "Constraint")
 
 
 def _binding(record: DesignRecord) -> str:

@@ -5,19 +5,22 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
+from collections.abc import Sequence
 from html import escape
 from io import BytesIO
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.part import Row
 from vctune.document.records.simulation_json import SimulationRecord
 from vctune.model.problem import Problem
-from vctune.report.figures.experiment_figures import HEADINGS, dwell_line, measured_rows
+from vctune.report.figures.experiment_figures import HEADINGS, dwell_line, measured_rows, simulation_finding
 from vctune.report.figures.style import INK, PAPER
 from vctune.report.page.contents import IN_WORDS, READINGS, reading
 from vctune.report.page.findings import findings, limits
@@ -45,6 +48,7 @@ def page(
     drawn: dict[str, str],
     places: dict[str, list[dict[str, Any]]],
     simulation: SimulationRecord | None = None,
+    least: Sequence[RatioInHand | RatioInAnyHand] = (),
 ) -> str:
     """Return the HTML of a design.
 
@@ -55,11 +59,12 @@ def page(
     drawn : figures as SVG, by name
     places : places of the axes in which tried curves are drawn (`vctune.report.page.sliders.overlays`)
     simulation : simulation of this design, if there is one
+    least : the least ratios in the problem's hands
     """
     seen, tried = summary(record, problem), None
     if record.design is not None:
         shipped = {"kind": seen.kind, "word": seen.word}
-        tried = sliders(problem, record.design[0], record.design[1], record)
+        tried = sliders(problem, *record.design, record, least)
         tried |= {"overlays": places, "shipped": shipped}
     environment = templates(lambda text: _stated(problem.units.translated(text), problem))
     groups = record.groups()
@@ -75,11 +80,11 @@ def page(
         claims=claim_lines(record, problem),
         assumptions=assumptions(problem),
         feel=feel_lines(problem, *record.design) if record.design is not None else [],
-        figures=_shown(record, problem, drawn),
+        figures=_shown(record, problem, drawn, simulation),
         bounded=[key.rpartition(".")[2] for key in record.at_bound],
         groups=groups,
         phases=phase_table(problem, record.design[0]) if record.design is not None else None,
-        embedded=_embedded(record.to_json(), indent=1),
+        embedded=_embedded(record.to_json()),
         sliders=_embedded(tried) if tried is not None else None,
         measured=measured_rows(simulation) if simulation else [],
         headings=HEADINGS,
@@ -88,9 +93,12 @@ def page(
     )
 
 
-def _shown(record: DesignRecord, problem: Problem, drawn: dict[str, str]) -> list[dict[str, str]]:
+def _shown(
+    record: DesignRecord, problem: Problem, drawn: dict[str, str], simulation: SimulationRecord | None
+) -> list[dict[str, str]]:
     """Return name, title, finding, reading and SVG of each figure."""
     translated, found = problem.units.translated, findings(record, problem)
+    found |= {"simulation": simulation_finding(simulation)} if simulation is not None else {}
     figures = []
     for name, text in drawn.items():
         title, finding = translated(READINGS[name][0]), translated(found.get(name, ""))
@@ -133,11 +141,9 @@ def _css_text(text: str) -> str:
     return '"' + re.sub(r'[\\"<>&\n\r]', lambda found: f"\\{ord(found[0]):x} ", text) + '"'
 
 
-def _embedded(data: dict[str, Any], indent: int | None = None) -> str:
+def _embedded(data: dict[str, Any]) -> str:
     """Return data as JSON that no text in it can end."""
-    return json.dumps(data, indent=indent, allow_nan=False, separators=None if indent else (",", ":")).replace(
-        "<", "\\u003c"
-    )
+    return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def inline(text: str, said: str) -> str:
@@ -150,7 +156,7 @@ def inline(text: str, said: str) -> str:
     """
     text = re.sub(r"^.*?(?=<svg)", "", text, flags=re.DOTALL)
     text = text.replace("<svg ", f'<svg role="img" aria-label="{escape(plain(said))}" ', 1)
-    return text.replace(INK, "currentColor").replace(PAPER, "none")
+    return text.replace("xlink:href", "href").replace(INK, "currentColor").replace(PAPER, "none")
 
 
 def svg(figure: Figure, name: str) -> str:
@@ -178,7 +184,7 @@ def svg(figure: Figure, name: str) -> str:
 def _classed(text: str, name: str) -> str:
     """Return an SVG with its repeated styles as classes, whose names no other figure of a page has."""
     styles = Counter(re.findall(r' style="([^"]*)"', text))
-    names = {style: f"{name}{k}" for k, (style, count) in enumerate(styles.items()) if count > 1}
+    names = {style: f"{name[0]}{name[-1]}{k}" for k, (style, count) in enumerate(styles.items()) if count > 1}
     rules = "".join(f".{named}{{{style}}}\n" for style, named in names.items())
 
     def put(found: re.Match[str]) -> str:
@@ -201,14 +207,22 @@ def _ungrouped(text: str) -> str:
 
 
 def _shortened(attribute: re.Match[str]) -> str:
-    """Return an attribute with its places to a hundredth and the letter of a run of lines said once."""
-    text = re.sub(r"-?\d+\.\d+(e-?\d+)?", lambda number: _hundredths(float(number[0])), attribute[0])
-    text = text.replace(" \n", "\n")
-    return re.sub(r"[ML] [^A-Za-z\"]+(L [^A-Za-z\"]+)+", lambda run: run[0][0] + run[0][1:].replace("L ", ""), text)
+    """Return an attribute with its places to a hundredth, and each run of lines as steps of tenths."""
+    text = re.sub(r"M [^A-Za-z\"]+(L [^A-Za-z\"]+)+", _as_steps, attribute[0])
+    return re.sub(r"-?\d*\.\d+(e-?\d+)?", lambda number: _rounded(float(number[0]), 2), text).replace(" \n", "\n")
 
 
-def _hundredths(value: float) -> str:
-    return f"{value:.2f}".rstrip("0").rstrip(".")
+def _as_steps(run: re.Match[str]) -> str:
+    """Return a run of lines as its start and the steps from one rounded place to the next."""
+    places = [[round(10 * float(each)) for each in place.split()] for place in re.split("[ML]", run[0])[1:]]
+    steps = [(x_end - x, y_end - y) for (x, y), (x_end, y_end) in pairwise(places)]
+    seen = [step for step in steps if step != (0, 0)] or steps[:1]
+    start, *along = (" ".join(_rounded(each / 10, 1) for each in place) for place in (places[0], *seen))
+    return f"M {start}\nl {' '.join(along)}\n".replace(" -", "-")
+
+
+def _rounded(value: float, decimals: int) -> str:
+    return re.sub(r"^(-?)0(?=\.)", r"\1", f"{value:.{decimals}f}".rstrip("0").rstrip("."))
 
 
 def figure_file(figure: Figure, folder: Path, stem: str) -> dict[Path, str]:

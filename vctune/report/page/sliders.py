@@ -10,7 +10,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand, least_ratios
+from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand
 from vctune.document.records.design_json import DesignRecord
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.hands import Hand
@@ -30,7 +30,13 @@ PANELS_OF = {
 transparency each is labelled."""
 
 
-def sliders(problem: Problem, gains: Gains, coupling: AnyCoupling, record: DesignRecord) -> dict[str, Any]:
+def sliders(
+    problem: Problem,
+    gains: Gains,
+    coupling: AnyCoupling,
+    record: DesignRecord,
+    worst: Sequence[RatioInHand | RatioInAnyHand],
+) -> dict[str, Any]:
     """Return the object that the page's script works on.
 
     Parameters
@@ -38,10 +44,10 @@ def sliders(problem: Problem, gains: Gains, coupling: AnyCoupling, record: Desig
     problem : problem of the nominal device
     gains, coupling : the shipped design
     record : record of the claim; the samples contain the places of its extrema
+    worst : the least ratios in the problem's hands
     """
     stability, transparency, operator = problem.stability, problem.transparency, problem.device.operator
-    band, worst = problem.stability.band.hz, least_ratios(problem, gains, coupling)
-    hands, numbers = _hands(problem, worst), dict[str, int]()
+    band, hands, numbers = problem.stability.band.hz, _hands(problem, worst), dict[str, int]()
     constants = {
         "model": frequency_model(problem, record),
         "sampled": sampled_loop(problem.device, record),

@@ -14,6 +14,7 @@ from vctune.document.records.part import text
 from vctune.model.gains import Coupling, Gains
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
+from vctune.proof.claims.registry import CLAIMS
 from vctune.report.typography import quantity
 
 LITTLE_USE = 0.75
@@ -85,6 +86,7 @@ class Summary:
     word : the verdict
     sentence : what is proved, or why nothing is
     measure : how good the design is; "" without a design
+    next : what to do with it
     scale : the error on its yardstick; None without a design
     """
 
@@ -93,6 +95,7 @@ class Summary:
     word: str
     sentence: str
     measure: str
+    next: str
     scale: Scale | None
 
 
@@ -108,7 +111,23 @@ def summary(record: DesignRecord, problem: Problem) -> Summary:
     problem : stated by the record
     """
     kind, word, sentence = _verdict(record, problem)
-    return Summary(kind, SIGNS[kind], word, sentence, _measure(record, problem), _scale(record, problem))
+    measure, scale = _measure(record, problem), _scale(record, problem)
+    return Summary(kind, SIGNS[kind], word, sentence, measure, _next(record, problem, kind), scale)
+
+
+def _next(record: DesignRecord, problem: Problem, kind: Kind) -> str:
+    """Return what to do with a design."""
+    if kind == "good":
+        return "`vctune export design.json` makes the controller."
+    if record.repairs:
+        return "make one of the changes below in the problem file, and solve it again."
+    if record.status == "certified":
+        if problem.bounds.fixed:
+            return "delete gains from the problem file; `vctune solve` then looks for better ones."
+        return "a design of more use takes weaker constraints or a better device; see what limits it."
+    if record.status == "undecided":
+        return "solve it with more time, or ask for less: nothing is proved."
+    return "weaken several constraints, or take a better device: no change of one number is known to suffice."
 
 
 def doubt(record: DesignRecord, problem: Problem) -> str:
@@ -160,7 +179,19 @@ def _verdict(record: DesignRecord, problem: Problem) -> tuple[Kind, str, str]:
 def _certified(record: DesignRecord, problem: Problem) -> tuple[Kind, str, str]:
     useless = record.idle or _little_use(record, problem)
     word = "certified, of little use" if useless else "certified"
-    return "doubtful" if useless else "good", word, f"Proved {record.promise}."
+    return "doubtful" if useless else "good", word, f"Proved {record.promise}{_for_devices(problem)}."
+
+
+def _for_devices(problem: Problem) -> str:
+    """Return for which devices the claim holds; "" for exactly the stated one."""
+    if problem.uncertainty is None:
+        return ""
+    known = [
+        f"{key} ± {100 * width:.3g} %".replace("_hz", "").replace("_", " ")
+        for key, width in problem.uncertainty.half_widths
+        if width
+    ]
+    return f"; for every device within {', '.join(known)}" if known else ""
 
 
 def _measure(record: DesignRecord, problem: Problem) -> str:
@@ -196,7 +227,7 @@ def _failed(proof: CertificateRecord, verdict: str, units: Units) -> str:
     where = f" at {text(claim.witness_hz, 4)} Hz" if claim.witness_hz is not None else ""
     hand = f" in the hand of {claim.witness_hand.in_words(units)}" if claim.witness_hand is not None else ""
     safe = " (a ratio of 1 is proved, the safety factor is missed)" if proof.proved_ratio == 1 else ""
-    return f"“{claim.claim}” is {verdict}{where}{hand}{safe}"
+    return f"{CLAIMS[claim.id].label}, “{claim.claim}”, is {verdict}{where}{hand}{safe}"
 
 
 def _reference(problem: Problem) -> str:

@@ -1,1 +1,1 @@
-"""The firmware as equations, which run on floats, on symbols and as compiled C."""
+"""Describe the firmware as equations, which run on floats, on symbols and as compiled C."""

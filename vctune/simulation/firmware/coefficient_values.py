@@ -1,4 +1,4 @@
-"""The coefficients of a firmware, computed in exact fractions of the design's decimals and rounded once."""
+"""Compute the coefficients of a firmware in exact fractions of the design's decimals, and round them once."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def exact(decimal: float) -> Fraction:
 def coupling_coefficients(
     coupling: AnyCoupling | None, sample_time: float, smoothing: float | None = None, low_passes: int = 0
 ) -> dict[str, float]:
-    """Return the coefficients of a coupling; an admittance display's follow the trapezoidal rule.
+    """Return the coefficients of a coupling. Those of an admittance display follow the trapezoidal rule.
 
     `coupling_of` inverts this.
 
@@ -96,7 +96,7 @@ def environment_coefficients(environment: Environment, sample_time: float) -> di
 
 
 def limit_coefficients(limit: float | None, position: float, integral: float) -> dict[str, float]:
-    """Return the coefficients of a limited force.
+    """Return the coefficients of the limit on the force.
 
     Parameters
     ----------

@@ -1,4 +1,6 @@
-"""The firmware as one pure function from (state, measurement) to (state, command), which `equations` describes.
+"""Run the firmware as one pure function from (state, measurement) to (state, command).
+
+`equations` describes this function.
 
 `vctune export` makes C from the same equations.
 """
@@ -37,11 +39,10 @@ class Law:
     virtual_mass, virtual_damping : mass and damping in parallel with the environment, kg, N s/m
     environment : the rendered environment
     position_resolution : resolution of the encoder, m; 0 for an ideal encoder
-    difference : True if the velocity is the backward difference of the measured position, False if it is measured
-        itself
+    difference : True if the velocity is the backward difference of the measured position, False if a sensor measures it
     smoothing : a of the low-passes y += a (x - y) of the velocity; None without low-passes
     low_passes : number of these low-passes, up to 2
-    limit : greatest force, N; None without a limit. At the limit the integral parts of the law do not wind up
+    limit : greatest force, N; None without a limit. At the limit, the integral terms of the law do not wind up
     command : kind of command; a firmware that does not command a force has neither a law nor a limit
     """
 
@@ -80,11 +81,11 @@ class State:
     coupling : force of the coupling's damper and mass, N
     integral : integral of the position error, m s
     measured : position at the previous sample, m
-    filtered, twice_filtered : velocity behind the first and behind the second low-pass, m/s
-    inertia : force of the environment's mass, N; needed by the trapezoidal rule only
-    smoothed, twice_smoothed : v_e behind the first and behind the second low-pass, m/s; for an impedance display
-    ahead : v_e of the next sample, m/s; of a mass by explicit Euler
-    late_1 to late_10 : forces of the environment that act so many samples later, N; of one that is late
+    filtered, twice_filtered : velocity after the first and after the second low-pass, m/s
+    inertia : force of the environment's mass, N; only the trapezoidal rule needs it
+    smoothed, twice_smoothed : v_e after the first and after the second low-pass, m/s; for an impedance display
+    ahead : v_e of the next sample, m/s; for a mass by explicit Euler
+    late_1 to late_10 : forces of the environment, N, that act 1 to 10 samples later; for a late environment
     """
 
     reference: Number
@@ -112,7 +113,7 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """The command, which is the motor's force, N, or a servo's velocity, m/s, or position, m; and f_e, N."""
+    """The command and f_e, N. The command is the motor's force, N, or a servo's velocity, m/s, or position, m."""
 
     given: Number
     environment: Number
@@ -121,8 +122,8 @@ class Command:
 def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -> tuple[State, Command]:
     """Run the firmware for one sample.
 
-    The hand's force drives coupling and environment, which move as one: f_h = (Z_c + Z_e) v_e (paper eqs. 15 to 18).
-    The stiff part is implicit: v_e solves this equation at the end of the sample.
+    The hand's force drives coupling and environment, which share the velocity v_e: f_h = (Z_c + Z_e) v_e (paper eqs. 15
+    to 18). The stiff part is implicit: v_e solves this equation at the end of the sample.
 
     Parameters
     ----------
@@ -153,7 +154,7 @@ _REMEMBERED = tuple(field.name for field in fields(State))
 
 
 def parts_of(law: Law) -> Parts:
-    """Return the parts of a firmware that has this law."""
+    """Return the parts of a firmware with a given law."""
     rendered = law.environment
     return Parts(
         quantised=law.position_resolution > 0,
@@ -213,7 +214,7 @@ def _blocks(parts: Parts) -> Iterator[Equation]:
 
 
 def encoded(law: Law, position: Number, ops: Arithmetic) -> Number:
-    """Return a position as the encoder reads it, m.
+    """Return a position rounded to the encoder's steps, m.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""The firmware as difference equations with named coefficients, in the order of execution.
+"""State the firmware as difference equations with named coefficients, in the order of execution.
 
-This one description is the source of the simulated controller (`controller.py`), and of the exported C and its
-coefficients (`vctune/firmware/`).
+The simulated controller (`controller.py`) and the exported C with its coefficients (`vctune/firmware/`) both come from
+this description.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from vctune.simulation.firmware.expression import Expression, Symbol, Term, choi
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """The meaning of a name.
+    """A name in the firmware with its symbol, quantity and meaning.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Equation:
-    """A quantity, and its formula in earlier quantities, coefficients and inputs."""
+    """An equation: a quantity, and its formula in earlier quantities, coefficients and inputs."""
 
     quantity: Quantity
     right: Term
@@ -52,17 +52,17 @@ class Parts:
     Attributes
     ----------
     quantised : whether the firmware rounds the encoder's position; a real encoder rounds it itself
-    difference : True if the velocity is the backward difference of the position, False if it is measured itself
+    difference : True if the velocity is the backward difference of the position, False if a sensor measures it
     low_passes : number of low-passes of the velocity, 0 to 2
     coupling : whether there is a virtual coupling
     virtual : whether there is a virtual mass and damping in parallel with the environment
-    mass, trapezoid : whether the environment has a mass, and whether that may follow the trapezoidal rule
+    mass, trapezoid : whether the environment has a mass, and whether this mass may follow the trapezoidal rule
     contact : whether the environment has stiffness or damping
-    explicit : whether the environment is stepped by explicit Euler
-    late : samples by which its force is late
+    explicit : whether the firmware integrates the environment by explicit Euler
+    late : number of samples by which the environment's force is late
     wall : whether stiffness and damping may be one-sided
-    integral : whether the position error is integrated once more
-    limit : whether the force, and with it the integral parts of the law, are limited
+    integral : whether the law also integrates the position error
+    limit : whether the force is limited, and with it the integral terms of the law
     spring : whether the coupling is a spring and a damper, as for an impedance display; the firmware then has no law
     command : kind of command: a force, or the velocity or the position that a servo follows. A servo's firmware reads
         the force only, and has neither a law nor a limit
@@ -86,7 +86,7 @@ class Parts:
 
     @property
     def ahead(self) -> bool:
-        """Whether the environment's mass answers only at the next sample."""
+        """Whether the environment's mass responds to a force only at the next sample."""
         return self.mass and self.explicit and self.late == 0
 
 
@@ -186,7 +186,7 @@ def _was(name: str) -> Symbol:
 
 
 def encoded_position(parts: Parts) -> Term:
-    """Return the measured position as the encoder reads it."""
+    """Return the measured position, rounded to the encoder's steps."""
     position = _now("measured_position")
     if parts.quantised:
         return _now("resolution") * floor(position / _now("resolution") + 0.5)
@@ -213,9 +213,10 @@ def estimate(parts: Parts) -> Iterator[Equation]:
 
 
 def drive(parts: Parts) -> Iterator[Equation]:
-    """Yield the drive of the environment: f_h = (Z_c + Z_e) v_e, solved for v_e at the end of the sample.
+    """Yield the force that drives the environment: f_h = (Z_c + Z_e) v_e, solved for v_e at the end of the sample.
 
-    For an impedance display the drive is the coupling's force with the tool held still: f_c = Z_c (y - v_e) = Z_e v_e.
+    For an impedance display, this force is the coupling's force with the tool held still: f_c = Z_c (y - v_e) = Z_e
+    v_e.
     """
     if parts.spring:
         yield from _pulled(parts)
@@ -237,8 +238,8 @@ def _middle() -> Equation:
 def _pulled(parts: Parts) -> Iterator[Equation]:
     """Yield the force of spring and damper between handle and tool, without the share of the new v_e.
 
-    The spring acts between positions, so that no sum of velocities drifts. x_e lags the position that determines its
-    force by T/2 v_e.
+    The spring acts between positions, so that no sum of velocities drifts. x_e lags the position that determines the
+    spring's force by T/2 v_e.
     """
     yield _middle()
     apart: Expression = _now("velocity")
@@ -257,8 +258,8 @@ def _pulled(parts: Parts) -> Iterator[Equation]:
 def environment(parts: Parts) -> Iterator[Equation]:
     """Yield the built-in environment: v_e with resistance v_e + f_e = drive, and f_e.
 
-    Mass and spring follow backward Euler, or the lossless trapezoidal rule. Backward Euler stays passive and damps what
-    it cannot resolve, so that a wall may be arbitrarily stiff.
+    Mass and spring follow backward Euler, or the lossless trapezoidal rule. Backward Euler stays passive and damps
+    motions that are too fast for the sample time, so that a wall may be arbitrarily stiff.
     """
     if parts.late or parts.ahead:
         yield from _late_environment(parts) if parts.late else _explicit_environment()
@@ -270,7 +271,7 @@ def environment(parts: Parts) -> Iterator[Equation]:
         pushed = pushed + _now("inertance") * _was("desired")
         if parts.trapezoid:
             pushed = pushed + _now("inertia_carry") * _was("inertia")
-    yield _new("pushed", "f_p", "force", "drive with what the mass brings along", pushed)
+    yield _new("pushed", "f_p", "force", "drive plus the terms of the mass from the previous sample", pushed)
     yield _new("total", "r", "damping", "force per v_e without spring and damper", total)
     yield _new("free", "v_f", "speed", "v_e without spring and damper", _now("pushed") / _now("total"))
     contact: Term = 0.0
@@ -294,7 +295,7 @@ def environment(parts: Parts) -> Iterator[Equation]:
 
 
 def _explicit_environment() -> Iterator[Equation]:
-    """Yield an environment whose mass by explicit Euler answers to a force at the next sample."""
+    """Yield an environment with a mass by explicit Euler, which responds to a force at the next sample."""
     yield _kept("desired", _was("ahead"))
     yield _contact()
     inertia = _now("drive") - _now("resistance") * _now("desired") - _now("contact")
@@ -306,8 +307,8 @@ def _explicit_environment() -> Iterator[Equation]:
 def _late_environment(parts: Parts) -> Iterator[Equation]:
     """Yield an environment whose force acts some samples later.
 
-    The force of a mass by explicit Euler follows from its next velocity. It is late by one sample less from when that
-    is known, and with a lateness of one it acts at once.
+    The next velocity of a mass by explicit Euler gives the force of the mass. The firmware knows this velocity one
+    sample early, so it delays the force by one sample less. With a lateness of one sample, the force acts at once.
     """
     own = parts.late - 1 if parts.explicit else parts.late
     at_once = parts.mass and own == 0
@@ -346,12 +347,13 @@ def _force(right: Term) -> Equation:
 def law(parts: Parts) -> Iterator[Equation]:
     """Yield the coupling, the reference, and the law K_v + K_p/s on the velocity error, with its limit.
 
-    x_e and the coupling follow the trapezoidal rule. Its impedances at omega are the continuous ones at (2/T) tan(omega
-    T/2), so it does not reduce Re Z_c, on which the certificate rests. Where the limit acts, x_e stays as near to the
-    handle as the limit permits, and the integral stays within its range: nothing winds up.
+    x_e and the coupling follow the trapezoidal rule. An impedance at omega then equals the continuous impedance at
+    (2/T) tan(omega T/2). The rule therefore does not reduce Re Z_c, on which the certificate depends. Where the limit
+    acts, x_e stays as near to the handle as the limit permits, and the integral stays within its range, so that nothing
+    winds up.
 
-    An impedance display has no law. Its command is the coupling's force plus the damping of K_v. The command of a servo
-    is v_e or x_e.
+    An impedance display has no such law: its command is the coupling's force plus the damping force of K_v. The command
+    of a servo is v_e or x_e.
     """
     if parts.spring:
         yield from _rendered(parts)
@@ -389,7 +391,7 @@ def law(parts: Parts) -> Iterator[Equation]:
 
 
 def _rendered(parts: Parts) -> Iterator[Equation]:
-    """Yield the state of the tool, and the command against coupling and damping."""
+    """Yield the state of the tool, and the command, which opposes the motion with coupling and damping."""
     source = "desired"
     for name in ("smoothed", "twice_smoothed")[: parts.low_passes]:
         yield _kept(name, _was(name) + _now("smoothing") * (_now(source) - _was(name)))
@@ -403,5 +405,5 @@ def _rendered(parts: Parts) -> Iterator[Equation]:
 
 
 def _within(bound: str, term: Symbol) -> Expression:
-    """Return a term limited to the range from minus a bound to the bound."""
+    """Return a term, limited to the range from -bound to bound."""
     return maximum(-_now(bound), minimum(_now(bound), term))

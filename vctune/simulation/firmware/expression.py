@@ -1,7 +1,7 @@
-"""Arithmetic as data: the right-hand sides of the firmware's equations.
+"""Represent the right-hand sides of the firmware's equations as data.
 
-Expressions run on plain floats, on CasADi's symbols, and in C, always in the order in which they are written. The
-operations are the same, so that doubles agree to the last bit.
+Expressions run on plain floats, on CasADi's symbols, and in C. The order of the operations is always the same, so that
+doubles agree to the last bit.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Run a scene with an external firmware, and the design's own firmware on the same measurements for comparison."""
+"""Run a scene with an external firmware, and run the design's own firmware on the same measurements for comparison."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from vctune.simulation.scene import Scene, equilibrium
 
 REWRITTEN = 1e-9
 """Share of the greatest command by which a firmware in double precision may differ. Another order of the operations
-changes the command by about 1e-12. A constant with only seven correct digits changes it by about 1e-7."""
+changes the command by about 1e-12. A constant with only seven correct digits changes the command by about 1e-7."""
 ROUNDED = 2.0
-"""Factor by which the difference of a firmware in single precision may exceed the effect of single precision on the
-design's own commands, as in replay.c."""
+"""For a firmware in single precision: factor by which its difference may exceed the effect of single precision on the
+design's own commands. replay.c uses the same factor."""
 
 
 class Controller(Protocol):
@@ -42,7 +42,7 @@ class Controller(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The difference of a firmware's commands from the design's on the same measurements, both in the firmware's
+    """The difference between the commands of a firmware and of the design for the same measurements, in the firmware's
     precision.
 
     Attributes
@@ -134,7 +134,8 @@ def _sample(
 
 
 class _Beside:
-    """The design's own firmware on the measurements of another, in the other's precision and in double precision."""
+    """The design's own firmware, run on the measurements of an external firmware, in the external precision and in
+    double precision."""
 
     def __init__(self, scene: Scene, precision: Precision) -> None:
         begin, law = equilibrium(scene), scene.law

@@ -1,4 +1,4 @@
-"""A compiled controller, called through ctypes: the shared library that `make shared` builds from an export."""
+"""Call a compiled controller through ctypes. `make shared` builds its shared library from an export."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from vctune.simulation.scene import Scene, equilibrium
 
 LIBRARY = "vctune_controller.so"
 MOST_BYTES = 1_000_000
-"""Greatest memory of a controller in bytes. A library that claims more is not a controller."""
+"""Greatest memory of a controller in bytes. A library that asks for more memory is not a controller."""
 
 PRECISIONS: dict[int, Precision] = {4: "single", 8: "double"}
-"""Precision by the number of bytes of a number."""
+"""Precision of numbers, by their size in bytes."""
 
 
 class CompiledController:

@@ -1,4 +1,7 @@
-"""Operations of controller and friction on plain floats. `vctune.simulation.mechanics.step` has those on symbols."""
+"""Define the operations of controller and friction on plain floats.
+
+`vctune.simulation.mechanics.step` defines them on symbols.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,7 @@ class Arithmetic(Protocol):
         """
 
     def where(self, condition: Number, yes: Number, no: Number) -> Number:
-        """Return one number where a condition holds and another elsewhere. Both are evaluated.
+        """Return one number if a condition holds, and another if not. The caller evaluates both numbers.
 
         Parameters
         ----------

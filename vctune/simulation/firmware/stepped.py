@@ -1,4 +1,7 @@
-"""A design's own firmware, stepped sample by sample in one precision; it equals the exported C to the last bit."""
+"""Step a design's own firmware sample by sample in one precision.
+
+The result equals that of the exported C to the last bit.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ NUMBERS: dict[Precision, Callable[[Any], Any]] = {"double": float, "single": np.
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """The start values of a firmware.
+    """The values with which a firmware starts.
 
     Attributes
     ----------
@@ -40,7 +43,7 @@ class Start:
 
 
 def exported_parts(law: Law) -> Parts:
-    """Return the parts of a law's exported firmware: any built-in environment, no encoder, a limited force."""
+    """Return the parts of the firmware that an export has: any built-in environment, no encoder, a limited force."""
     of = parts_of(law)
     return Parts(
         difference=of.difference,
@@ -52,14 +55,14 @@ def exported_parts(law: Law) -> Parts:
 
 
 class SteppedFirmware:
-    """A firmware with its state. It rounds every operation to one precision."""
+    """A firmware with its state. It rounds the result of every operation to one precision."""
 
     def __init__(self, parts: Parts, coefficients: Mapping[str, float], start: Start, precision: Precision) -> None:
         """Set the firmware up before the first sample.
 
         Parameters
         ----------
-        parts : parts of the firmware; its positions come from the encoder
+        parts : parts of the firmware; the encoder provides its positions
         coefficients : coefficients of the controller, by their names in `equations.COEFFICIENTS`
         start : environment and start values
         precision : precision of every number; the function first rounds the coefficients to it

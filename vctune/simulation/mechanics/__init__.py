@@ -1,1 +1,1 @@
-"""The motion of device, hand and friction over one sample."""
+"""Compute the motion of device, hand and friction over one sample."""

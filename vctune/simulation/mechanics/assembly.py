@@ -1,10 +1,10 @@
-"""A device with its parts, and the hand on it, as linear rates.
+"""Describe a device with its parts, and the hand on it, by linear rates.
 
 The parts are an actuator, a handle on a spring, a servo, and a force sensor with a low-pass or with a delay that is not
-a whole number of samples. Everything is linear except for friction. Without friction the device moves by matrix
-exponentials, which are exact (`transition`). With friction the motion is exact except that the friction's force is held
-over a step (`assembly_friction`). A device that moves as one mass and whose force is sensed at a sample belongs to
-`plant`. A servo follows its command: the hand does not affect its rates, and the hand's force follows from the motion.
+a whole number of samples. Everything except friction is linear. Without friction, matrix exponentials give the exact
+motion (`transition`). With friction, the only approximation is that the friction's force is constant over a step
+(`assembly_friction`). A device that moves as one mass, with a force sensed at a sample, belongs to `rigid_motion`. A
+servo follows its command: the hand does not affect its rates, and the hand's force follows from the motion.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from vctune.simulation.mechanics.rigid_motion import Transition, exponential_les
 from vctune.simulation.scene import Scene
 
 GIVEN = ("command", "friction", "push", "push_1", "push_2", "push_3")
-"""Inputs of the states: the held command that has arrived (a force, or a servo's velocity), the friction's force, the
-force that the hand's spring and damper would have with the handle at rest at 0, N, and the latter's three
-derivatives."""
+"""Inputs of the states. The inputs are the held command that has arrived (a force, or a servo's velocity), the force of
+the friction, the force that the hand's spring and damper would have with the handle at rest at 0, N, and three
+derivatives of that force."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,10 @@ class Assembly:
         return len(self.states)
 
     def changed(self, time: float) -> Floats:
-        """Return e^(rates t) - 1: the change of states and given over a time, s, with command and friction held."""
+        """Return e^(rates t) - 1, the change of the states and of the given inputs over a time, s.
+
+        Command and friction are held.
+        """
         scaled = self.rates * self.units / self.units[:, None]
         return exponential_less_one(scaled * time) / self.units * self.units[:, None]
 
@@ -81,7 +84,10 @@ class Sensing:
 
 
 def sensing(scene: Scene) -> Sensing:
-    """Return when a scene's force is sensed. A force that is sensed when a command arrives is taken just before it."""
+    """Return the time at which the sensor takes the force.
+
+    If a command arrives at this time, the force is the one just before.
+    """
     T, early = scene.device.sample_time, timing(scene).early
     whole, fraction = split_delay(scene.device.sensing.delay, T)
     if fraction == 0:
@@ -201,7 +207,7 @@ def _low_pass(name: str, bandwidth_hz: float, order: int, source: Floats, of: di
 
 
 def _units(names: tuple[str, ...], force: float, command: float, sample_time: float, swing: float) -> Floats:
-    """Return units with time in T, forces and commands in given units, and a bend in units of its oscillation."""
+    """Return units: T for time, given units for forces and commands, and the size of its oscillation for a bend."""
     units = {"position": 1.0, "command": command, "bend": 1 / (1 + swing * sample_time)}
     units |= dict.fromkeys(("velocity", "handle_velocity", "velocity_rate"), 1 / sample_time)
     units |= {f"push_{k}": force / sample_time**k for k in (1, 2, 3)}
@@ -230,14 +236,14 @@ def transition(scene: Scene, moving: Assembly) -> Transition:
     derivatives = hand_force_derivatives(scene.operator, T)
 
     def after(time: float) -> tuple[Floats, Floats]:
-        """Return states and given after a time, as a function of (states, given) before and of the late command
-        alone."""
+        """Return states and given inputs after a time, as a function of their earlier values and of the late
+        command."""
         early = one + moving.changed(min(time, when.early))
         if time <= when.early:
             return early, np.zeros(len(one))
         late = one + moving.changed(time - when.early)
         arriving = late[:, command].copy()
-        late[:, command] = 0.0  # the early command has ended
+        late[:, command] = 0.0  # the early command no longer acts
         return late @ early, arriving
 
     moved, late = (part[:n] for part in after(T))
@@ -250,7 +256,7 @@ def transition(scene: Scene, moving: Assembly) -> Transition:
 
 
 def applied(row: Floats, values: list[Number]) -> Number:
-    """Return the product of a row and values. Factors of 0 are skipped.
+    """Return the product of a row and values. The function skips factors of 0.
 
     Parameters
     ----------

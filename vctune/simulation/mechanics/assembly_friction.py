@@ -1,11 +1,12 @@
-"""Friction on the motor of a device with parts: a fixed step of the bristles and of the linear rest, each exact.
+"""Integrate friction on the motor of a device with parts by fixed steps, which are exact for the bristles and for the
+linear parts.
 
-The friction's force is held over a step, at its mean over bristles that follow the motor's mean velocity w. Everything
-else is linear and moves exactly (`assembly`); w is its velocity under the held force. The force does the work F h w on
-the motor and on the bristles alike, so that no step creates energy, for any h, stiffness of the parts and prediction.
-Neither a fast actuator nor a stiff handle makes this step stiff. It approximates only the variation of the friction
-within a step, to second order. A motion that is faster than a step and driven by the friction, such as a hand's mass on
-a nearly rigid handle, has the mean of the last step at a sample, to first order.
+Over a step, the code holds the friction's force at its mean for bristles that follow the motor's mean velocity w. All
+other parts are linear and move exactly (`assembly`); w is the motor's mean velocity under the held force. The friction
+takes the work F h w from the motor, and the bristles receive the same work. So no step creates energy, for any h, any
+stiffness of the parts and any prediction. Neither a fast actuator nor a stiff handle makes this step stiff. The step
+approximates only the variation of the friction within a step, to second order. For a motion that is faster than a step,
+such as a hand's mass on a nearly rigid handle, the step gives the mean over the step, to first order.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ def friction_step(moving: Assembly, length: float) -> FrictionStep:
 def assembly_step(
     step: FrictionStep, friction: Friction, at: AssemblyState, foreseen: Number, ops: Arithmetic
 ) -> tuple[AssemblyState, Number]:
-    """Advance by one step, and return also the motor's mean velocity w, m/s.
+    """Advance by one step. Return the new state and the motor's mean velocity w, m/s.
 
     Parameters
     ----------
@@ -90,13 +91,13 @@ def assembly_step(
 
 
 AdvanceStep = Callable[[AssemblyState, Number], tuple[AssemblyState, Number]]
-"""`assembly_step` with a given step: a function of a state and a predicted velocity."""
+"""Type of `assembly_step` with a given step: a function of a state and a predicted velocity."""
 
 
 def assembly_steps(step: AdvanceStep, at: AssemblyState, count: int) -> AssemblyState:
     """Advance by several steps.
 
-    Each predicts its velocity from the previous step, the first from a trial, as in `slide`.
+    Each step predicts its velocity from the previous step. The first step uses a trial, as in `slide`.
 
     Parameters
     ----------

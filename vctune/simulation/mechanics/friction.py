@@ -1,11 +1,11 @@
-"""LuGre friction (Canudas de Wit, Olsson, Astrom, Lischinsky 1995), and a step designed for it.
+"""Model LuGre friction (Canudas de Wit, Olsson, Astrom, Lischinsky 1995), and integrate it by a step designed for it.
 
 With the bristles' deflection z, the rate a(v) = stiffness |v|/g(v) and Stribeck's curve g,
 
     dz/dt = v - a(v) z,   F = stiffness z + damping(v) dz/dt,   g = coulomb + (stiction - coulomb) e^{-(v/v_s)^2}.
 
-With a constant damping, LuGre friction may return energy at speed. It never does if damping <= 4 g/|v|; therefore
-damping(v) = damping/(1 + damping |v|/(4 coulomb)).
+With a constant damping, LuGre friction may return energy at speed. The model returns no energy if damping <= 4 g/|v|.
+The code therefore uses damping(v) = damping/(1 + damping |v|/(4 coulomb)).
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.simulation.firmware.operations import Arithmetic
 
 SERIES_BELOW = 0.01
-"""Argument at which phi_2 changes from its series to its formula, whose subtraction loses a factor 2/y. Here both are
-correct to 2e-14. At half this argument the formula's rounding error doubles; at twice this argument the remainder of
-the series of five terms is 6e-13."""
+"""Argument at which phi_2 changes from its series to its formula, whose subtraction loses a factor 2/y. At this
+argument both are correct to 2e-14. At half this argument, the formula's rounding error doubles. At twice this argument,
+the remainder of the series of five terms is 6e-13."""
 
 
 def relaxation(friction: Friction, velocity: Number, ops: Arithmetic) -> tuple[Number, Number]:
@@ -74,14 +74,14 @@ class Carriage:
 
 
 SlideStep = Callable[[Slide, Number, Number], tuple[Slide, Number]]
-"""`slide_step` with a given length: a function of a state, a predicted velocity and a force."""
+"""Type of `slide_step` with a given length: a function of a state, a predicted velocity and a force."""
 
 
 def slide(step: SlideStep, at: Slide, push: Callable[[float], Number], h: float, steps: int, theta: float) -> Slide:
     """Advance by several steps of length h [s] under the force push(t) [N], where t [s] counts from the beginning.
 
-    The midpoint rule (theta = 1/2) is of second order, Euler's rule (theta = 1) of first order. The bristles' rate is
-    evaluated at a velocity that the previous step predicts, or a trial in the first step.
+    The midpoint rule (theta = 1/2) is of second order, Euler's rule (theta = 1) of first order. The code evaluates the
+    bristles' rate at a velocity that the previous step predicts. In the first step, a trial predicts it.
 
     Parameters
     ----------
@@ -116,12 +116,15 @@ def slide_step(
     theta: float,
     ops: Arithmetic,
 ) -> tuple[Slide, Number]:
-    """Advance by one step h under the force `push`; return also the step's velocity w = v + theta (v_new - v).
+    """Advance by one step h under the force `push`.
 
-    With rate and damping at the predicted velocity, and w constant over the step, the bristles are integrated exactly:
-    with y = a h their mean is phi_1 z + phi_2 h w, phi_1 = (1 - e^-y)/y, phi_2 = (1 - phi_1)/y. The friction is then
-    linear in w, and the momentum balance is solved for w. The bristles take exactly the work that friction does at the
-    velocity w, so no step creates energy, for any h, stiffness and prediction.
+    Return the new state and the step's velocity w = v + theta (v_new - v).
+
+    The function takes rate and damping at the predicted velocity, and w as constant over the step. The motion of the
+    bristles is then exact: with y = a h, their mean deflection is phi_1 z + phi_2 h w, phi_1 = (1 - e^-y)/y, phi_2 = (1
+    - phi_1)/y. The friction is linear in w, and the function solves the momentum balance for w. The bristles receive
+    exactly the work that friction does at the velocity w. So no step creates energy, for any h, any stiffness and any
+    prediction.
 
     Parameters
     ----------
@@ -153,7 +156,7 @@ class BristleStep:
     Attributes
     ----------
     rate : a(v), 1/s
-    time : h phi_1, the time for which z continues at its initial rate, s
+    time : h phi_1, the time in which z at its initial rate would change as much as in the step, s
     stiffness, slope : coefficients of the mean force, N/m and N s/m
     """
 

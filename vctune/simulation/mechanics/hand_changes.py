@@ -1,10 +1,12 @@
-"""A hand that changes during a run: its damping alternates, or it takes hold again where the handle is.
+"""Simulate a hand that changes during a run: its damping alternates, or it takes hold again where the handle is.
 
-It changes just after the force is sampled: the sample has the hand that ends, the motion that follows the next one.
+The hand changes just after the firmware samples the force. A sample at a change still has the old hand; the motion
+after it has the new hand.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,52 +17,60 @@ from vctune.simulation.mechanics.intended_motion import Floats
 from vctune.simulation.scene import Scene
 
 OneSample = Callable[[Floats], tuple[Floats, Floats]]
-"""State and record after a sample with some inputs."""
+"""Function that returns state and record after a sample, given its inputs."""
 
 
 @dataclass(frozen=True, slots=True)
 class HandChanges:
-    """When the hand of a scene changes, and to what.
+    """The times at which the hand of a scene changes, and the kinds of change.
 
     Attributes
     ----------
-    every : samples from one change to the next; 0 if it does not change
-    alternates : whether its damping changes
-    regrips : whether it takes hold again
+    every : number of samples from one change to the next; 0 if the hand does not change, or changes at given samples
+    given : samples at which the hand changes, increasing; empty if it has a dwell time
+    alternates : whether the hand's damping changes
+    regrips : whether the hand takes hold again
     """
 
     every: int
+    given: tuple[int, ...]
     alternates: bool
     regrips: bool
 
     def at(self, sample: int) -> bool:
         """Return whether the hand changes at a sample."""
-        return self.every > 0 and sample > 0 and sample % self.every == 0
+        return sample > 0 and self._until(sample) > self._until(sample - 1)
 
     def hands(self, sample: int) -> tuple[int, int]:
-        """Return the number of the hand whose force is sampled, and of the hand from then on."""
+        """Return the index of the hand whose force is sampled, and of the hand from then on."""
         if not self.alternates:
             return 0, 0
-        now = max(sample - 1, 0) // self.every % 2
-        return now, 1 - now if self.at(sample) else now
+        return self._until(max(sample - 1, 0)) % 2, self._until(sample) % 2
+
+    def _until(self, sample: int) -> int:
+        """Return the number of changes up to a sample."""
+        return sample // self.every if self.every else bisect_right(self.given, sample)
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
-        """All of these pairs."""
+        """All pairs of hands that `pair` can return."""
         return [(0, 0), (0, 1), (1, 1), (1, 0)] if self.alternates else [(0, 0)]
 
 
 def hand_changes(scene: Scene) -> HandChanges:
     """Return how the hand of a scene changes."""
     hand = scene.operator
+    if not hand.changes:
+        return HandChanges(0, (), alternates=False, regrips=False)
+    T, alternates = scene.device.sample_time, hand.other_damping is not None
     if hand.dwell is None:
-        return HandChanges(0, alternates=False, regrips=False)
-    every = max(1, round(hand.dwell / scene.device.sample_time))
-    return HandChanges(every, alternates=hand.other_damping is not None, regrips=hand.regrip)
+        given = tuple(max(1, round(time / T)) for time in hand.changes_at)
+        return HandChanges(0, given, alternates=alternates, regrips=hand.regrip)
+    return HandChanges(max(1, round(hand.dwell / T)), (), alternates=alternates, regrips=hand.regrip)
 
 
 def scenes_of_hands(scene: Scene) -> tuple[Scene, Scene]:
-    """Return a scene with the hand at the start, and with that of every other interval."""
+    """Return a scene with its hand at the start, and the scene with the hand of every other interval."""
     other = scene.operator.other_damping
     return scene, scene if other is None else replace(scene, operator=replace(scene.operator, damping=other))
 
@@ -78,14 +88,14 @@ def steps_of_hands(scene: Scene, build: Callable[[Scene, Scene], Any]) -> dict[t
 
 
 def moved_on(one: OneSample, inputs: Floats, grip: float, *, regrips: bool) -> tuple[Floats, Floats, float]:
-    """Return state and record after a sample, and where the hand holds from then on.
+    """Return state and record after a sample, and the position at which the hand holds from then on.
 
     Parameters
     ----------
     one : the step from the state before
     inputs : of the intended motion, for a hand that holds at 0
     grip : where the hand holds, m
-    regrips : whether it takes hold again at this sample
+    regrips : whether the hand takes hold again at this sample
     """
     given = inputs.copy()
     given[[0, 2]] += grip

@@ -1,4 +1,4 @@
-"""The intended motion: the target of the hand at each sample, and a cubic between samples."""
+"""Compute the intended motion: the target of the hand at each sample, and a cubic between samples."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from vctune.model.experiment import Operator
 Floats = NDArray[np.float64]
 RAMP = 0.1
 """Share of a stroke's time that the hand takes at each end to gain or lose speed. Half this share doubles the
-acceleration, which the hand's mass then makes noticeable. Twice this share leaves less of the stroke at constant
-speed."""
+acceleration, and the force on the hand's mass becomes noticeable. Twice this share leaves less of the stroke at
+constant speed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,8 @@ def _ramped(u: Floats) -> tuple[Floats, Floats]:
 
 
 def hand_force_derivatives(operator: Operator, sample_time: float) -> Floats:
-    """Return the matrix from (x, v, x', v') of two samples to the hand's push and its three derivatives at the first.
+    """Return the matrix from (x, v, x', v') of two samples to the hand's push and the push's three derivatives at the
+    first sample.
 
     The push is stiffness x_i + damping v_i, where x_i is the cubic with these positions and velocities.
 

@@ -1,7 +1,7 @@
-"""A rigid device and the hand between two samples, without friction (model/README.md, section 7).
+"""Compute the motion of a rigid device and the hand between two samples, without friction (model/README.md, section 7).
 
-The motion follows exactly from matrix exponentials. Devices with an actuator, a handle on a spring or a low-pass of the
-force sensor belong to `assembly`.
+Matrix exponentials give the exact motion. Devices with an actuator, a handle on a spring or a low-pass of the force
+sensor belong to `assembly`.
 """
 
 from __future__ import annotations

@@ -11,21 +11,28 @@ import numpy as np
 from vctune.interrupt import interrupt_deferred
 from vctune.model.device import Device
 from vctune.model.experiment import Baseline, Experiment
-from vctune.simulation.mechanics.hand_changes import HandChanges, called, hand_changes, moved_on, steps_of_hands
+from vctune.simulation.mechanics.hand_changes import (
+    HandChanges,
+    called,
+    hand_changes,
+    moved_on,
+    scenes_of_hands,
+    steps_of_hands,
+)
 from vctune.simulation.mechanics.intended_motion import Floats
 from vctune.simulation.mechanics.step import INPUTS, build
 from vctune.simulation.scene import Scene, baseline_scene
 
 STANDING = 1e-6
-"""Distance from 1 within which an eigenvalue is a position without a restoring force, not an oscillation. A double
-eigenvalue is computed to the square root of rounding, 1e-8. Half and twice this distance only matter for a mode of a
-million samples."""
+"""Distance from 1 within which an eigenvalue belongs to a position without a restoring force, not to an oscillation.
+The numerical error of a double eigenvalue is the square root of rounding, 1e-8. Half or twice this distance only
+matters for a mode that lasts a million samples."""
 DECADES = 4
-"""Number of decades, up and down from the file's virtual mass and damping, in which a stable share is sought. Half and
-twice as many change no result within them."""
+"""Number of decades, up and down from the file's virtual mass and damping, in which the code searches for a stable
+share. Half or twice as many decades change no result within the range."""
 BISECTIONS = 30
-"""Number of bisections of half a decade, down to 1e-9. Half as many leave 4e-5, which sometimes shows in the fourth
-digit; twice as many reach rounding errors."""
+"""Number of bisections of half a decade, down to 1e-9. Half as many bisections leave 4e-5, which sometimes shows in the
+fourth digit. Twice as many reach rounding errors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +58,7 @@ def linear_scenes(scene: Scene) -> list[Scene]:
 
 
 def loop_matrix(scene: Scene) -> Floats:
-    """Return the matrix of a linear scene's step, from state to state, by the step's results for unit states."""
+    """Return the matrix of a linear scene's step from state to state. The function applies the step to unit states."""
     with interrupt_deferred():
         step = build(scene)
         size, no_input = len(step.start), np.zeros(INPUTS)
@@ -62,12 +69,14 @@ def loop_matrix(scene: Scene) -> Floats:
 def fastest_mode(scene: Scene) -> Mode:
     """Return the mode that decides whether hand, device and environment oscillate together.
 
-    If the hand changes, the mode is that of a period of its changes: its growth is per sample, its frequency that at
-    which the period's share of it repeats.
+    If the hand has a dwell time, the mode belongs to one period of the changes. The growth is still per sample. The
+    frequency is that of the mode's repetition from period to period. If the hand changes at given times, the mode is
+    that of the one of its hands in which the loop grows most.
     """
     T, changes = scene.device.sample_time, hand_changes(scene)
     if changes.every == 0:
-        modes = [_fastest(loop_matrix(linear), T) for linear in linear_scenes(scene)]
+        held = scenes_of_hands(scene) if changes.alternates else (scene,)
+        modes = [_fastest(loop_matrix(linear), T) for one in held for linear in linear_scenes(one)]
     else:
         period = changes.every * (2 if changes.alternates else 1)
         modes = [_fastest(_period_matrix(linear, changes), T, period) for linear in linear_scenes(scene)]

@@ -1,6 +1,6 @@
-"""One sample of a scene as a compiled function, assembled from the parts of the scene. Imports casadi.
+"""Compile one sample of a scene into a function, assembled from the parts of the scene. This module imports casadi.
 
-In a sample the sensors are read, the firmware runs, and the device moves for a sample time under the forces that have
+In a sample, the firmware reads the sensors and runs, and the device moves for a sample time under the forces that have
 arrived. Friction, quantisation, saturation, filters, the coupling and a device's parts add operations to the function
 only if the scene has them.
 """
@@ -28,18 +28,18 @@ from vctune.simulation.mechanics.stretches import SYMBOLS, Stretch, fixed_steps,
 from vctune.simulation.scene import Equilibrium, Scene, equilibrium
 
 CHUNK = 1024
-"""Samples per call of the compiled function, for which progress and Ctrl-C wait. Half and twice as many take the same
-time."""
+"""Number of samples per call of the compiled function. Progress and Ctrl-C wait for the end of a call. Half or twice as
+many samples take the same time."""
 COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor", "sensed")
-"""Recorded columns of each sample: x, v, f_h, x_e, v_e, f_e, u, f_s. x and v belong to the handle; f_s is the sensed
-f_h."""
+"""Recorded columns of each sample: x, v, f_h, x_e, v_e, f_e, u, f_s. In a record, x and v belong to the handle, and f_s
+is the sensed f_h."""
 MOTOR_COLUMNS = ("motor_position", "motor_velocity")
-"""Further recorded columns if motor and handle move differently."""
+"""Additional recorded columns if motor and handle move differently."""
 ANSWER = ("reference", "desired", "environment_force", "motor")
-"""Outputs of a firmware among these columns; they follow `INPUTS` as inputs of an open step."""
+"""Columns that a firmware outputs. An open step takes them as inputs after `INPUTS`."""
 INPUTS = 6
-"""Number of inputs of a step: x_i and v_i at this sample and at the next, the noise of the force sensor,
-and how far the hand's grip moves just after this sample's force is sensed."""
+"""Number of inputs of a step: x_i and v_i at this sample and at the next, the noise of the force sensor, and the
+distance by which the hand's grip moves just after the firmware samples the force."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,8 @@ class Step:
     """A compiled step, one(state, inputs) -> (state, record), and its state at rest at the start of the motion.
 
     The state contains x, v and the other moving parts, z if there is friction, and the force sensed within the last
-    sample if there is one. It also contains the firmware's state, and the commands and sensed forces on their way.
+    sample if there is one. The state also contains the firmware's state, and the commands and sensed forces that are
+    still delayed.
     """
 
     one: Any
@@ -79,7 +80,8 @@ def build(scene: Scene, stretch: Stretch = fixed_steps, then: Scene | None = Non
     ----------
     scene : the scene of the run
     stretch : function that integrates the friction; not used without friction
-    then : the scene with the hand from this sample on, whose force is sensed with the next one; None for the same
+    then : the scene with the hand from this sample on; the next sample is the first to sense its force. None if the
+        hand does not change
 
     Returns
     -------
@@ -126,7 +128,7 @@ def build_open(scene: Scene, stretch: Stretch = fixed_steps, then: Scene | None 
 
 @dataclass(frozen=True, slots=True)
 class _Wired:
-    """The symbols of a scene around its firmware: body, commands and forces on their way, and inputs."""
+    """The symbols of a scene around its firmware: body, delayed commands and forces, and inputs."""
 
     begin: Equilibrium
     mechanism: Assembly | None
@@ -193,7 +195,7 @@ def _interpolates(scene: Scene) -> bool:
 def _acting(scene: Scene, commanded: list[Any]) -> list[Any]:
     """Return the held values of commands, one for each sample.
 
-    A position becomes the velocity from the previous one.
+    A position command becomes the velocity from the previous position.
     """
     if not _interpolates(scene):
         return commanded

@@ -1,4 +1,7 @@
-"""Friction over a stretch of a sample, as a compiled function with fixed steps. Imports casadi."""
+"""Integrate friction over a stretch of a sample, as a compiled function with fixed steps.
+
+This module imports casadi.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +19,13 @@ from vctune.simulation.mechanics.friction import Slide, SlideStep, slide, slide_
 from vctune.simulation.scene import Scene
 
 STEPS_PER_RADIAN = 64
-"""Number of fixed steps per radian of the bristles' oscillation. Half as many have four times the error in half the
-time; twice as many have a quarter of the error in twice the time (results/work-precision.csv)."""
+"""Number of fixed steps per radian of the bristles' oscillation. With half as many steps, the error is four times as
+large in half the time. With twice as many steps, the error is a quarter in twice the time
+(results/work-precision.csv)."""
 LEAST_STEPS, MOST_STEPS = 4, 256
-"""Least and greatest number of steps in a sample. With the least, a motion crosses Stribeck's curve within a sample
-even with soft bristles. Bristles that need more than the greatest are stiffer than anything that can be felt. Half and
-twice either number take half and twice the time."""
+"""Least and greatest number of steps in a sample. The least number resolves a motion that crosses Stribeck's curve
+within a sample, even with soft bristles. Bristles that need more than the greatest number are stiffer than a hand can
+feel. Half or twice either number takes half or twice the time."""
 
 
 class _SymbolArithmetic:
@@ -49,7 +53,7 @@ MIDPOINT = 0.5
 def default_substeps(scene: Scene, friction: Friction) -> int:
     """Return the number of fixed steps per sample, from the bristles' oscillation with the moving mass.
 
-    The number is at most `MOST_STEPS`; bristles that need more are stiffer than anything that can be felt.
+    The number is at most `MOST_STEPS`. Bristles that need more steps are stiffer than a hand can feel.
 
     Parameters
     ----------
@@ -95,7 +99,7 @@ def fixed_steps(
 
 
 def _assembly_stretch(moving: Assembly, friction: Friction, begin: float, length: float, count: int) -> Any:
-    """Return `fixed_steps` for an assembly. The step is written as one function and called."""
+    """Return `fixed_steps` for an assembly, as repeated calls of one compiled step."""
     n, over = moving.size, friction_step(moving, length / count)
     at, foreseen = ca.SX.sym("at", n + len(GIVEN) + 1), ca.SX.sym("foreseen")
     *values, z = ca.vertsplit(at)
@@ -115,7 +119,7 @@ def _assembly_stretch(moving: Assembly, friction: Friction, begin: float, length
 
 
 def _slide_step(scene: Scene, friction: Friction, h: float, theta: float) -> SlideStep:
-    """Return `slide_step` as one function that is called as often as needed."""
+    """Return `slide_step` as one compiled function, which the caller calls once per step."""
     numbers = ca.SX.sym("numbers", 5)
     x, v, z, foreseen, push = ca.vertsplit(numbers)
     end, mean = slide_step(scene.carriage, friction, Slide(x, v, z), foreseen, push, h, theta, SYMBOLS)

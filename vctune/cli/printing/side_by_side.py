@@ -1,0 +1,189 @@
+"""Print runs of experiments and pairs of designs side by side, on wide and on narrow terminals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from shlex import quote
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from vctune.api.design_files import REPORT, SpringRecord, text
+from vctune.api.messages import printable
+from vctune.cli.printing.design_table import WIDE, page
+
+if TYPE_CHECKING:
+    from rich.console import JustifyMethod
+
+    from vctune.document.records.comparison import ComparisonRecord
+    from vctune.document.records.simulation_json import DifferenceRecord, LeastVirtualRecord, SimulationRecord
+    from vctune.model.numbers.units import Units
+
+LEAST = {"": 6, "A": 8, "B": 8}
+"""Least widths of columns under a heading on a narrow terminal."""
+WIDEST = 1000
+"""Width, in characters, of tables that must not be wrapped."""
+
+
+def print_simulation(record: SimulationRecord, folder: Path) -> None:
+    """Print the measures of a simulation and the folder of its files.
+
+    Parameters
+    ----------
+    record : record of the simulation
+    folder : folder of the files, which the last line names
+    """
+    from vctune.api.experiments import HEADINGS, dwell_line, measured_rows
+
+    narrow = Console().is_terminal and Console().width < WIDE
+    with page(0 if narrow else WIDE, folder, _after_simulation(folder) if Console().is_terminal else []) as console:
+        console.print(f"[bold]{escape(printable(record.problem.name))}[/bold]")
+        rows = [tuple(escape(printable(cell)) for cell in row) for row in measured_rows(record)]
+        for table in _stacked(rows, HEADINGS) if narrow else [_wide(rows, HEADINGS)]:
+            console.print(table)
+
+        def say(line: str) -> None:
+            console.print(line, soft_wrap=not narrow)
+
+        for one in record.experiments:
+            if one.difference is not None:
+                apart = _apart(one.difference, record.command_unit)
+                say(f"{escape(printable(one.name))}: {apart}")
+            if one.quiet_stiffness is not None and isinstance(record.coupling, SpringRecord):
+                say(f"{escape(printable(one.name))}: {_quiet(one.quiet_stiffness, record.coupling, record.units)}")
+            if one.least_virtual is not None:
+                say(f"{escape(printable(one.name))}: {_least(one.least_virtual, record.units)}")
+        if line := dwell_line(record):
+            say(line)
+
+
+def _wide(rows: list[tuple[str, ...]], headings: Sequence[str]) -> Table:
+    """Return the runs as one table with a line for each."""
+    table = Table(box=None, pad_edge=False)
+    for heading in headings:
+        table.add_column(heading, no_wrap=True, header_style="dim")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def _stacked(rows: list[tuple[str, ...]], headings: Sequence[str]) -> Iterator[Table]:
+    """Yield a table for each experiment, with a column for each controller."""
+    for name in dict.fromkeys(row[0] for row in rows):
+        runs = [row for row in rows if row[0] == name]
+        table = Table(box=None, pad_edge=False)
+        table.add_column(name, header_style="bold", min_width=13, overflow="fold")
+        for run in runs:
+            table.add_column(run[1], header_style="dim", overflow="fold")
+        for number, heading in enumerate(headings[2:], 2):
+            if any(run[number] for run in runs):
+                table.add_row(f"  {heading}", *(run[number] for run in runs))
+        yield table
+
+
+def _after_simulation(folder: Path) -> list[str]:
+    """Return the next step: see the curves."""
+    shown = next((name for name in (REPORT, "simulation.svg") if (folder / name).exists()), "")
+    return [f"open {folder / shown}"] if shown else []
+
+
+def _apart(difference: DifferenceRecord, unit: str) -> str:
+    own = f"the design's own in {difference.precision} precision on the same measurements"
+    if difference.force is None or difference.tolerance is None:
+        return "[red]FAILED[/red], the firmware's commands are not finite"
+    if difference.force == 0:
+        return f"the firmware's commands are {own} to the last bit"
+    apart = f"{difference.force:.3g} {unit} of {own}, farthest at {difference.time_s:.4g} s"
+    allowed = f"the tolerance is {difference.tolerance:.3g} {unit}"
+    if difference.passes:
+        return f"the firmware's commands are within {apart}; {allowed}"
+    return f"[red]FAILED[/red], the firmware's commands are only within {apart}; {allowed}"
+
+
+def _quiet(stiffness: float, coupling: SpringRecord, units: Units) -> str:
+    return (
+        f"the encoder's resolution alone sustains no limit cycle up to {stiffness:.4g} {units.stiffness} (Abbott and "
+        f"Okamura); the coupling has {coupling.stiffness:.4g} {units.stiffness}"
+    )
+
+
+def _least(least: LeastVirtualRecord, units: Units) -> str:
+    if least.share == 0:
+        return f"the regular PID is stable without a virtual {units.mass_name} and damping"
+    return (
+        f"the regular PID is stable from a virtual {units.mass_name} of {least.mass:.4g} {units.mass} and a damping of "
+        f"{least.damping:.4g} {units.damping} on"
+    )
+
+
+def print_comparison(found: ComparisonRecord) -> None:
+    """Print two designs side by side: first the keys in which the problems differ, then both results.
+
+    Parameters
+    ----------
+    found : comparison, as `vctune compare --json` prints it
+    """
+    terminal = Console()
+    narrow = terminal.is_terminal and terminal.width < WIDE
+    console = Console(highlight=False, width=terminal.width if narrow else WIDEST)
+    table = Table(box=None, pad_edge=False, show_header=True)
+    for heading in ("", "A", "B", "") if narrow else ("", "", "A", "B", ""):
+        to: JustifyMethod = "right" if heading in ("A", "B") else "left"
+        table.add_column(heading, no_wrap=not narrow, justify=to, overflow="fold", min_width=LEAST[heading])
+    group = ""
+    for row in _compared(found):
+        if narrow:
+            if row[0] != group:
+                table.add_row(f"[dim]{row[0]}[/dim]", "", "", "")
+            table.add_row(f"  {row[1]}" if row[0] else row[1], *row[2:])
+        else:
+            table.add_row(f"[dim]{row[0]}[/dim]" if row[0] != group else "", *row[1:])
+        group = row[0]
+    with console.capture() as page:
+        console.print(table)
+    console.file.write("".join(f"{line.rstrip()}\n" for line in page.get().splitlines()))
+    sides = {"A": found.a, "B": found.b}
+    for name, side in sides.items():
+        if side.reason:
+            console.print(escape(f"{name}: {printable(side.reason)}"), soft_wrap=not narrow)
+    if terminal.is_terminal:
+        console.print(f"next: {_after_comparison(found)}", soft_wrap=True)
+
+
+def _compared(found: ComparisonRecord) -> Iterator[tuple[str, str, str, str, str]]:
+    """Yield group, label, both values and unit of each row."""
+    sides = (found.a, found.b)
+    for label, values in (
+        ("file", [side.source for side in sides]),
+        ("problem", [side.name for side in sides]),
+        ("status", [f"{side.status}, idle" if side.idle else side.status for side in sides]),
+    ):
+        yield "", label, escape(printable(values[0])), escape(printable(values[1])), ""
+    for differs in found.problem:
+        yield "differs", differs.key, _cell(differs.a), _cell(differs.b), ""
+    for value in found.design:
+        a, b = (_cell(each, value.digits) for each in (value.a, value.b))
+        yield value.group, escape(value.label), a, b, value.unit
+
+
+def _after_comparison(found: ComparisonRecord) -> str:
+    """Return the next step with the certified side of the least error, or with both where none is certified."""
+    errors = next(((each.a, each.b) for each in found.design if each.label == "error"), (None, None))
+    certified = [
+        (error, side.source)
+        for error, side in zip(errors, (found.a, found.b), strict=True)
+        if side.status == "certified" and isinstance(error, float)
+    ]
+    if not certified:
+        return "neither is certified; vctune solve says what would repair each"
+    source = min(certified)[1]
+    return f"vctune {'export' if source.endswith('.json') else 'solve'} {quote(source)}"
+
+
+def _cell(value: Any, digits: int = 8) -> str:
+    if isinstance(value, list) and len(value) != 2:
+        return escape(printable(str(value)))
+    return "-" if value is None else escape(printable(text(value, digits)))

@@ -1,0 +1,166 @@
+"""Sample a device in a hand as rows of named states, for hands whose damping changes between samples.
+
+Numbers are dimensionless, in units of the sample time and of the device's mass. The damping of the hand from this
+sample on may differ from its damping when the force was sampled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from vctune.model.device import Device
+from vctune.model.hands import Hand
+from vctune.model.loop.device_response import mechanism
+from vctune.model.loop.drive import drive_states
+from vctune.model.loop.filters import smoothing
+from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.numbers.matrices import Vector, add, nothing, times
+from vctune.model.sampled.changing.named_rows import COMMAND, Chain, Row, late, low_passed, sensed, timing, total
+from vctune.model.sampled.plant_in_hand import mechanism_in_hand
+
+PULL = "K x"
+"""Name of the force of the hand's spring. If nothing else depends on the position, this force replaces the position as
+a state."""
+
+
+FELT = ("felt", "felt rate")
+"""States of the force sensor's low-pass."""
+
+
+class HeldPlant(NamedTuple):
+    """A device in a hand over one sample.
+
+    Attributes
+    ----------
+    change : change over a sample, for the states that change little
+    memory : next value, for all other states
+    position, velocity : position and velocity that the firmware reads or estimates
+    moved : change of the position over a sample
+    felt : sensed force; a resisting force is positive
+    rest : states at rest for q = 1 and v_e = 0; a state that is 0 is absent
+    spring : k_eq, the sensed force at rest for q = 1
+    """
+
+    change: dict[str, Row]
+    memory: dict[str, Row]
+    position: Row
+    velocity: Row
+    moved: Row
+    felt: Row
+    rest: Row
+    spring: Number
+
+
+def held_plant(
+    plain: Device, device: Device, stiffness: Number | None, hand: Hand, before: Number, ops: Arithmetic
+) -> HeldPlant:
+    """Return a device with a velocity loop in a hand.
+
+    Parameters
+    ----------
+    plain : device in plain numbers
+    device : the same device in any arithmetic
+    stiffness : K_p > 0, N/m; None for K_p = 0, so that the states do not include the position
+    hand : hand from this sample on
+    before : damping of the hand when the force is sampled, N s/m
+    ops : arithmetic of device and hands
+    """
+    body, sensing = (_body(device, each, ops) for each in (hand, replace(hand, damping=before)))
+    if stiffness is None:
+        one = replace(hand, stiffness=device.mass / (device.sample_time * device.sample_time))
+        units = (_body(device, each, ops) for each in (one, replace(one, damping=before)))
+        spring = hand.stiffness * (device.sample_time * device.sample_time) / device.mass
+        body, sensing = (_by_pull(own, unit, spring) for own, unit in zip((body, sensing), units, strict=True))
+    memory, times_of = dict[str, Row](), timing(plain, device)
+    now, older = (late(memory, COMMAND, {COMMAND: 1}, times_of.whole + ago) for ago in (0, 1))
+    chain = body.chain
+    change = dict(zip(chain.names, chain.over(1, times_of.older, now, older, ops), strict=True))
+    travel, estimate = change["position"], plain.velocity
+    velocity: Row = {"velocity": 1}
+    if estimate is not None and estimate.source == "difference":
+        memory["difference"], velocity = travel, {"difference": 1}
+    if estimate is not None and estimate.filter_hz is not None:
+        share, _ = smoothing(device.velocity.filter_hz, device.sample_time, ops)  # type: ignore[union-attr]
+        velocity = low_passed(memory, "velocity", velocity, share, estimate.filter_order)
+    meeting = sensing if times_of.within is None else body  # within a sample the hand is the present one
+    felt = sensed(memory, chain, times_of, (now, older), (meeting.weights, meeting.feed), ops)
+    if stiffness is None:
+        del change["position"]
+        return HeldPlant(change, memory, {}, velocity, travel, felt, {}, 0)
+    rest, spring = _at_rest(device, stiffness, hand, body, [*change, *memory], ops)
+    return HeldPlant(change, memory, {"position": 1}, velocity, travel, felt, rest, spring)
+
+
+class _Body(NamedTuple):
+    """A mechanism in a hand, x' = A x + b u, and its sensed force.
+
+    Attributes
+    ----------
+    chain : A and b
+    weights, feed : shares of the states and of the command that acts in the sensed force
+    """
+
+    chain: Chain
+    weights: Row
+    feed: Number
+
+
+def _body(device: Device, hand: Hand, ops: Arithmetic) -> _Body:
+    parts = mechanism_in_hand(device, hand, ops)
+    rows = {name: (*row, push) for name, row, push in zip(parts.names, parts.rates, parts.push, strict=True)}
+    for name, inertia in parts.inertia.items():
+        rows[name] = tuple(x if nothing(x) else x / inertia for x in rows[name])
+    handle = rows[parts.handle]
+    for name, carried in parts.sensed.items():
+        rows[name] = tuple(add(x, times(-carried, y)) for x, y in zip(rows[name], handle, strict=True))
+    chain = Chain(tuple(parts.names), tuple(row[:-1] for row in rows.values()), tuple(row[-1] for row in rows.values()))
+    if parts.felt_inertia is None:
+        return _Body(chain, dict(parts.felt), 0)
+    at = parts.names.index(parts.handle)
+    accelerated = dict(zip(parts.names, parts.rates[at], strict=True))
+    weights = total([(1, parts.felt), (parts.felt_inertia, accelerated)])
+    return _Body(chain, weights, times(parts.felt_inertia, parts.push[at]))
+
+
+def _by_pull(own: _Body, unit: _Body, spring: Number) -> _Body:
+    """Return a body with the force of the hand's spring as a state. With this state, nothing depends on the position.
+
+    Parameters
+    ----------
+    own, unit : the body in the hand, and the body in a hand of stiffness 1
+    spring : K, dimensionless
+    """
+    chain, at = own.chain, own.chain.names.index("position")
+
+    def row(name: str, one: Vector, other: Vector) -> Vector:
+        return (other[at], *(0 if place == at else x for place, x in enumerate(one)))
+
+    rows = [row(name, *both) for name, *both in zip(chain.names, chain.rates, unit.chain.rates, strict=True)]
+    pulled = tuple(times(spring, x) for x in rows[at])
+    weights = {PULL: unit.weights["position"]} if "position" in unit.weights else {}
+    weights |= {name: x for name, x in own.weights.items() if name != "position"}
+    return _Body(Chain((PULL, *chain.names), (pulled, *rows), (0, *chain.push)), weights, own.feed)
+
+
+def _at_rest(
+    device: Device, stiffness: Number, hand: Hand, body: _Body, names: list[str], ops: Arithmetic
+) -> tuple[Row, Number]:
+    """Return the states at rest for q = 1, and k_eq, the stiffness of K_p, the structure and the hand's spring in
+    series."""
+    T, m = device.sample_time, device.mass
+    unit = T * T / m
+    k, k_p = hand.stiffness * unit, stiffness * unit
+    if device.structure is None:
+        kappa = k_p / (k + k_p)
+        rest = {"position": kappa}
+    else:
+        k_s = mechanism(device, device.structure, ops).stiffness * unit
+        share = 1 / (1 + k / k_s)  # stiffness of the hand's spring and the structure's in series, divided by the hand's
+        kappa = k_p / (k * share + k_p)
+        rest = {"position": kappa, "bend": kappa * share * (k / k_s)}
+        kappa = kappa * share
+    spring = k * kappa
+    held = {name: spring for name in names if name.startswith((COMMAND, "sensed")) or name in drive_states(device)}
+    filtered = {name: spring / body.weights["felt"] for name in names if name in FELT}
+    return rest | held | filtered, spring

@@ -1,0 +1,109 @@
+"""State the condition on a storage function of the sampled loop in a hand whose damping changes (model/README.md,
+section 21)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import reduce
+
+from vctune.model.device import Device
+from vctune.model.hands import Hand, Hands
+from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.numbers.matrices import Matrix, Vector, add, blocked, nothing, product, rows_of, times
+from vctune.model.sampled.changing.loop_states import LoopStates
+
+TERMS = ("1", "mu", "nu", "sigma", "beta")
+"""Names of the functions of a hand that weight the matrices of a storage function. Each lies between -1 and 1 in a
+box."""
+
+
+@dataclass(frozen=True, slots=True)
+class Storage:
+    """A storage function k_eq q^2 + zeta' Y zeta, Y = Y_0 + mu Y_1 + nu Y_2 + sigma Y_3 + beta Y_4.
+
+    With K_p = 0, the first state of zeta is the force p of the hand's spring, and the first entry of Y stands for
+    p^2/K.
+
+    Attributes
+    ----------
+    hands : box of hands on which mu, nu, sigma and beta are defined
+    terms : the symmetric matrices Y_0 to Y_4, dimensionless, as decimals
+    """
+
+    hands: Hands
+    terms: tuple[tuple[tuple[float, ...], ...], ...]
+
+
+def moved_mass(device: Device) -> Number:
+    """Return the mass of the device that moves rigidly with the hand, kg."""
+    return device.mass if device.structure is None else device.structure.handle_mass
+
+
+def weights(hands: Hands, mass: Number, hand: Hand, number: Callable[[float], Number]) -> Vector:
+    """Return the functions `TERMS` of a hand.
+
+    mu, sigma and beta are mass, stiffness and damping, scaled from their ranges to -1 to 1. nu is 0 at both ends of the
+    range of masses. 1/(m + M), where m moves rigidly with the hand, is a linear combination of 1, mu and nu.
+
+    Parameters
+    ----------
+    hands : box, in plain numbers
+    mass : mass of the device, see `moved_mass`
+    hand : its damping is that of the last sample
+    number : a plain number in the arithmetic of mass and hand
+
+    Returns
+    -------
+    Vector
+        A function of a number that the box does not vary is the integer 0.
+    """
+
+    def centred(name: str) -> Number:
+        low, high = hands.ranges[name]
+        return (
+            0 if low == high else (2 * getattr(hand, name) - number(low) - number(high)) / (number(high) - number(low))
+        )
+
+    mu = centred("mass")
+    half = 0.5 * (number(hands.low.mass) + number(hands.high.mass))
+    nu = 0 if nothing(mu) else (1 - mu * mu) * ((mass + half) / (mass + hand.mass))
+    return 1, mu, nu, centred("stiffness"), centred("damping")
+
+
+def room_of_storage(loop: LoopStates, Y: Matrix, more: Matrix, ops: Arithmetic) -> Matrix:
+    """Return a matrix. If it is positive definite, the storage grows by less than 2 v_e y in every sample.
+
+    The term k_eq q^2 of the storage grows by k_eq (2 q + v_e) v_e. The part 2 k_eq q v_e cancels against the same part
+    of 2 v_e y, so q drops out.
+
+    Parameters
+    ----------
+    loop : n states
+    Y : matrix of the storage for the damping from now on, symmetric, n x n
+    more : the matrix for the damping when the force was sampled, minus Y
+    ops : arithmetic of both
+
+    Returns
+    -------
+    Matrix
+        (n + 1) x (n + 1), of zeta and v_e.
+    """
+    n, staying, pull = len(Y), loop.staying, loop.pull
+    moved = tuple((*row, push) for row, push in zip(loop.change, loop.push, strict=True))
+    kept_apart = Y if pull is None else ((0, *Y[0][1:]), *Y[1:])
+    stored = product(blocked(kept_apart, ops), blocked(moved, ops))
+    after = rows_of(product(blocked(tuple(zip(*moved, strict=True)), ops), stored))
+    kept = rows_of(stored)[:staying]
+
+    def entry(i: int, j: int) -> Number:
+        if n in (i, j):
+            held = 2 * loop.direct - loop.spring if i == j else loop.seen[min(i, j)]
+        else:
+            held = more[i][j] if max(i, j) < staying else add(Y[i][j], more[i][j])
+        stays = [kept[i][j]] if i < staying else []
+        stays += [kept[j][i]] if j < staying else []
+        grown = [] if pull is None else [times(Y[0][0], pull.grown(i, j))]
+        return reduce(add, (times(-1, each) for each in (*stays, after[i][j], *grown)), held)
+
+    return tuple(tuple(entry(i, j) for j in range(n + 1)) for i in range(n + 1))

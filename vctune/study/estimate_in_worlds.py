@@ -1,0 +1,95 @@
+"""Estimate for cells of gains where a box of environments is hardest to bear, in some hands at some angles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.analysis.hardest_hands import needs_in_hands
+from vctune.analysis.loops_in_hands import SHARES, LoopsInHands, loops_in_hands
+from vctune.design.variables import coupling_from
+from vctune.model.gains import Gains
+from vctune.model.hand_arrays import PlacesInHands
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.numbers.keys import KEYS
+from vctune.model.problem import Problem
+from vctune.model.sampled.hand_loop import loop_in_hand
+from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.proof.engine.boxes import Cells
+
+DAMPING = KEYS.index("coupling.damping")
+LOOPS_AT_ONCE = 2
+"""Number of designs whose arrays, a hundred hands at a hundred angles each, fit into the processor's cache. It only
+affects speed."""
+DAMPINGS, FEW_SHARES, FEW_ANGLES = 24, (0.0, 0.1, 1.0), 12
+"""Number of dampings b_c of a coupling that are tried for each cell, and the hands and the angles per decade with which
+they are compared. Half and twice as many dampings leave the same cells undecided."""
+
+
+def worst_places(problem: Problem, points: Cells, *, few: bool = False) -> tuple[Floats, PlacesInHands]:
+    """Return 1/ratio of designs in the worst hand at the worst angle, and these places.
+
+    Parameters
+    ----------
+    problem : problem of one device with a box of environments
+    points : n cells of one design each
+    few : whether to look at few hands and angles only
+
+    Returns
+    -------
+    need : shape (n,); a design meets the constraint where need times the safety factor is at most 1
+    places : n angles, each with a hand
+    """
+    assert problem.hands_met is not None
+    at = loops_in_hands(problem.device, problem.hands_met, *((FEW_SHARES, FEW_ANGLES) if few else (SHARES,)))
+    need, which = np.zeros(len(points)), np.zeros(len(points), np.intp)
+    for i in range(0, len(points), LOOPS_AT_ONCE):
+        some = slice(i, i + LOOPS_AT_ONCE)
+        found = _needs(problem, at, points.low[:, some])
+        which[some] = np.argmax(found, axis=1)
+        need[some] = found[np.arange(len(found)), which[some]]
+    hand, angle = np.divmod(which, at.theta.size)
+    return need, PlacesInHands(at.theta[angle], at.hands.mapped(lambda number: number[hand]))
+
+
+def _needs(problem: Problem, at: LoopsInHands, numbers: Floats) -> Floats:
+    """Return 1/ratio of designs at all angles in all hands, shape (designs, hands and angles)."""
+    gains, coupling = numbers[:2, :, None, None], coupling_from([*numbers[2:, :, None, None]])
+    with np.errstate(all="ignore"):
+        found = needs_in_hands(at.loop, problem.device, Gains(*gains), coupling, at.theta, problem.worlds_met)
+    return np.nan_to_num(found, nan=0.0, posinf=np.finfo(float).max).reshape(numbers.shape[1], -1)
+
+
+def need_at(problem: Problem, points: Cells, places: PlacesInHands) -> Floats:
+    """Return 1/ratio of designs, each at its own place.
+
+    Parameters
+    ----------
+    problem, points : see `worst_places`
+    places : n angles, each with a hand
+    """
+    device, numbers = problem.device, points.low
+    loop = loop_in_hand(plant_in_hand(device, places.hands, delays_of(device), FLOATS), places.at, FLOATS)
+    coupling = coupling_from([*numbers[2:]])
+    with np.errstate(all="ignore"):
+        need = needs_in_hands(loop, device, Gains(*numbers[:2]), coupling, places.at, problem.worlds_met)
+    return np.nan_to_num(need, nan=0.0, posinf=np.finfo(float).max)
+
+
+def best_damping(problems: Sequence[Problem], cells: Cells) -> Floats:
+    """Return for each cell the damping b_c of the coupling that is best at the cell's centre.
+
+    Parameters
+    ----------
+    problems : problems, all of whose constraints must be met
+    cells : n cells with the range of b_c
+    """
+    tried = np.geomspace(cells.low[DAMPING], cells.high[DAMPING], DAMPINGS)
+    middle, needs = np.tile(cells.centres().low, DAMPINGS), np.zeros(tried.size)
+    middle[DAMPING] = tried.ravel()
+    for problem in problems:
+        needs = np.maximum(needs, worst_places(problem, Cells(middle, middle), few=True)[0])
+    least = np.argmin(needs.reshape(tried.shape), axis=0)
+    return np.asarray(tried[least, np.arange(len(cells))])

@@ -1,0 +1,115 @@
+"""Prove that no coupling bears a box of environments with the gains of a cell.
+
+Each box of couplings has one hand and one angle at which the constraint fails throughout. Estimates in double precision
+find these places.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from vctune.analysis.hardest_hands import hardest_near
+from vctune.design.prepared import pose
+from vctune.design.variables import coupling_from
+from vctune.model.gains import Gains
+from vctune.model.hand_arrays import PlacesInHands
+from vctune.model.problem import Problem
+from vctune.proof.claims.encirclements import by_integrator
+from vctune.proof.claims.many_designs import fails_in_hands
+from vctune.proof.enclosures.array_intervals import Flags, Floats
+from vctune.proof.engine.boxes import FREQUENCY, Boxes, Cells
+from vctune.proof.engine.branching import Decided, prove
+from vctune.study.estimate_in_worlds import worst_places
+
+COUPLING = slice(2, None)
+"""Rows of the coupling among the numbers of a design."""
+NEARLY = 0.97
+"""Share of the requirement that the worst hand of a grid has to miss at least, to be refined."""
+MAX_HALVINGS, MAX_BOXES = 24, 200
+"""Greatest number of halvings of a box of couplings, and number of a cell's boxes after which the cell stays open."""
+
+
+def no_coupling(problem: Problem, cells: Cells, free: Flags) -> Flags:
+    """Return the cells in which no design bears the environments of a problem.
+
+    Parameters
+    ----------
+    problem : problem of one device with a box of environments
+    cells : n cells of designs
+    free : which numbers of a design may be chosen for each point of a cell; all of them belong to the coupling
+
+    Returns
+    -------
+    array of bool
+        Shape (n,); True only if it is proved.
+    """
+    lost = np.zeros(len(cells), bool)
+    for at in by_integrator(cells):
+        part = cells.subset(at)
+        lost[at] = _every_box_fails(problem, part, free) if free.any() else _fails(problem, part)
+    return lost
+
+
+def _every_box_fails(problem: Problem, cells: Cells, free: Flags) -> Flags:
+    """Return the cells of which every box of couplings fails; the numbers that are not free are not halved."""
+    n = len(cells)
+    at_once = np.zeros((1, n))
+    names, owner = (FREQUENCY, *cells.keys), np.arange(n)
+    boxes = Boxes(names, np.vstack((at_once, cells.low)), np.vstack((at_once, cells.high)), owner, np.zeros_like(owner))
+    found = prove(
+        partial(_test, problem, free),
+        boxes,
+        n,
+        halved=[False, *free.tolist()],
+        max_halvings=MAX_HALVINGS,
+        max_boxes=MAX_BOXES,
+        only_whole=True,
+    )
+    return found.proved
+
+
+def _test(problem: Problem, free: Flags, boxes: Boxes) -> Decided:
+    low, high = boxes.low[1:], boxes.high[1:]
+    shape = boxes.low.shape
+    cost = np.zeros(shape)
+    with np.errstate(divide="ignore"):
+        cost[1:][free] = np.log(np.maximum(high, 1e-12) / np.maximum(low, 1e-12))[free]
+    none, n = np.zeros(shape), len(boxes)
+    return Decided(
+        proved=_fails(problem, Cells(low, high)),
+        fails=np.zeros(n, bool),
+        point=(boxes.low + boxes.high) / 2,
+        cost=cost,
+        known=np.zeros(n, bool),
+        side=none,
+        room=np.zeros(n),
+    )
+
+
+def _fails(problem: Problem, cells: Cells) -> Flags:
+    """Return the cells throughout which the constraint fails, each at the place that is worst for its middle design."""
+    demands, middle = pose(problem).demands, _middle(cells)
+    needs, places = worst_places(problem, middle)
+    lost = fails_in_hands(demands, cells, places)
+    left = np.flatnonzero(~lost & (needs * demands.factor > NEARLY))
+    if left.size:
+        closer = _closer(problem, middle.subset(left), places[left])
+        lost[left] = fails_in_hands(demands, cells.subset(left), closer)
+    return lost
+
+
+def _closer(problem: Problem, points: Cells, places: PlacesInHands) -> PlacesInHands:
+    """Return the places moved to hands and angles near them that require the most of each design."""
+    assert problem.hands_met is not None
+    gains, coupling = points.low[:2, :, None, None], coupling_from([*points.low[COUPLING, :, None, None]])
+    return hardest_near(problem.device, problem.hands_met, Gains(*gains), coupling, places, problem.worlds_met)[1]
+
+
+def _middle(cells: Cells) -> Cells:
+    """Return the design in the middle of each cell; wide ranges of the coupling are halved in the logarithm."""
+    numbers: Floats = cells.centres().low
+    low, high = np.maximum(cells.low[COUPLING], cells.high[COUPLING] * 1e-6), cells.high[COUPLING]
+    numbers[COUPLING] = np.where(high > 0, np.sqrt(low) * np.sqrt(high), 0.0)
+    return Cells(numbers, numbers)
