@@ -127,15 +127,31 @@ class _Quadratic(NamedTuple):
     constant: Floats
 
     def times(self, factor: float | Floats) -> _Quadratic:
-        """Return the quadratic times a number."""
+        """Return the quadratic times a number.
+
+        Parameters
+        ----------
+        factor : the number
+        """
         return _Quadratic(factor * self.second, factor * self.first, factor * self.constant)
 
     def plus(self, factor: float | Floats, other: _Quadratic) -> _Quadratic:
-        """Return the sum with another one times a number."""
+        """Return the sum with another one times a number.
+
+        Parameters
+        ----------
+        factor : the number
+        other : the other quadratic
+        """
         return _Quadratic(*(x + factor * y for x, y in zip(self, other, strict=True)))
 
     def at(self, x: Floats) -> Floats:
-        """Return its value."""
+        """Return its value.
+
+        Parameters
+        ----------
+        x : where
+        """
         return (self.second * x + self.first) * x + self.constant
 
     def zeros(self) -> tuple[Floats, Floats]:
