@@ -7,6 +7,7 @@ matrix of one sample. Its eigenvalues say what is stable.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import floor, pi, sqrt
 
 import numpy as np
@@ -127,14 +128,23 @@ class ForceLoop:
     def met(self, theta: np.ndarray, share: float = 1.0) -> np.ndarray:
         """Return the impedance that the environment meets at angles omega T."""
         T, (b_c, k_c) = self.sample_time, self.coupling
-        Phi, older, newer, whole = self.sampled()
+        modes, older, newer, whole = parts(replace(self, velocity=0.0, coupling=(0.0, 0.0)))
         z = np.exp(1j * np.asarray(theta))
-        push = older[None] * z[:, None] ** -(whole + 1) + newer[None] * z[:, None] ** -whole
-        position = np.linalg.solve(z[:, None, None] * np.eye(len(Phi)) - Phi, push[..., None])[:, 0, 0]
+        push = older * z[:, None] ** -(whole + 1) + newer * z[:, None] ** -whole
+        position = (push / (z[:, None] - modes)).sum(axis=1)
         speed = (1 - 1 / z) / T * position
         low_pass = (self.smoothing / (1 - (1 - self.smoothing) / z)) ** self.filters
         offered = (1 - 1 / z) / (b_c * low_pass * (1 - 1 / z) + k_c * T)
         return np.asarray(1 / (share * offered + speed / (1 + self.velocity * low_pass * speed)))
+
+
+@lru_cache(maxsize=8)
+def parts(loop: ForceLoop) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """Return the eigenvalues of a mechanism, the shares of the older and newer command, and whole samples of delay."""
+    Phi, older, newer, whole = loop.sampled()
+    modes, shapes = np.linalg.eig(Phi)
+    shares = (shapes[0] * np.linalg.solve(shapes, push) for push in (older, newer))
+    return modes, *shares, whole
 
 
 def corner(smoothing: float, sample_time: float) -> float:

@@ -34,6 +34,9 @@ EXPECTED = json.loads((REFERENCE / "expected.json").read_text())
 WHEEL = {"device": {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3}}
 
 
+HANDLE = {"mass": 0.1, "damping": 1.0, "sample_time": 1e-3, "display": "impedance"}
+
+
 def reference(name: str) -> Problem:
     """Return a reference problem."""
     return read_problem(REFERENCE / f"{name}.toml").problem
@@ -98,7 +101,10 @@ def test_a_box_without_limits_is_no_box() -> None:
         ({"stability": {"criterion": "both"}}, "allows any passive hand"),
         ({"stability": {"criterion": "passive"}}, "allows any passive hand"),
         ({"uncertainty": {"unmodelled": [[1.0, 0.1]]}}, "is not proved with [environment]"),
-        ({"device": {**WHEEL["device"], "display": "impedance"}}, "not of a box of them"),
+        ({"device": HANDLE, "environment": {"stiffness": {"max": 2e3}, "walls": True}}, "walls are not proved on an"),
+        ({"device": HANDLE, "environment": {"stiffness": {"max": 2e3}, "rule": "implicit"}}, "by the trapezoidal rule"),
+        ({"device": HANDLE, "environment": {"stiffness": {"max": 2e3}, "late": 1}}, "that are on time"),
+        ({"device": HANDLE, "stability": {"criterion": "both"}}, "allows any passive hand"),
         ({"environment": {"mass": {"min": 2.0, "max": 1.0}}}, "swap them"),
         ({"environment": {"wall": True}}, "unknown key"),
     ],
@@ -245,3 +251,55 @@ def test_the_binding_environment_cancels_the_reactance() -> None:
     assert inside is not None
     assert inside.mass == 0.02
     assert inside.mass * u - inside.stiffness / u == pytest.approx(met)
+
+
+ARM = """[device]
+display = "impedance"
+mass = 0.045
+damping = 0.25
+sample_time = 1e-3
+delay = 0.5e-3
+velocity.filter_hz = 100.0
+[operator]
+mass = 0.05
+damping = 1.0
+stiffness = { min = 0.0, max = 1500.0 }
+[stability]
+criterion = "hands"
+[transparency.weights]
+admittance = 0.0
+tracking = 0.0
+"""
+TOOLS = "[environment]\nmass = { min = 0.1, max = 5.0 }\nstiffness = { max = 2000.0 }\n"
+
+
+@pytest.mark.slow
+def test_an_impedance_display_may_be_stiffer_among_heavy_tools(tmp_path: Path) -> None:
+    """Its error is less than with every passive environment, and the record says which environment binds."""
+    errors = []
+    for name, tables in (("every", ""), ("tools", TOOLS)):
+        path = tmp_path / f"{name}.toml"
+        path.write_text(f'name = "{name}"\n{ARM}{tables}')
+        found = run("solve", str(path), "--no-report", "--out", str(tmp_path / name), cwd=tmp_path)
+        assert found.returncode == ExitCode.OK, found.stderr
+        record = json.loads((tmp_path / name / name / "design.json").read_text())
+        errors.append(record["transparency"]["error"])
+    assert errors[1] <= errors[0]
+    hands = record["certificate"]["hands"]
+    assert hands["worlds"]["mass"] == [0.1, 5.0]
+    assert "binding world" in found.stdout
+    written = tmp_path / "tools" / "tools"
+    passed = run("check", str(path), str(written / "gains.toml"), cwd=tmp_path)
+    assert passed.returncode == ExitCode.OK
+    assert "with every environment of 0.1 to 5 kg, up to 2000 N/m" in passed.stdout
+
+
+def test_the_gains_of_an_impedance_display_are_checked_with_a_box(tmp_path: Path) -> None:
+    """Gains that pass with heavy tools are refused with light ones."""
+    gains = tmp_path / "gains.toml"
+    gains.write_text("[gains]\nvelocity = 0.0\n[coupling]\ndamping = 15.0\nstiffness = 6000.0\n")
+    for least, code in ((0.2, ExitCode.OK), (0.001, ExitCode.FAILED)):
+        path = tmp_path / "tools.toml"
+        path.write_text(ARM + TOOLS.replace("0.1", str(least)))
+        found = run("check", str(path), str(gains), cwd=tmp_path)
+        assert found.returncode == code, found.stdout + found.stderr

@@ -6,12 +6,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import astuple, dataclass, replace
 from itertools import product
-from math import inf, pi, sqrt
+from math import inf, log, pi, sqrt
 
 import numpy as np
+import pytest
 from force_loops import ForceLoop, corner
+from test_worlds_proof import balanced, damping_asked, limit_of
 
+from vctune.analysis.destabilising import growing_in_worlds
 from vctune.model.device import Device
+from vctune.model.experiment import Environment, Experiment, Operator, Sensors
 from vctune.model.gains import Gains, SpringDamper
 from vctune.model.hands import Hand, Hands
 from vctune.model.parts import Actuator, Structure, VelocityEstimate
@@ -20,6 +24,8 @@ from vctune.model.worlds import World, Worlds
 from vctune.proof.claims.every_hand import prove_hands
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.engine.interval import Outcome, Verdict
+from vctune.simulation.mechanics.scene_stability import fastest_mode
+from vctune.simulation.scene import designed_scene
 
 STABLE = 1 + 1e-9
 """Spectral radius up to which a loop counts as stable: the eigenvalues are right to much less."""
@@ -146,20 +152,6 @@ def environments(
             yield mass, low.damping, stiffness
 
 
-def balanced(worlds: Worlds, reactance: float, u: float) -> list[tuple[float, float]]:
-    """Return masses and stiffnesses of the box with m u - k/u = reactance, on its edges."""
-    low, high = worlds.low, worlds.high
-    found = [(m, (m * u - reactance) * u) for m in (low.mass, high.mass) if m < inf]
-    found += [((reactance + k / u) / u, k) for k in (low.stiffness, high.stiffness) if k < inf]
-    edge = 1e-9
-    return [
-        (min(max(m, low.mass), high.mass), min(max(k, low.stiffness), high.stiffness))
-        for m, k in found
-        if low.mass * (1 - edge) <= m <= high.mass * (1 + edge)
-        and low.stiffness * (1 - edge) <= k <= high.stiffness * (1 + edge)
-    ]
-
-
 def grows(case: Case, rng: np.random.Generator) -> bool:
     """Return whether some hand and environment of the boxes make the loop grow, with some share of the coupling."""
     ends = astuple(case.hands.low), astuple(case.hands.high)
@@ -202,3 +194,110 @@ def judged(seed: int, count: int) -> dict[str, int]:
         else:
             found["undecided"] += 1
     return found
+
+
+@pytest.mark.parametrize(("seed", "count"), [(5, 8), pytest.param(35, 300, marks=pytest.mark.slow)])
+def test_verdicts_agree_with_eigenvalues(seed: int, count: int) -> None:
+    """None is wrong, both kinds of verdict occur, and few are undecided."""
+    found = judged(seed, count)
+    assert found["wrong"] == 0
+    assert found["proved"] > count / 3
+    assert found["refuted"] > count / 10
+    assert found["undecided"] <= count / 50
+
+
+def at_the_limit(seed: int, count: int, off: float) -> dict[str, int]:
+    """Judge loops whose environments have the damping that they must have, a share more or less."""
+    rng, found = np.random.default_rng(seed), dict.fromkeys(("right", "undecided", "wrong"), 0)
+    while sum(found.values()) < count:
+        case = posed(rng)
+        name = str(rng.choice(["mass", "damping", "stiffness"]))
+        one = replace(case.hands.middle, **{name: getattr(case.hands.low, name)})
+        hands = Hands(one, replace(one, **{name: getattr(case.hands.high, name)}))
+        case = replace(case, hands=hands, factor=1.0)
+        T = case.loop.sample_time
+
+        def asked(hand: Hand, case: Case = case, T: float = T) -> float:
+            return damping_asked(case.worlds, T, case.held(hand).met)
+
+        ends = (hands.low, hands.middle, hands.high)
+        held = (replace(case.held(hand), world=(0.0, 1e9, 0.0)).radius() for hand in ends)
+        if max(held) > STABLE or asked(hands.middle) < 0:
+            continue  # with the tool held no damping suffices, or none is needed
+        limit = limit_of(hands, asked)
+        if not 1e-3 < limit / abs(case.loop.met(np.array([0.5]))[0]) < 1e3:
+            continue
+        for sign in (1, -1):
+            low = replace(case.worlds.low, damping=limit * (1 + sign * off))
+            verdict = replace(case, worlds=replace(case.worlds, low=low)).outcome().verdict
+            right = Verdict.PROVED if sign > 0 else Verdict.REFUTED
+            found["undecided" if verdict is Verdict.UNDECIDED else "right" if verdict is right else "wrong"] += 1
+    return found
+
+
+@pytest.mark.parametrize(
+    ("count", "off"), [(1, 1e-3), *(pytest.param(100, off, marks=pytest.mark.slow) for off in (1e-3, 1e-5))]
+)
+def test_verdicts_next_to_the_limit(count: int, off: float) -> None:
+    """No verdict is wrong, and fewer than 2 % are undecided."""
+    found = at_the_limit(3, count, off)
+    assert found["wrong"] == 0
+    assert found["undecided"] < max(1, 0.02 * count)
+
+
+def test_a_passive_box_is_every_passive_environment() -> None:
+    """Without limits of mass and stiffness the verdict is that of every passive environment."""
+    rng = np.random.default_rng(2)
+    for _ in range(4):
+        case = posed(rng)
+        every = replace(case, worlds=Worlds(World(0.0, 0.0, 0.0), World(inf, inf, inf)))
+        demands = Demands(case.device, (0.0, 1.0), case.factor, inf, passive=False, hands=case.hands)
+        assert every.outcome().verdict is prove_hands(Design(case.device, *case.law), demands).verdict
+
+
+def test_the_oracle_is_the_loop() -> None:
+    """A pole lies where the oracle's response says that the environment cancels it."""
+    rng, off = np.random.default_rng(1), []
+    for _ in range(10):
+        loop, theta = posed(rng).loop, rng.uniform(0.05, 2.5)
+        met, u = loop.met(np.array([theta]))[0], 2 / loop.sample_time * np.tan(theta / 2)
+        whole = replace(loop, world=(max(-met.imag, 0) / u, -met.real, max(met.imag, 0) * u))
+        off.append(np.abs(np.linalg.eigvals(whole.stepped()) - np.exp(1j * theta)).min())
+    assert max(off) < 1e-6
+
+
+def refuted_cases(seed: int, count: int) -> Iterator[tuple[Case, Hand, float]]:
+    """Yield random loops that are refuted with the factor 1, each with the hand and the frequency where."""
+    rng, found = np.random.default_rng(seed), 0
+    while found < count:
+        case = replace(posed(rng), factor=1.0)
+        outcome = case.outcome()
+        if outcome.verdict is Verdict.REFUTED and outcome.hand is not None and outcome.witness is not None:
+            found += 1
+            yield case, outcome.hand, outcome.witness
+
+
+@pytest.mark.parametrize(("seed", "count"), [(7, 3), pytest.param(8, 100, marks=pytest.mark.slow)])
+def test_a_refused_world_grows(seed: int, count: int) -> None:
+    """Each refuted loop has an environment of the box with which it grows, in exact time and in `simulate`."""
+    for case, hand, omega in refuted_cases(seed, count):
+        made = growing_in_worlds(case.device, *case.law, hand, omega, case.worlds)
+        assert made is not None
+        mass, stiffness = (made.value, made.stiffness) if made.kind == "mass" else (0.0, made.value)
+        low, high, edge = case.worlds.low, case.worlds.high, 1 + 1e-9
+        assert low.mass <= mass * edge <= high.mass * edge**2
+        assert low.stiffness <= stiffness * edge <= high.stiffness * edge**2
+        assert made.damping >= low.damping
+        rate = log(replace(case.held(hand), world=(mass, made.damping, stiffness)).radius()) / case.loop.sample_time
+        assert rate >= made.growth * (1 - 1e-6)  # another mode may grow faster
+        experiment = Experiment(
+            name="refused",
+            environment=Environment(mass, made.damping, stiffness, 0.0, wall=False, rule="trapezoid"),
+            operator=Operator("sine", 0.0, 0.01, 0.1, 3, hand.mass, hand.damping, hand.stiffness),
+            friction=None,
+            sensors=Sensors(0.0, 0.0, 0),
+            limit=None,
+            baseline=None,
+        )
+        mode = fastest_mode(designed_scene(case.device, *case.law, experiment))
+        assert log(mode.radius) / case.loop.sample_time == pytest.approx(rate, rel=1e-6)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import astuple, dataclass, replace
+from functools import partial
 from itertools import product
 from math import inf, log, pi, sqrt
 
@@ -209,12 +210,12 @@ def test_verdicts_of_some_loops_agree_with_eigenvalues() -> None:
     assert found["proved"] + found["refuted"] >= 11
 
 
-def limit_of(case: Case) -> float:
+def limit_of(hands: Hands, asked_in: Callable[[Hand], float]) -> float:
     """Return the damping that every environment must have at least, of hands that differ in one number."""
-    low, high = _numbers(case.hands.low), _numbers(case.hands.high)
+    low, high = astuple(hands.low), astuple(hands.high)
 
     def asked(share: float) -> float:
-        return damping_asked(case, Hand(*(a + share * (b - a) for a, b in zip(low, high, strict=True))))
+        return asked_in(Hand(*(a + share * (b - a) for a, b in zip(low, high, strict=True))))
 
     shares = np.concatenate((np.linspace(0, 1, 33), [1e-3, 1e-2]))
     found = np.array([asked(share) for share in shares])
@@ -229,12 +230,11 @@ def limit_of(case: Case) -> float:
     return best
 
 
-def damping_asked(case: Case, hand: Hand) -> float:
+def damping_asked(worlds: Worlds, T: float, met: Callable[[np.ndarray], np.ndarray]) -> float:
     """Return the greatest -Re Y where -Im Y is a reactance of the box, the ends of such angles included."""
-    T, worlds, alone = case.whole.plant.sample_time, case.worlds, of_hand(case, hand)
 
     def at(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        Y, u = seen(alone, theta) + offered(alone, theta), 2 / T * np.tan(theta / 2)
+        Y, u = met(theta), 2 / T * np.tan(theta / 2)
         least, most = (
             worlds.low.mass * u - worlds.high.stiffness / u,
             worlds.high.mass * u - worlds.low.stiffness / u,
@@ -267,8 +267,12 @@ def damping_asked(case: Case, hand: Hand) -> float:
     return best
 
 
-def _numbers(hand: Hand) -> tuple[float, float, float]:
-    return hand.mass, hand.damping, hand.stiffness
+def asked_of(case: Case, hand: Hand) -> float:
+    """Return the damping that a loop asks of its environments in a hand."""
+    alone = of_hand(case, hand)
+    return damping_asked(
+        case.worlds, case.whole.plant.sample_time, lambda theta: seen(alone, theta) + offered(alone, theta)
+    )
 
 
 def at_the_limit(seed: int, count: int, off: float) -> dict[str, int]:
@@ -282,7 +286,7 @@ def at_the_limit(seed: int, count: int, off: float) -> dict[str, int]:
         one = replace(case.hands.middle, **{name: getattr(case.hands.low, name)})
         hands = Hands(one, replace(one, **{name: getattr(case.hands.high, name)}))
         case = replace(case, hands=hands, factor=1.0)
-        limit = limit_of(case)
+        limit = limit_of(hands, partial(asked_of, case))
         if not 1e-3 < limit / abs(offered(case.whole, np.array([0.5]))[0]) < 1e3:
             continue
         for sign in (1, -1):

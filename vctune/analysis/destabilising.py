@@ -126,7 +126,8 @@ def growing_in_worlds(
     Returns
     -------
     GrowingEnvironment or None
-        It has the least damping of the box if the loop grows with that; None if the loop grows with no member.
+        It has the least damping of the box if the loop grows with that, and more of it if the loop of an impedance
+        display grows with the tool held; None if the loop grows with no member.
     """
     T, low = device.sample_time, worlds.low
     theta = min(max(omega * T, LEAST), pi - NYQUIST)
@@ -142,7 +143,7 @@ def growing_in_worlds(
         omega = _warped(theta, T)
         return alone(theta) + low.damping + damping + 1j * (mass * omega - stiffness / omega)
 
-    found = _outwards(unbalance, theta)
+    found = _outwards(unbalance, theta) or (_with_more(unbalance, theta) if device.kind.inverse else None)
     if found is None:
         return None
     damping, growth, turn = low.damping + found[0], found[1] / T, found[2] / T
@@ -251,8 +252,19 @@ def growing_without(alone: Callable[[complex], complex], theta: float, sample_ti
 
 def _outwards(unbalance: Callable[..., complex], theta: float) -> tuple[float, float, float] | None:
     """Return the remaining damper, the growth per sample and the angle of a pole that has left the unit circle."""
+    return _left_circle(unbalance, theta, -unbalance(theta, damping=0.0).real)
+
+
+def _with_more(unbalance: Callable[..., complex], theta: float) -> tuple[float, float, float] | None:
+    """Return the same where the damper grows to twice its size."""
+    held: float = -unbalance(theta, damping=0.0).real
+    found = _left_circle(lambda theta, *, damping: unbalance(theta, damping=2 * held - damping), theta, held)
+    return None if found is None else (2 * held - found[0], *found[1:])
+
+
+def _left_circle(unbalance: Callable[..., complex], theta: float, held: float) -> tuple[float, float, float] | None:
     with np.errstate(all="ignore"):
-        path = _followed(unbalance, theta, -unbalance(theta, damping=0.0).real)
+        path = _followed(unbalance, theta, held)
     growing = [step for step in path if step[1].imag < -GROWTH * abs(step[1])]
     if not growing:
         return None

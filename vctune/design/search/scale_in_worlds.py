@@ -103,9 +103,9 @@ def _least_of_force(met: WorldsMet, samples: Samples, gains: Gains, time_constan
         unit = SpringDamper(time_constant[..., k, None, None, None], 1.0)
         at = offered_by_spring(unit, T, low_pass, theta, FLOATS)
         a, v = at.above / at.below, at.spring / at.below
-        size = Quadratic(sin**2 * a * a + v * v, -2 * (sin**2 * a * R + v * X), sin**2 * R * R + X * X)
-        turned = Quadratic(0 * v, cos * v, -cos * X)
-        forbid = [Quadratic(0 * a, -a, R).plus(-worlds.low.damping, size)]
+        size = _Quadratic(sin**2 * a * a + v * v, -2 * (sin**2 * a * R + v * X), sin**2 * R * R + X * X)
+        turned = _Quadratic(0 * v, cos * v, -cos * X)
+        forbid = [_Quadratic(0 * a, -a, R).plus(-worlds.low.damping, size)]
         forbid += [turned.times(-1).plus(heavy, size)] if worlds.high.mass < inf else []
         forbid += [turned.plus(-soft, size)] if worlds.high.stiffness < inf else []
         last = np.zeros(np.broadcast_shapes(R.shape, a.shape))
@@ -119,23 +119,39 @@ def _least_of_force(met: WorldsMet, samples: Samples, gains: Gains, time_constan
     return scale
 
 
-class Quadratic(NamedTuple):
+class _Quadratic(NamedTuple):
     """A quadratic of the scale, second x^2 + first x + constant, whose coefficients are arrays."""
 
     second: Floats
     first: Floats
     constant: Floats
 
-    def times(self, factor: float | Floats) -> Quadratic:
-        """Return the quadratic times a number."""
-        return Quadratic(factor * self.second, factor * self.first, factor * self.constant)
+    def times(self, factor: float | Floats) -> _Quadratic:
+        """Return the quadratic times a number.
 
-    def plus(self, factor: float | Floats, other: Quadratic) -> Quadratic:
-        """Return the sum with another one times a number."""
-        return Quadratic(*(x + factor * y for x, y in zip(self, other, strict=True)))
+        Parameters
+        ----------
+        factor : the number
+        """
+        return _Quadratic(factor * self.second, factor * self.first, factor * self.constant)
+
+    def plus(self, factor: float | Floats, other: _Quadratic) -> _Quadratic:
+        """Return the sum with another one times a number.
+
+        Parameters
+        ----------
+        factor : the number
+        other : the other quadratic
+        """
+        return _Quadratic(*(x + factor * y for x, y in zip(self, other, strict=True)))
 
     def at(self, x: Floats) -> Floats:
-        """Return its value."""
+        """Return its value.
+
+        Parameters
+        ----------
+        x : where
+        """
         return (self.second * x + self.first) * x + self.constant
 
     def zeros(self) -> tuple[Floats, Floats]:

@@ -335,8 +335,9 @@ def _late_as_one(design: Design, demands: Demands, box: DeviceBox) -> Outcome:
 def _judged_again(found: Outcome, design: Design, demands: Demands, hand: Hand) -> Outcome:
     """Return an outcome that is not proved with its own device and hand. It is refuted if these refute the claim."""
     theta = None if found.witness is None else min(found.witness * design.device.sample_time, pi)
+    each = [(factor, share) for factor in {demands.factor, 1.0} for share in {1.0, 1 / factor}]
     fails = theta is not None and any(
-        _fails_at(design, replace(demands, factor=factor), hand, theta) for factor in {demands.factor, 1.0}
+        _fails_at(design, replace(demands, factor=factor), hand, theta, share) for factor, share in each
     )
     refuted = found.verdict is Verdict.REFUTED and fails
     verdict = Verdict.REFUTED if refuted else Verdict.UNDECIDED
