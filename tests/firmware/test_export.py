@@ -224,7 +224,7 @@ def test_the_page_of_the_equations_stands_alone(made):
     page, record = told.files["controller.html"], json.loads(told.files["controller.json"])
     assert "<svg" in page and "http" not in page.replace("http://www.w3.org", "")
     for one in record["equations"]:
-        assert f"<td>{one['name']}</td>" in page
+        assert f"<td><code>{one['name']}</code></td>" in page
     assert repr(record["coefficients"]["coupling_step"]["value"]) in page
 
 

@@ -150,7 +150,8 @@ def plain(name: str, text: str) -> str:
     if name.endswith((".c", ".h")):
         return "\n".join(re.findall(r"/\*.*?\*/", text, re.DOTALL))
     if name.endswith((".html", ".svg")):  # a unit is set with thin spaces and powers
-        words = re.sub(r"<path.*?>|<[^>]*>", " ", text, flags=re.DOTALL)
+        symbols = re.sub(r"<i>(\w+)</i><sub>(\w+)</sub>", r"\1_\2", text)  # m_c is no metre
+        words = re.sub(r"<path.*?>|<[^>]*>", " ", symbols, flags=re.DOTALL)
         return re.sub(r"\s+", " ", words).replace("²", "2")
     return text
 

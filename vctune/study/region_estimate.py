@@ -52,7 +52,7 @@ class Estimate:
 
 
 def estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> Estimate:
-    """Evaluate the constraints at the centres of cells on a grid of frequencies.
+    """Return where the constraints are hardest to meet at the centres of cells, on a grid of frequencies.
 
     Parameters
     ----------

@@ -48,7 +48,13 @@ class SampledConditions:
     required: LeastQuotient
 
     def least_elements(self, boxes: DesignBoxes, factor: float) -> tuple[Floats, Floats, Flags]:
-        """Return the least elements of the coupling at each place, and the boxes that permit no coupling."""
+        """Return the least elements of the coupling at each place, and the boxes that permit no coupling.
+
+        Parameters
+        ----------
+        boxes : n boxes of designs
+        factor : factor by which the coupling must exceed what is required
+        """
         R, none = self.least_required(boxes)
         return *elements_for(factor * R, self.offer, boxes), none
 
@@ -104,7 +110,13 @@ def conditions_in_any_hand(devices: Sequence[Device], omega: Floats) -> SampledC
 
 
 def angles_of(device: Device, omega: Floats) -> Floats:
-    """Return the angles omega T, at most pi."""
+    """Return the angles omega T, at most pi.
+
+    Parameters
+    ----------
+    device : the device, whose sample time is T
+    omega : angular frequencies, rad/s
+    """
     return np.minimum(omega * device.sample_time, np.pi)
 
 

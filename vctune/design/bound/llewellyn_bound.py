@@ -44,7 +44,13 @@ class LlewellynConditions:
     im_high: Quadratic
 
     def least_elements(self, boxes: DesignBoxes, factor: float) -> tuple[Floats, Floats, Flags]:
-        """Return the least elements of the coupling at each frequency, and the boxes that permit no coupling."""
+        """Return the least elements of the coupling at each frequency, and the boxes that permit no coupling.
+
+        Parameters
+        ----------
+        boxes : n boxes of designs
+        factor : factor by which the coupling must exceed what is required
+        """
         R, none = self.least_required(boxes)
         return *elements_for(factor * R, self.offer, boxes), none
 

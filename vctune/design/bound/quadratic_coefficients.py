@@ -121,7 +121,12 @@ def mapped(coefficients: Coefficients, f: Callable[[Number], Number]) -> Coeffic
 
 
 def summed(a: Coefficients, b: Coefficients) -> Coefficients:
-    """Return the coefficients of the sum of two quadratics with the same places."""
+    """Return the coefficients of the sum of two quadratics with the same places.
+
+    Parameters
+    ----------
+    a, b : coefficients of the quadratics
+    """
 
     def both(x: Number, y: Number) -> Number:
         return y if x is None else x if y is None else x + y

@@ -36,7 +36,13 @@ class Conditions(Protocol):
 
     def least_elements(self, boxes: DesignBoxes, factor: float) -> tuple[Floats, Floats, Flags]:
         """Return the least elements of the coupling at each place, each of shape (boxes, places), and the boxes with no
-        feasible coupling."""
+        feasible coupling.
+
+        Parameters
+        ----------
+        boxes : n boxes of designs
+        factor : factor by which the coupling must exceed what is required
+        """
 
 
 @dataclass(frozen=True, slots=True)
