@@ -1,4 +1,5 @@
-"""Define the JSON output of the commands that write no file of the same form."""
+"""Define the JSON that commands only print: refusals of `check`, and the output of `report`, `export`, `bench`,
+`explain` and `example`."""
 
 from __future__ import annotations
 
@@ -14,8 +15,16 @@ class NamedRecord(Part):
 
 
 class RefusalRecord(Document):
-    """An entry in the list of `vctune check` for a file that it cannot use or has skipped: the file, the line, and the
-    reason."""
+    """An entry in the list of `vctune check` for a file that it cannot use or has skipped.
+
+    Attributes
+    ----------
+    problem : name, as in a design
+    source : the file
+    line : line of the file to which the reason refers, from 1
+    status : null, so that every entry of the list has this key
+    warnings : always empty
+    """
 
     SCHEMA = "vctune/refusal/1"
 
@@ -28,7 +37,7 @@ class RefusalRecord(Document):
 
 
 class ReportRecord(Document):
-    """The output of `vctune report`: the paths of the written files."""
+    """The output of `vctune report`: the path of the written page."""
 
     SCHEMA = "vctune/report/1"
 
@@ -36,7 +45,16 @@ class ReportRecord(Document):
 
 
 class ExportRecord(Document):
-    """The output of `vctune export`: the paths of the written files, and what they realise."""
+    """The output of `vctune export`.
+
+    Attributes
+    ----------
+    name : name of the controller
+    status : as in design.json
+    statement : lines on what is proved, which the files contain too
+    folder : folder of the files
+    files : their names in the folder
+    """
 
     SCHEMA = "vctune/export/1"
 
@@ -48,7 +66,16 @@ class ExportRecord(Document):
 
 
 class BenchRecord(Document):
-    """The result of a benchmark: a summary in sentences, and the rows of a table."""
+    """The result of a benchmark.
+
+    Attributes
+    ----------
+    name : name of the benchmark
+    title : what it measures
+    machine : the machine on which it ran
+    facts : summary, in sentences
+    table : one object for each measured row; its keys depend on the benchmark
+    """
 
     SCHEMA = "vctune/bench/1"
 
@@ -60,7 +87,7 @@ class BenchRecord(Document):
 
 
 class EntryRecord(Part):
-    """The text of a guide about a name, in Markdown. In a list of names, the text is absent."""
+    """The text of a guide about a name, in Markdown. In the list of all names, the text is empty."""
 
     kind: Literal["code", "key", "term", "claim"]
     name: str
@@ -78,7 +105,13 @@ class ExplanationRecord(Document):
 
 
 class ExampleRecord(Document):
-    """The output of `vctune example`: the written file, or the names of all examples."""
+    """The output of `vctune example`.
+
+    Attributes
+    ----------
+    names : the written example, or all examples
+    file : path of the written file; null for the list
+    """
 
     SCHEMA = "vctune/example/1"
 

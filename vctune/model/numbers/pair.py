@@ -1,4 +1,8 @@
-"""Represent a complex number as a pair of real numbers of any arithmetic, because CasADi has no complex numbers."""
+"""Represent complex numbers in any arithmetic: `Pair`, because CasADi has none, and `EvenOdd`, a number of the unit
+circle whose parts stay regular at the angle 0 (model/README.md, section 14).
+
+Formulas clear their denominators. They therefore need no division, and a product with a conjugate only in parts.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +41,8 @@ class Pair:
 class EvenOdd:
     """The complex number even + j s odd with s^2 = square. Both parts stay regular for s -> 0.
 
-    A response that is real for real z has this form on the unit circle, with s = sin(theta/2).
+    A rational function of z with real coefficients has this form at z = e^(j theta), with s = sin(theta/2) and parts
+    that are even in theta. Both operands of a sum or a product must have the same s.
     """
 
     even: Number

@@ -23,9 +23,19 @@ DIGITS = 14
 """Significant digits of the decimals. Half are too few for loops with little room; twice are more than a double has."""
 
 
+DOUBLINGS = 60
+"""Doublings of the time over which noise drives the states: 2^60 samples, in which all decays that will."""
+
+
 @dataclass(frozen=True, slots=True)
 class Places:
-    """Hands in which a storage is sought, each with one damping when the force was sampled; arrays of shape (p,)."""
+    """Hands in which a storage is sought, each with one damping when the force was sampled; arrays of shape (p,).
+
+    Attributes
+    ----------
+    hand : the hand from this sample on
+    sensed : its damping when the force was sampled, one of the ends: the inequality is affine in it
+    """
 
     hand: Hand
     sensed: Floats
@@ -73,7 +83,7 @@ def candidate(design: Design, hands: Hands, at: Places) -> Storage | None:
 
 
 def hand_without(design: Design, hands: Hands) -> Hand | None:
-    """Return a hand in which no storage is found for the dampings alone, its mass and its stiffness as they are.
+    """Return a corner of the masses and stiffnesses for whose dampings alone no storage is found.
 
     Parameters
     ----------
@@ -83,7 +93,7 @@ def hand_without(design: Design, hands: Hands) -> Hand | None:
     Returns
     -------
     Hand or None
-        With the greatest damping; None if there is one for each mass and stiffness.
+        A corner with the greatest damping; None if each corner has a storage. Between corners nothing is tried.
     """
     for corner in hands.corners:
         if corner.damping < hands.high.damping:
@@ -114,12 +124,17 @@ class _Sought(NamedTuple):
 
 
 def _affine(design: Design, hands: Hands, at: Places) -> _Sought:
+    """Return the inequality in each hand as a matrix that is affine in the entries of Y (model/README.md, section 21).
+
+    With Y^- at the damping when the force was sampled and Y at the damping from then on, both weighted sums of the same
+    terms, Y^- - F'YF is the sum of weights_before (U - F'UF) + (weights_before - weights_after) F'UF over the terms.
+    """
     plain, count = (design.device, Law(design.gains, design.series)), at.sensed.size
     loop = loop_states(plain, plain, at.hand, at.sensed, FLOATS)
     n = len(loop.push)
     moved = _stacked(tuple((*row, push) for row, push in zip(loop.change, loop.push, strict=True)), count)
     before = replace(at.hand, damping=at.sensed)
-    now, then = (
+    weights_before, weights_after = (
         _stacked((weights(hands, moved_mass(design.device), hand, float),), count)[:, 0] for hand in (before, at.hand)
     )
     constant = np.zeros((count, n + 1, n + 1))
@@ -141,7 +156,12 @@ def _affine(design: Design, hands: Hands, at: Places) -> _Sought:
         kept[:, 0], after[:, 0] = -_grown(loop, count) * basis[0, 0, 0], 0.0
         free[TERMS.index("beta"), 0] = False
     across = np.outer(unit, unit)
-    return _Sought(constant * across, (Family(now, kept * across), Family(now - then, after * across)), free, basis)
+    return _Sought(
+        constant * across,
+        (Family(weights_before, kept * across), Family(weights_before - weights_after, after * across)),
+        free,
+        basis,
+    )
 
 
 def _units(moved: Floats, staying: int, direct: float) -> Floats:
@@ -150,7 +170,7 @@ def _units(moved: Floats, staying: int, direct: float) -> Floats:
     step, push = moved[:, :n] + np.diag(np.arange(n) < staying), moved[:, n:] / np.sqrt(abs(direct) + TINY)
     spread = push @ push.T
     with np.errstate(all="ignore"):
-        for _ in range(60):
+        for _ in range(DOUBLINGS):
             spread, step = spread + step @ spread @ step.T, step @ step
     found = np.append(np.sqrt(np.diagonal(spread)), 1 / np.sqrt(abs(direct) + TINY))
     return np.where(np.isfinite(found) & (found > 0), found, 1.0)
