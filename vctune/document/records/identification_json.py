@@ -225,8 +225,8 @@ def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -
             ]
         if heading == "[uncertainty]" and key == "unmodelled":
             lines.append(
-                "# [Hz, radius]: every measured line, less the effect of Coulomb friction, is that of a device of the box,"
-                " times a number this far from 1"
+                "# [Hz, radius]: every measured line, less the effect of Coulomb friction, is that of a device of the "
+                "box, times a number this far from 1"
             )
         if heading == "[stability]" and key == "criterion":
             lines.append(
