@@ -118,6 +118,7 @@ def test_a_design_that_bears_springs_alone_may_do_without_walls() -> None:
     assert change.applied(tables, repair.new)["environment"]["walls"] is False
 
 
+@pytest.mark.slow
 def test_a_gains_file_states_the_corner(tmp_path: Path) -> None:
     """And a check is about that one: a low one fails where the best passes."""
     text = fixed("world-tools", 1.2, tmp_path).read_text().replace("max = 2000.0 }", "max = 2000.0 }\nwalls = true")

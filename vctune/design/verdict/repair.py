@@ -314,6 +314,9 @@ class _Search:
         low, high : relative changes; `high` seems to suffice
         """
         change, width = self.change, self.test.width
+        if change.switch:
+            design = self.certified(change.limit)
+            return repair_of(change, change.limit, design) if design is not None else None
         relative = self._narrowed(low, high)
         if change.old == 0 and relative <= change.least:  # any change from 0 seems to suffice: take the first
             new = change.rounded(high, width / 2)
