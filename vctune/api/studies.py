@@ -218,7 +218,7 @@ def _swept(study: Study, path: Path, pool: WorkerPool, on_done: OnDone, *, resta
 def _write(swept: Swept, folder: Path) -> None:
     """Write the table of a sweep and, for one or two axes, its picture."""
     from vctune.report.figures.sweep_figures import sweep_figure
-    from vctune.report.page.page import figure_file
+    from vctune.report.figures.with_matplotlib import figure_file
 
     figure = sweep_figure(swept.table, grid=swept.study.sample.kind == "grid")
     pictures = figure_file(figure, folder, "error") if figure else {}
@@ -232,7 +232,7 @@ def _write_fronts(fronts: Fronts, edge: float, folder: Path) -> None:
     The picture of error and band marks the upper edge of the transparency band, Hz.
     """
     from vctune.report.figures.sweep_figures import band_figure, terms_figure
-    from vctune.report.page.page import figure_file
+    from vctune.report.figures.with_matplotlib import figure_file
 
     files = {**table_files(fronts.terms, folder, "terms"), **figure_file(terms_figure(fronts.terms), folder, "terms")}
     stale = [folder / name for name in ("band.csv", "band.parquet", "band.svg")] if fronts.band is None else []
