@@ -37,6 +37,8 @@ from vctune.report.svg.labels import label_curves, legend
 from vctune.report.svg.panel import Panel
 from vctune.report.typography import quantity
 
+ROOM_FOR_WORDS = 2.1
+"""End of the axis of latencies over the longest."""
 MAP_LEVELS = 4
 """How often the map of what may be rendered is halved on a page: to a sixteenth, in about a second."""
 
@@ -102,16 +104,16 @@ def _rendered(design: Design) -> dict[str, Drawing]:
 
 def _latency(contact: ContactRecord, problem: Problem) -> Drawing:
     """Draw the parts of a servo's latency as bars, with the drag that each requires at rest and its key."""
-    drawing = Drawing(WIDTH, 0.75 + 0.42 * len(contact.parts), left=1.2, right=1.75, top=0.1)
-    (panel,), longest = drawing.divide(), max(part.latency_s for part in contact.parts)
-    panel.set(xlabel=f"latency, ms; {quantity(contact.latency_s, 's', 3)} in all", xlim=(0.0, 1.04e3 * longest))
+    drawing = Drawing(WIDTH, 0.75 + 0.42 * len(contact.parts), left=1.2, top=0.1)
+    (panel,), end = drawing.divide(), 1e3 * ROOM_FOR_WORDS * max(part.latency_s for part in contact.parts)
+    panel.set(xlabel=f"latency, ms; {quantity(contact.latency_s, 's', 3)} in all", xlim=(0.0, end))
     panel.set(ylim=(len(contact.parts) - 0.5, -0.5))
     panel.set_yticks(range(len(contact.parts)), [part.part for part in contact.parts])
     for row, part in enumerate(contact.parts):
         wide, low, high = 1e3 * part.latency_s, row - 0.31, row + 0.31
         panel.fill([0, wide, wide, 0, 0], [low, low, high, high, low], facecolor=BLUE, alpha=0.75, linewidth=0)
         left, top, width, height = panel.box
-        x, y = left + width * wide / (1.04e3 * longest) + 5, top + height * (row + 0.5) / len(contact.parts)
+        x, y = left + width * wide / end + 5, top + height * (row + 0.5) / len(contact.parts)
         asks = f"{quantity(part.latency_s, 's', 3)}: {quantity(part.drag, problem.units.damping, 3)}"
         panel.over += [text(x, y - 6, asks, size=8, va="center")]
         panel.over += [text(x, y + 5, part.key.removeprefix("device."), size=6.5, va="center")]

@@ -41,7 +41,7 @@ def label_curves(panel: Panel, columns: int = 2) -> None:
     """
     width, height = panel.box[2:]
     shape, scale = (int(height) + 1, int(width) + 1), np.array([width, height])
-    solid = [mark for mark in panel.marks if not mark.closed or (mark.hatched and not mark.edges)]
+    solid = [mark for mark in panel.marks if not mark.closed or (mark.hatch and not mark.edges)]
     drawn = {id(mark): (_of_area if mark.closed else _of_line)(panel.shares(mark) * scale, shape) for mark in solid}
     taken = np.zeros(shape, bool)
     taken[[0, -1]] = taken[:, [0, -1]] = True
@@ -95,10 +95,8 @@ def _piece(mark: Mark, x: float, y: float, size: float) -> str:
     end, half = x + HANDLE * size, 0.35 * size
     if mark.closed:
         data = f"M{x:.1f} {y - half:.1f}h{end - x:.1f}v{2 * half:.1f}h-{end - x:.1f}z"
-        hatches = f"M{x:.1f} {y + half:.1f}" + f"l{2 * half:.1f}-{2 * half:.1f}m0 {2 * half:.1f}" * 2 * mark.hatched
-        return (
-            area(data, replace(mark, hatched=False), "") + path(hatches, stroke=mark.colour, width=0.6) * mark.hatched
-        )
+        hatches = f"M{x:.1f} {y + half:.1f}" + f"l{2 * half:.1f}-{2 * half:.1f}m0 {2 * half:.1f}" * 2 * bool(mark.hatch)
+        return area(data, replace(mark, hatch=""), "") + path(hatches, stroke=mark.colour, width=0.6) * bool(mark.hatch)
     line = np.array([[x, y], [end, y]])
     drawn = path(polyline(line), stroke=mark.colour, width=mark.width, dashes=mark.dashes) if mark.width else ""
     return drawn + (marked(line.mean(axis=0)[None], mark) if mark.marker else "")

@@ -33,7 +33,7 @@ class Mark:
         panel's diagonal
     ground : fill of an area, or of a marker's edge
     opacity : of a fill
-    hatched : whether an area is hatched
+    hatch : of an area, as Matplotlib's: "/" or "-", "" for none
     edges : whether it reaches the panel's edges
     closed : whether it is an area
     clipped : whether it ends at the panel's edges
@@ -50,7 +50,7 @@ class Mark:
     every: tuple[float, float] | None = None
     ground: str = "none"
     opacity: float = 1.0
-    hatched: bool = False
+    hatch: str = ""
     edges: bool = False
     closed: bool = False
     clipped: bool = True
@@ -95,9 +95,10 @@ def area(data: str, mark: Mark, name: str) -> str:
         data, stroke=mark.colour if mark.width else "", width=mark.width, fill=mark.ground, fill_opacity=mark.opacity
     )
     drawn = filled if mark.ground != "none" or mark.width else ""
-    if not mark.hatched:
+    if not mark.hatch:
         return drawn
-    lines = path("M-1 6.5 6.5-1M4.5 12 12 4.5", stroke=mark.colour, width=0.6)
+    strokes = "M0 3H11M0 8.5H11" if "-" in mark.hatch else "M-1 6.5 6.5-1M4.5 12 12 4.5"
+    lines = path(strokes, stroke=mark.colour, width=0.6)
     size = 'width="11" height="11" viewBox="0 0 11 11" patternUnits="userSpaceOnUse"'
     return f'<pattern id="{name}" {size}>{lines}</pattern>{drawn}{path(data, fill=f"url(#{name})")}'
 

@@ -153,7 +153,7 @@ class Panel:
                 width=style.get("linewidth", 1.0),
                 ground=style.get("facecolor", "none"),
                 opacity=style.get("alpha", 1.0),
-                hatched=bool(style.get("hatch")),
+                hatch=style.get("hatch") or "",
                 edges=edges,
                 closed=True,
             )
