@@ -107,7 +107,7 @@ def sweep(
     executor: str = "serial",
     restart: bool = False,
     time_limit: float = inf,
-    on_done: OnDone = lambda: None,
+    on_done: OnDone = lambda known: None,
 ) -> Swept:
     """Solve a problem at many points.
 
@@ -124,7 +124,7 @@ def sweep(
         `if __name__ == "__main__":`; or "dask" or "dask:ADDRESS"
     restart : whether to begin again instead of resuming
     time_limit : seconds for each point; the row of a point that needs more is undecided
-    on_done : function that is called after each point
+    on_done : function that is called after each point with what is known so far
 
     Returns
     -------
@@ -151,7 +151,7 @@ def front(
     jobs: int | None = None,
     executor: str = "serial",
     time_limit: float = inf,
-    bar: Bar = lambda name, points: nullcontext(lambda: None),
+    bar: Bar = lambda name, points: nullcontext(lambda known: None),
 ) -> Fronts:
     """Find two Pareto fronts of a problem: one between the three terms of the error, one between error and band.
 
