@@ -56,8 +56,8 @@ def loop_figure(device: Device, gains: Gains, coupling: AnyCoupling) -> Drawing:
         _motion_path(drawing, coupling, UNITS[device.units])
     else:
         _force_path(drawing, device, coupling)
+    _mechanism(drawing, device)  # before the arrow to it: some readers of PDF mix the words of one height
     _drive(drawing, device, gains)
-    _mechanism(drawing, device)
     _feedback(drawing, device, gains)
     return drawing
 
@@ -221,7 +221,8 @@ def _arrow(drawing: Drawing, *points: tuple[float, float], label: str = "", both
         _head(drawing, points[-1], points[-2])
     upright = x_0 == x_1
     place = ((x_0 + x_1) / 2 + (0.07 if upright else 0), (y_0 + y_1) / 2 + (0 if upright else 0.06))
-    _words(drawing, *place, label, ha="left" if upright else "center", va="center" if upright else "bottom")
+    if label:
+        _words(drawing, *place, label, ha="left" if upright else "center", va="center" if upright else "bottom")
 
 
 def _place(x: float, y: float) -> tuple[float, float]:
