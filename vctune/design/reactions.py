@@ -1,7 +1,8 @@
 """Find the environments that put a pole of the loop on the unit circle: a curve for each hand, in double precision.
 
-At each angle theta, in a hand and with a share of the coupling, exactly one Z_e = damping + j reactance brings the loop
-to its limit: -Y, or -1/Y for an impedance display (model/README.md, section 18).
+Consider one angle theta = omega T, one hand and one share of the coupling. Exactly one impedance Z_e = damping + j
+reactance of the environment puts a pole at e^(j theta): Z_e = -Y, or Z_e = -1/Y for an impedance display
+(model/README.md, section 18).
 """
 
 from __future__ import annotations
@@ -30,13 +31,15 @@ Numbers = NDArray[np.intp]
 Marks = NDArray[np.bool_]
 
 SHARES = (0.0, 0.001, 0.01, 0.04, 0.1, 0.2, 0.4, 0.7, 1.0)
-"""Shares of each range at which hands are evaluated."""
+"""Positions in the range of each number of a hand at which the search evaluates hands: 0 is the least value, 1 the
+greatest."""
 INWARDS = 1e-9
-"""Distance by which the least share of a coupling lies within its range, against rounding errors."""
+"""Relative distance of the least evaluated share of the coupling from the end 1/g of its range. It protects against
+rounding errors."""
 LOWEST, NEAR = 1e-4, 1e-3
-"""Least angle, and distance of the greatest angle from pi."""
+"""Least angle theta, and distance of the greatest angle from pi, rad."""
 COARSE, FINE = 160, 400
-"""Number of angles that are evaluated first, and number of angles where some environment puts a pole."""
+"""Number of angles of the first grid, and number of angles of the fine grid where some environment puts a pole."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +64,7 @@ class Reactions:
     reactance: Floats
 
     def curves(self, at: Numbers) -> Reactions:
-        """Return some of the curves."""
+        """Return the curves with the given indices."""
         hands = self.hands.mapped(itemgetter(at))
         return Reactions(
             self.theta, self.u, self.device[at], hands, self.share[at], self.damping[at], self.reactance[at]
@@ -76,15 +79,15 @@ def reactions(
     factor: float,
     shares: tuple[float, ...] = SHARES,
 ) -> Reactions:
-    """Return the outermost curves, at the angles where environments with damping put poles.
+    """Return the outermost curves, at the angles where an environment with damping >= 0 puts a pole.
 
     Parameters
     ----------
     devices : devices with plain numbers and one sample time
     hands : the box of hands
     gains, coupling : a design with plain numbers
-    factor : g; the function evaluates the shares 1/g and 1 of the coupling, and one halfway
-    shares : shares of each range of hands
+    factor : safety factor g; the function evaluates the shares 1/g and 1 of the coupling, and the share halfway between
+    shares : positions in each range of the hands, from 0 to 1
     """
     theta = np.geomspace(LOWEST, pi - NEAR, COARSE)
     first = _over(devices, hands, gains, coupling, factor, shares, theta)
@@ -99,7 +102,8 @@ def reactions(
 
 
 def _farthest(found: Reactions) -> Numbers:
-    """Return the curves that are outermost at some angle: in damping, or in reactance on either side."""
+    """Return the indices of the curves that have, at some angle, the greatest damping or the greatest or least
+    reactance."""
     bad = found.damping >= 0
     ahead = [
         np.where(bad, found.damping, -np.inf),
@@ -131,7 +135,7 @@ def _over(
 def _along(
     devices: Sequence[Device], curves: Reactions, gains: Gains, coupling: AnyCoupling, theta: Floats
 ) -> Reactions:
-    """Return these curves at other angles."""
+    """Return curves of the same devices, hands and shares of the coupling at other angles."""
     met = np.empty((curves.share.size, theta.size), complex)
     for k in np.unique(curves.device).astype(int):
         check_time()
@@ -153,13 +157,13 @@ def _along(
 
 @dataclass(frozen=True, slots=True)
 class LimitPoints:
-    """The points of curves at which environments with enough damping put poles, run by run.
+    """The points of curves whose damping exceeds a limit, in runs of neighbouring angles on one curve.
 
     Attributes
     ----------
-    curve, angle : numbers of the curve and of the angle, shape (n,)
-    u, damping, reactance : values at these points
-    starts : indices at which a new run begins
+    curve, angle : indices of the curve and of the angle, shape (n,)
+    u, damping, reactance : (2/T) tan(theta/2), rad/s, and the environment's damping and reactance, N s/m
+    starts : indices of the points at which a new run begins
     """
 
     curve: Numbers
@@ -171,12 +175,12 @@ class LimitPoints:
 
     @classmethod
     def of(cls, curves: Reactions, least: float) -> LimitPoints:
-        """Return the points with enough damping.
+        """Return the points whose damping exceeds a limit.
 
         Parameters
         ----------
         curves : curves on which the points lie
-        least : damping that the points exceed, N s/m
+        least : the limit, N s/m
         """
         curve, angle = np.nonzero(curves.damping > least)
         new = np.ones(curve.size, bool)
@@ -186,7 +190,7 @@ class LimitPoints:
 
     @classmethod
     def with_edges(cls, curves: Reactions, least: float) -> LimitPoints:
-        """Return these points, and the points between two angles where a curve has exactly the least damping.
+        """Return the points of `of`, and the points between two angles where the damping of a curve equals the limit.
 
         Parameters
         ----------
@@ -227,11 +231,12 @@ class LimitPoints:
         return np.any(enough & (self.reactance >= least) & (self.reactance <= most), axis=1)
 
     def between(self, low: Floats, high: Floats) -> list[tuple[int, int, int] | None]:
-        """Return for each box a curve and two of its angles between which every member has a pole; None without such.
+        """Return for each box a curve and two of its angles between which every member has a pole; None if there are
+        none.
 
         Parameters
         ----------
-        low, high : least and greatest numbers of the boxes, shape (3, n)
+        low, high : least and greatest mass, damping and stiffness of the boxes, shape (3, n)
         """
         if not self.starts.size:
             return [None] * low.shape[1]
@@ -242,7 +247,7 @@ class LimitPoints:
         return [self._nearest(over[cell], under[cell], runs[both[cell]].tolist()) for cell in range(low.shape[1])]
 
     def _nearest(self, over: Marks, under: Marks, runs: Sequence[Sequence[int]]) -> tuple[int, int, int] | None:
-        """Return the two neighbouring points of a run, on different sides, between which the damping is greatest."""
+        """Return the two points of a run on opposite sides of a box between which the least damping is greatest."""
         best, found = -inf, None
         for start, end in runs:
             flagged = start + np.flatnonzero(over[start:end] | under[start:end])
@@ -258,7 +263,7 @@ class LimitPoints:
 
         Parameters
         ----------
-        low, high : mass, damping and stiffness, shape (3,); the greatest stiffness does not count
+        low, high : mass, damping and stiffness, shape (3,); the function ignores the greatest stiffness
         """
         met = (self.damping >= low[1]) & (self.reactance <= high[0] * self.u - low[2] / self.u)
         return float(np.min((low[0] * self.u - self.reactance)[met] * self.u[met], initial=inf))
@@ -268,7 +273,7 @@ class LimitPoints:
 
         Parameters
         ----------
-        low, high : mass, damping and stiffness, shape (3,); the least mass does not count
+        low, high : mass, damping and stiffness, shape (3,); the function ignores the least mass
         """
         met = (self.damping >= low[1]) & (self.reactance <= high[0] * self.u - low[2] / self.u)
         return float(np.max((self.reactance + high[2] / self.u)[met] / self.u[met], initial=0.0))
