@@ -107,8 +107,10 @@ def _beside(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 def _between(axes: Floats, at: NDArray[np.intp]) -> Floats:
     """Return the value of each design and of its two neighbours on an axis, shape (designs, 3).
 
-    Parameters ---------- axes : values of the axis for each design, shape (designs, n) at : index of each design on its
-    axis
+    Parameters
+    ----------
+    axes : values of the axis for each design, shape (designs, n)
+    at : index of each design on its axis
     """
     beside = np.clip(at[:, None] + np.array([-1, 0, 1]), 0, axes.shape[1] - 1)
     return np.take_along_axis(axes, beside, axis=1)

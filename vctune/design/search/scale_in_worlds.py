@@ -132,21 +132,28 @@ class _Quadratic(NamedTuple):
     def times(self, factor: float | Floats) -> _Quadratic:
         """Return the quadratic times a factor.
 
-        Parameters ---------- factor : factor of all three coefficients
+        Parameters
+        ----------
+        factor : factor of all three coefficients
         """
         return _Quadratic(factor * self.second, factor * self.first, factor * self.constant)
 
     def plus(self, factor: float | Floats, other: _Quadratic) -> _Quadratic:
         """Return the sum of this quadratic and `factor` times another one.
 
-        Parameters ---------- factor : factor of the other quadratic other : the other quadratic
+        Parameters
+        ----------
+        factor : factor of the other quadratic
+        other : the other quadratic
         """
         return _Quadratic(*(x + factor * y for x, y in zip(self, other, strict=True)))
 
     def at(self, x: Floats) -> Floats:
         """Return the value of the quadratic.
 
-        Parameters ---------- x : the scale
+        Parameters
+        ----------
+        x : the scale
         """
         return (self.second * x + self.first) * x + self.constant
 
@@ -219,8 +226,12 @@ def _forbidding(
     A coupling is forbidden if its resistance is below the first limit and its reactance, times s c with s =
     sin(theta/2) and c = cos(theta/2), lies between the second limit and the third one.
 
-    Parameters ---------- met : the environments and the safety factor sample_time : T held : loops in hands gains :
-    arrays that broadcast against each other
+    Parameters
+    ----------
+    met : the environments and the safety factor
+    sample_time : T
+    held : loops in hands
+    gains : arrays that broadcast against each other
     """
     worlds, factor, half = met.worlds, met.factor, held.theta / 2
     inertia, compliance = 2 / sample_time * np.sin(half) ** 2, sample_time / 2 * np.cos(half) ** 2
