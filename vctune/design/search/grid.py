@@ -145,8 +145,7 @@ def axes(posed: Posed, *, integral: bool) -> Axes:
         tau_c = np.geomspace(shortest, longest, _count("time_constant", shortest, longest))
     if device.kind.inverse and bounds.damping.min == 0 < longest:
         tau_c = np.append(0.0, tau_c)  # a spring alone
-    # below the third argument, K_v has hardly any effect and the drag causes no error; only the least value lies below
-    # it
+    # below 1e-5 of the loop's impedance K_v has hardly any effect, and below 1e-3 the drag hardly any error
     K_v = _axis(bounds.velocity, COUNTS["velocity"], 1e-5 * loop_impedance)
     return Axes(K_v, corner, tau_c, _axis(bounds.drag, COUNTS["drag"], 1e-3))
 
