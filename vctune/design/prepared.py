@@ -101,7 +101,7 @@ class Prepared:
 
     @property
     def problem(self) -> Problem:
-        """The problem as given, in SI units."""
+        """The problem of the file, in SI units."""
         return self.given.problem
 
     def on_device(self, device: Device) -> Device:

@@ -34,8 +34,8 @@ SHARES = (0.0, 0.001, 0.01, 0.04, 0.1, 0.2, 0.4, 0.7, 1.0)
 """Positions in the range of each number of a hand at which the search evaluates hands: 0 is the least value, 1 the
 greatest."""
 INWARDS = 1e-9
-"""Relative distance of the least evaluated share of the coupling from the end 1/g of its range. It protects against
-rounding errors."""
+"""Relative distance of the least evaluated share of the coupling from the end 1/g of its range. The distance protects
+against rounding errors."""
 LOWEST, NEAR = 1e-4, 1e-3
 """Least angle theta, and distance of the greatest angle from pi, rad."""
 COARSE, FINE = 160, 400
@@ -44,7 +44,7 @@ COARSE, FINE = 160, 400
 
 @dataclass(frozen=True, slots=True)
 class Reactions:
-    """The environments that put a pole on the unit circle, along curves over the angle.
+    """The environments that put a pole on the unit circle, as curves with the angle as parameter.
 
     Attributes
     ----------
@@ -220,7 +220,8 @@ class LimitPoints:
         )
 
     def hit(self, low: Floats, high: Floats) -> Marks:
-        """Return the boxes of environments that contain an environment with a pole at one of the points.
+        """Return a flag for each box of environments: whether it contains an environment with a pole at one of the
+        points.
 
         Parameters
         ----------

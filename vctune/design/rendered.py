@@ -41,13 +41,13 @@ Between = tuple[int, int, int]
 
 
 def in_hands(problem: Problem) -> Problem:
-    """Return a problem that requires every hand of its box and every passive environment."""
+    """Return a problem that requires stability in every hand of its box with every passive environment."""
     return replace(problem, stability=replace(problem.stability, criterion="hands"), worlds=None)
 
 
 @dataclass(frozen=True, slots=True)
 class Rendered:
-    """A design, prepared to prove environments in every hand of its problem.
+    """A design, prepared for proofs that its loop is stable with boxes of environments in every hand of its problem.
 
     Attributes
     ----------
@@ -68,11 +68,11 @@ class Rendered:
 
     @property
     def every(self) -> bool:
-        """Whether every environment is proved."""
+        """Whether the design is proved stable with every passive environment."""
         return all(loop.nothing for loop in self.loops)
 
     def proves(self, low: Floats, high: Floats) -> bool:
-        """Return whether one box of environments is proved.
+        """Return whether the design is proved stable with each environment of one box.
 
         Parameters
         ----------
@@ -81,7 +81,7 @@ class Rendered:
         return self.every or bool(self.proved(met(low[:, None], high[:, None]))[0])
 
     def proved(self, cells: WorldCells) -> Flags:
-        """Return which boxes of environments are proved."""
+        """Return for which boxes of environments the design is proved stable."""
         proved = np.ones(len(cells), bool)
         for loop in self.loops:
             at = np.flatnonzero(proved)
@@ -138,7 +138,7 @@ class Rendered:
 
 
 def rendered(problem: Problem, gains: Gains, coupling: AnyCoupling, damping: float = 0.0) -> Rendered:
-    """Return a design, prepared to prove environments in every hand of its problem.
+    """Prepare a design for proofs that its loop is stable with boxes of environments in every hand of its problem.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def met(low: Floats, high: Floats) -> WorldCells:
 
 
 def rendered_record(problem: Problem, judgement: Judgement) -> RenderedRecord | None:
-    """Return the stiffest spring and the lightest tool that are proved for a design in every hand.
+    """Return the stiffest spring and the lightest tool with which a design is proved stable in every hand.
 
     Parameters
     ----------

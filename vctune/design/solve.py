@@ -42,7 +42,9 @@ bound. A loop with a sample time of half an hour needs more than a hundred times
 takes half or twice the time before the search ends without a result."""
 EARLY_BOXES = 20_000
 """Greatest number of boxes in a first search, which tries to prove that there is no design before the optimiser runs.
-It is a small share of `SEARCH_BOXES`. The later search continues where this one ended, so no work is lost."""
+This number is a small share of `SEARCH_BOXES`. The later search continues where the first one ended, so no work is
+lost.
+"""
 BOUND_BOXES = 20_000_000
 """Greatest number of boxes in the search for a bound that the user requested; in practice there is no limit. If Ctrl-C
 or a time limit ends the search earlier, the result has the bound reached so far."""
@@ -52,7 +54,8 @@ or a time limit ends the search earlier, the result has the bound reached so far
 def solve(
     problem: Problem, progress: Progress = lambda stage: None, *, gap: float | None = None, exhaustive: bool = True
 ) -> Solved:
-    """Find the most transparent feasible design and prove it. If the problem fixes every number, judge that design.
+    """Find the most transparent feasible design and prove it. If the problem fixes every number of a design, judge this
+    one.
 
     If the optimiser finds no design, a search over all designs (`vctune.design.bound`) finds one, proves that there is
     none, or ends without a result. If the device is uncertain, the function also solves the problem for the nominal

@@ -43,12 +43,14 @@ class Offer(Protocol):
     """The resistance Re Z_c of couplings at some places, or Re(1/Z_c)/s^2 for an impedance display."""
 
     def least_elements(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
-        """Return the least first and second element whose resistance without drag is 1, both of shape (boxes,
-        places)."""
+        """Return the least first and the least second element of couplings whose resistance without drag is 1.
+
+        Both arrays have the shape (boxes, places).
+        """
 
 
 def elements_for(required: Floats, offer: Offer, boxes: DesignBoxes) -> tuple[Floats, Floats]:
-    """Return the least first and second element at each place, shape (boxes, places).
+    """Return the least first and second element with which couplings can have a required resistance, at each place.
 
     Parameters
     ----------
@@ -120,11 +122,11 @@ class SeriesCouplings:
         return boxes.low[TAU_C], boxes.high[TAU_C]
 
     def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
-        """Return a lower bound of |Z_c|^2 = b_0^2 + 2 b_0 b_c s + b_c^2 s, s = x^2/(1 + x^2) or its mean, weighted.
+        """Return a lower bound of the weighted |Z_c|^2 = b_0^2 + 2 b_0 b_c s + b_c^2 s, or of its mean over the band.
 
-        The number s grows with tau_c, and s/tau_c^2 falls. With a fixed b_c, the last term is therefore least at the
-        least tau_c; with a fixed m_c = b_c tau_c, it is least at the greatest tau_c. The function uses the larger of
-        both values.
+        Here s is x^2/(1 + x^2), or the mean of this number over the band; s grows with tau_c, and s/tau_c^2 falls. With
+        a fixed b_c, the last term is therefore least at the least tau_c; with a fixed m_c = b_c tau_c, it is least at
+        the greatest tau_c. The function uses the larger of both values.
 
         Parameters
         ----------

@@ -13,19 +13,19 @@ from vctune.proof.enclosures.array_intervals import Enclosure, Floats
 GUARD = 1e-14
 """Allowance for the rounding of a quadratic in the gains and of the operations after it, relative to their moduli.
 
-It is 90 u with u = 2^-53. A coefficient of such a quadratic has at most 3 roundings. In `less` these are the product,
-the difference, and the sum with its share of `GUARD`; in `rounded_up` they are two sums. A square's term has at most 6
-further roundings: 3 in gain (linear + gain square), and 3 in the sum of the terms. The other terms have fewer. The
-error of the value is therefore at most 9 u times the sum of the moduli of its terms, except for products of roundings
-(Higham 2002, section 3.1). No gain is negative. If the code raises each coefficient by `GUARD` of its modulus, the
-value therefore rises by ten times this error bound.
+The allowance is 90 u with u = 2^-53. A coefficient of such a quadratic has at most 3 roundings. In `less` these are the
+product, the difference, and the sum with its share of `GUARD`; in `rounded_up` they are two sums. A square's term has
+at most 6 further roundings: 3 in gain (linear + gain square), and 3 in the sum of the terms. The other terms have
+fewer. The error of the value is therefore at most 9 u times the sum of the moduli of its terms, except for products of
+roundings (Higham 2002, section 3.1). No gain is negative. If the code raises each coefficient by `GUARD` of its
+modulus, the value therefore rises by ten times this error bound.
 
 At the minimum of a convex quadratic the slope is 0, so a rounding error of the minimiser has only a second-order effect
 on the value. With curvatures from l to h over gains up to w, the error of the minimiser is at most w, and at most w h
-u/l. It changes the value by at most min(l, h^2 u^2/l) w^2 <= h u w^2.
+u/l. This error changes the value by at most min(l, h^2 u^2/l) w^2 <= h u w^2.
 
-In `lower_bounds.py` a factor 1 - 10 `GUARD` covers 900 u. This is enough for some 30 operations and a logarithm with an
-error of 8 units in the last place. Half and twice this allowance change the bound only in its fourteenth digit.
+In `lower_bounds.py` a factor 1 - 10 `GUARD` covers 900 u. This factor is enough for some 30 operations and a logarithm
+with an error of 8 units in the last place. Half and twice this allowance change the bound only in its fourteenth digit.
 """
 
 

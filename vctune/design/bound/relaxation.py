@@ -121,8 +121,8 @@ def relaxation(
     Returns
     -------
     Relaxation
-        The relaxation. Each feasible design of the problem is feasible for it, and its error in the relaxation is not
-        greater.
+        The relaxation. Each feasible design of the problem is feasible for the relaxation, and has no greater error in
+        it.
     """
     terms = objective_of(problem, objective, intervals)
     return Relaxation(
@@ -146,7 +146,7 @@ def at_places(relaxed: Relaxation, places: Places) -> Relaxation:
     Returns
     -------
     Relaxation
-        The relaxation. It is tighter if `places` includes the previous places.
+        The relaxation, which is tighter if `places` includes the previous places.
     """
     problem, devices = relaxed.problem, relaxed.devices
     return replace(

@@ -2,9 +2,9 @@
 
 See design/bound/README.md.
 
-The search halves boxes of (K_v, K_p, tau_c, b_0), or of (K_v, tau_c) for an impedance display. It begins with the boxes
-with the least lower bounds. It prunes a box in three cases: the lower bound is within the gap of the best known error,
-no design of the box meets the constraints, or all loops of the box are unstable.
+The search halves boxes of (K_v, K_p, tau_c, b_0), or of (K_v, tau_c) for an impedance display. The search begins with
+the boxes with the least lower bounds. It prunes a box in three cases: the lower bound is within the gap of the best
+known error, no design of the box meets the constraints, or all loops of the box are unstable.
 """
 
 from __future__ import annotations
@@ -39,11 +39,12 @@ from vctune.running import OutOfTimeError, out_of_time
 
 FREQUENCIES, INTERVALS = 40, 48
 """Number of frequencies of the first relaxation, and number of intervals of the transparency band. The time of a bound
-is proportional to both. With fewer of them the bounds are weaker, and the search needs more boxes."""
+is proportional to both numbers. With smaller numbers the bounds are weaker, and the search needs more boxes."""
 MOST_FREQUENCIES = 160
 """Number of frequencies at which the search stops adding places. Up to this number, it adds the places at which the
-design in the middle of a box violates a constraint. With all of them a bound takes four times as long as at first. Near
-the end of a search, it finds no new violated place."""
+design in the middle of a box violates a constraint. A bound with this number of frequencies takes four times as long as
+a bound of the first relaxation. Near the end of a search, the middles of boxes violate no constraint at a new place.
+"""
 LOWEST_ANGLE = 1e-3
 """Least angle above 0 for any passive hand, relative to pi. At smaller angles R differs from its limit at 0 by at most
 1e-5."""
@@ -64,8 +65,8 @@ VIOLATED = 1e-4
 """Relative violation of a constraint above which the search adds its place. With a smaller violation, the new place
 would raise the bound only negligibly."""
 BETTER = 1e-3
-"""Share by which the error of a design must be below the incumbent's to count as better. It is less than the usual gap
-of 1 %, and more than the difference between two results of the optimiser for one optimum."""
+"""Share by which the error of a design must be below the incumbent's to count as better. This share is less than the
+usual gap of 1 %, and more than the difference between two results of the optimiser for one optimum."""
 
 Improve = Callable[[Gains, float], Judgement | None]
 """Function that returns a certified design found from given gains with an error below a limit, or None."""

@@ -30,9 +30,9 @@ BETTER_HALF = 0.1
 """Weight of the greater increase relative to the smaller one. In the paper's mixed-integer programs it is 0.2 (mu =
 1/6)."""
 LENGTH = 1e-2
-"""Weight in the score of the share of its axis that a box spans. It decides if no axis raises the bound, for example at
-the root, and is small compared with useful increases. With the weight 0, a search whose bound does not rise might halve
-the same axis again and again."""
+"""Weight in the score of the share of its axis that a box spans. This term decides if no axis raises the bound, for
+example at the root; otherwise it is small compared with the increases. With the weight 0, a search whose bound does not
+rise might halve the same axis again and again."""
 DIGITS = 9
 """Number of decimals to which the code rounds scores before it compares them. Without rounding, errors that differ
 between machines could decide which axis the search chooses."""

@@ -53,10 +53,10 @@ IPOPT's barrier keeps a point at some distance from the side. If a point counts 
 round. With half this distance, the exchange misses some optima on a side; with twice this distance it takes another
 round."""
 TRACKING_REACH = 0.5
-"""Greatest change of the log frequency of a tracked peak of |S| in one NLP. It is less than the distance of two peaks,
-which a delay separates by about a factor of two. With half this distance the exchange takes more rounds, because it
-repeats an NLP whose peak reaches the end of its range. With twice this distance the NLP may end at another stationary
-point of |S|."""
+"""Greatest change of the log frequency of a tracked peak of |S| in one NLP. This change is less than the distance of
+two peaks, which a delay separates by about a factor of two. With half this distance the exchange takes more rounds,
+because it repeats an NLP whose peak reaches the end of its range. With twice this distance the NLP may end at another
+stationary point of |S|."""
 KEPT = 4096
 """Number of loops in hands in the cache. The cache saves time, because each round of an exchange needs the loops of
 earlier rounds again. Half and twice this number are equally fast."""

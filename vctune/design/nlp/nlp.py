@@ -207,7 +207,7 @@ def _loop_gain(structure: NlpStructure, gains: Gains, pulse: dict[str, ca.SX]) -
 
 
 def _room(L: Pair) -> Number:
-    """Return -log |1 - S|, the logarithm of the permitted radius of the device's response."""
+    """Return -log |1 - S|, the logarithm of the greatest permitted radius of unmodelled dynamics."""
     return (ca.log(Pair(1 + L.re, L.im).abs2()) - ca.log(L.abs2())) / 2
 
 
@@ -310,7 +310,7 @@ ENDLESS = 1e12
 
 
 def _margin_with_walls(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, corner: ca.SX) -> Number:
-    """Return the margin for walls, or at a point for linear environments the margin for these."""
+    """Return the margin of the condition on walls; at a point for linear environments, return the margin for these."""
     theta, (low, high), T = held["theta"], _box_of(held), 1.0
     at = offered_at(series_coupling(coupling), T, theta, SYMBOLS)
     high = replace(high, mass=high.mass + ENDLESS * (1 - held["by_above"]))

@@ -33,7 +33,8 @@ Layout = dict[str, int]
 """Number of rows for each name, in order."""
 
 PULSE_TRANSFER: Layout = {"re_G_v": 1, "im_G_v": 1, "re_G_x": 1, "im_G_x": 1}
-"""Responses of velocity and position to force in the sampled loop, at a frequency for |S|."""
+"""Real and imaginary parts of the pulse transfer functions from force to velocity and position, at a frequency for
+|S|."""
 PERTURBED_LOOP: Layout = {**PULSE_TRANSFER, "log_radius": 1}
 """The rows of `PULSE_TRANSFER`, and the logarithm of the radius of unmodelled dynamics."""
 LOOP_IN_HAND: Layout = {"theta": 1, "factor": 1} | {
@@ -88,9 +89,9 @@ def in_hand_layout(structure: NlpStructure) -> Layout:
 def common_layout(structure: NlpStructure) -> Layout:
     """Return the layout of the parameters that all frequencies share.
 
-    They are the device's mass and damping, the scales of the variables, the values of the fixed variables, and the
-    weights of the error. For a device with a damped least operator, they also include the operator's damping and the
-    safety factor.
+    These parameters are the device's mass and damping, the scales of the variables, the values of the fixed variables,
+    and the weights of the error. For a device with a damped least operator, they also include the operator's damping
+    and the safety factor.
     """
     numbers = len(structure.kind.keys) + structure.walls
     layout = {"mass": 1, "damping": 1, "scales": numbers, "fixed": numbers, "weights": len(TERMS)}
@@ -131,7 +132,7 @@ def device_numbers(at: DeviceResponse) -> dict[str, Any]:
 
 
 def device_of(structure: NlpStructure, numbers: dict[str, Any], operator: Any) -> DeviceResponse:
-    """Return the response of a device at a frequency from symbols by name. It is the inverse of `device_numbers`.
+    """Return the response of a device at a frequency from symbols by name, the inverse of `device_numbers`.
 
     Parameters
     ----------
@@ -157,7 +158,7 @@ def plant_numbers(plant: SampledPlant) -> dict[str, Any]:
 
 
 def plant_of(structure: NlpStructure, rows: dict[str, Sequence[Any]]) -> SampledPlant:
-    """Return a sampled plant from symbols by name. It is the inverse of `plant_numbers`.
+    """Return a sampled plant from symbols by name, the inverse of `plant_numbers`.
 
     Parameters
     ----------

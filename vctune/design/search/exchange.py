@@ -33,16 +33,16 @@ from vctune.running import OutOfTimeError, check_time
 # tests/design/test_search_constants.py solves references and basins with each constant halved and doubled.
 
 TIGHTENING = 1e-6
-"""Relative tightening of the constraints. It covers the rounding to eight digits and IPOPT's tolerance of 1e-9. The
-tightening increases the error by about the same share. If it is too small, the proof refutes the design, and the search
-repeats the exchange with ten times the tightening."""
+"""Relative tightening of the constraints. The tightening covers the rounding to eight digits and IPOPT's tolerance of
+1e-9. The tightening increases the error by about the same share. If it is too small, the proof refutes the design, and
+the search repeats the exchange with ten times the tightening."""
 ROUNDS = 40
 """Greatest number of NLPs in an exchange; one to three are usual. Half this number ends an exchange that converges
 slowly along the stability boundary; twice this number takes longer without a better result."""
 RADIUS = 2.0
-"""Half-width of the first trust box, and the greatest half-width, in log coordinates. It is a factor of 7 around the
-start, which is near a local minimum. With twice this width IPOPT ends beyond |S| = inf more often; with half this width
-it needs another round."""
+"""Half-width of the first trust box, and the greatest half-width, in log coordinates. This width permits a factor of 7
+on both sides of the start, which is near a local minimum. With twice this width IPOPT ends beyond |S| = inf more often;
+with half this width it needs another round."""
 GROWTH = 2.0
 """Factor by which the exchange widens the trust box after a useful answer. After any other answer, it halves the
 box."""
@@ -68,9 +68,9 @@ OBJECTIVE_TOLERANCE = {"rms": 1e-7, "peak": 1e-4}
 error changes with the gains. A limit of 1e-5 would take 5 % more time. Half or twice the limit changes the error of the
 design by about the same share."""
 UPHILL = 1e-4
-"""Share by which the error of an answer must exceed that of a known design for the exchange to reject the answer. It
-exceeds the effect of the tightening and of IPOPT's tolerance, and is well below 0.1 %, the accuracy to which the search
-distinguishes basins."""
+"""Share by which the error of an answer must exceed that of a known design for the exchange to reject the answer. This
+share exceeds the effect of the tightening and of IPOPT's tolerance. It is well below 0.1 %, the accuracy to which the
+search distinguishes basins."""
 
 
 def polish(

@@ -35,9 +35,10 @@ from vctune.running import OutOfTimeError, check_time, out_of_time, seconds_left
 
 WORTH_POLISHING = 1.05
 """Greatest ratio of the estimated error of a start to the error of the best optimum, for the search to polish the
-start. It is about the accuracy of the refined grid at a local minimum. With a smaller ratio, the search may skip the
-start that leads to the best design. With a greater ratio, it polishes more starts that do not lead to the best
-design."""
+start. This ratio corresponds to the accuracy of the refined grid at a local minimum. With a smaller ratio, the search
+may skip the start that leads to the best design. With a greater ratio, it polishes more starts that do not lead to the
+best design.
+"""
 PROOF_ROUNDS, MORE_DIGITS = 4, 2
 """Number of times that the search tightens the constraints and polishes a refuted optimum again, and number of digits
 that it then adds to the decimals. After 4 rounds the tightening is 1e-3, which makes a design 0.1 % worse. With half as
@@ -135,7 +136,7 @@ def _best_known(optima: Sequence[Polished], unit: float) -> str:
 
 @np.errstate(all="ignore")
 def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
-    """Return the best design of a problem in SI units. It meets the constraints in double precision, without a proof.
+    """Return the best design of a problem in SI units; the design meets the constraints in double precision, unproved.
 
     Parameters
     ----------
@@ -164,8 +165,8 @@ def nominal_start(prepared: Prepared) -> tuple[Start, float] | None:
 def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
     """Return a design of a problem that the optimiser considers feasible, SI units; None if it finds none.
 
-    The function stops at the first design and proves nothing. If it finds none, it does not search every box. It takes
-    a small part of the time of `solve`.
+    The function stops at the first design and proves nothing. If it finds none, it does not search every box. Its run
+    time is a small part of that of `solve`.
 
     Parameters
     ----------
@@ -316,8 +317,8 @@ def _start_at(polished: Polished) -> Start:
 
 
 def _new_hand(prepared: Prepared, judgement: Judgement, witnesses: WorkingSet, tightening: float) -> bool:
-    """Add the worst hand near the hand of a witness, if it requires more than the tightening provides; return
-    whether."""
+    """Add the worst hand near the hand of a witness, if it requires more than the tightening provides; return whether
+    it did."""
     problem, outcomes = prepared.problem, judgement.certificate.outcomes
     found = False
     demands = judgement.certificate.demands

@@ -42,8 +42,8 @@ angles, it finds the same designs as well. Between two of the springs, R is at m
 Without the springs, the scan would find starts without drag for problems that need much drag.
 """
 PANELS = 3
-"""Number of panels of the quadrature over the transparency band, with eight nodes each. This is enough, because the
-scan compares the errors of starts only to a few per cent."""
+"""Number of panels of the quadrature over the transparency band, with eight nodes each. Three panels are enough,
+because the scan compares the errors of starts only to a few per cent."""
 
 
 @dataclass(frozen=True, slots=True)

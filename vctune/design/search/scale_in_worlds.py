@@ -158,7 +158,7 @@ class _Quadratic(NamedTuple):
         return (self.second * x + self.first) * x + self.constant
 
     def zeros(self) -> tuple[Floats, Floats]:
-        """Return both real roots. They are not finite if the quadratic has no real root."""
+        """Return both real roots, or numbers that are not finite if the quadratic has no real root."""
         root = np.sqrt(self.first**2 - 4 * self.second * self.constant)
         middle = -(self.first + np.where(self.first < 0, -root, root)) / 2
         return middle / self.second, self.constant / middle

@@ -24,8 +24,8 @@ STARTS = 8
 """Greatest number of local minima that the scan refines on a grid, that it refines on the gain limits, and that it
 returns. With half this number, the scan still finds all basins of the tests."""
 CLOSE = 0.02
-"""Relative difference up to which two starts count as one, if it holds for each number of the design. It is less than
-the spacing of the refined grid."""
+"""Relative difference up to which two starts count as one, if it holds for each number of the design. This difference
+is less than the spacing of the refined grid."""
 AROUND = {"velocity": np.array([0.8, 0.9, 0.96, 0.99, 1.0, 1.02, 1.1]), "corner": np.geomspace(0.25, 4.0, 13)}
 """Factors by which the scan varies given gains when it looks for a better coupling. K_v is often at its limit, so most
 of its factors are below 1, with small steps near 1. The error changes little with the corner, so the factors of the
@@ -86,7 +86,7 @@ def scan(posed: Posed) -> ScanResult:
 def _promising(
     problem: Problem, coarse: Axes, scores: Scores, limits: GainLimits, most: float, left_out: int | None
 ) -> Axes:
-    """Return the best local minima of the grid and of its gain limits, each between its neighbours.
+    """Return the best local minima of the grid and of its gain limits, each with its neighbours on every axis.
 
     If a minimum of the grid has the last K_v below a gain limit, a better design at this limit replaces it.
 

@@ -60,7 +60,7 @@ def unit_at(device: Device, theta: Floats, time_constant: Floats) -> tuple[Float
 
 
 def scale_per_resistance(device: Device, place: Floats, time_constant: Floats) -> Floats:
-    """Return the scale at which the coupling offers 1: b_c with Re Z_c - b_0 = 1, or 1/k_c with Re(1/Z_c)/s^2 = 1.
+    """Return the scale for the resistance 1: b_c with Re Z_c - b_0 = 1, or 1/k_c with Re(1/Z_c)/s^2 = 1.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def scale_per_resistance(device: Device, place: Floats, time_constant: Floats) -
         )  # with a slow filter, the damper may supply energy
     with np.errstate(divide="ignore", invalid="ignore"):
         x = np.where(time_constant > 0, place * time_constant, 0.0)
-        return np.minimum(1 + 1 / x**2, 1e100)  # at 0 the series coupling offers nothing
+        return np.minimum(1 + 1 / x**2, 1e100)  # at 0 the series coupling has no resistance
 
 
 def scale_limits(problem: Problem, time_constant: Floats) -> tuple[Floats, Floats]:

@@ -20,9 +20,9 @@ evaluates few frequencies, so its stability limit is wrong by some per cent; the
 last factors are for devices with greater errors of the estimate. The NLP changes the gains again within its trust box,
 so other factors lead to the same optimum."""
 STABILITY_MARGIN = 1e-4
-"""Least distance of a design from the stability boundary, as a share of the open loop's F. It matters only if no limit
-on |S| keeps the design further away from the boundary. In that case, half or twice this distance changes the gains by
-about 1e-4 of their value."""
+"""Least distance of a design from the stability boundary, as a share of the open loop's F. This distance matters only
+if no limit on |S| keeps the design further away from the boundary. In that case, half or twice this distance changes
+the gains by about 1e-4 of their value."""
 MAX_CUTS = 24
 """Greatest number of tangents of the stability boundary, which is a curve in the plane of the gains. The trust box
 contains only a piece of this curve, so few tangents suffice. If the exchange needs more, it halves the trust box."""

@@ -1,7 +1,7 @@
 """Find requirements that no design can meet, by theorems, and state the numbers that would have to change.
 
-The code evaluates each limit at the most favourable vertex of the bounds. It excludes all designs only if even this
-vertex violates the requirement.
+The code evaluates each limit at the most favourable vertex of the bounds. The code excludes all designs only if even
+this vertex violates the requirement.
 """
 
 from __future__ import annotations
@@ -195,9 +195,9 @@ def _with_integrator(problem: Problem) -> tuple[str, str] | None:
 def _without_integrator(problem: Problem) -> tuple[str, str] | None:
     """Compare the limits of both sides for omega -> 0 and K_p = 0, which are proportional to omega^2.
 
-    The required ratio contains K_v/(b + K_v)^2, which rises up to K_v = b and falls beyond it. It is therefore least at
-    an end of the range of K_v. For a non-ideal device the effective inertia depends on K_v; the function then returns
-    None.
+    The required m_c^2/b_c is proportional to K_v/(b + K_v)^2, which rises up to K_v = b and falls beyond. The
+    requirement is therefore easiest to meet at an end of the range of K_v. For a non-ideal device the effective inertia
+    depends on K_v; the function then returns None.
     """
     device, bounds, factor = problem.device, problem.bounds, problem.stability.safety_factor
     if not device.ideal:

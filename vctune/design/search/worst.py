@@ -30,16 +30,17 @@ and greatest number of devices on the grid.
 
 The ratio is a smooth function of mass and damping, so five values suffice. A delay or an unmodelled response rotates a
 phase by one turn; 13 values sample every half turn six times. With half as many values the search may miss a minimum,
-which the proof then finds. With twice as many values there are four to eight times as many devices. If the greatest
-number of devices would be exceeded, the search uses three or two values of each number.
+which the proof then finds. With twice as many values there are four to eight times as many devices. If this
+exceeds the greatest number of devices, the search uses three or two values of each number.
 """
 MOST = 24
 """Greatest number of minima over frequency that the search refines, beginning with the lowest. With a long delay there
 are more minima, but the constraint is not active at the higher ones."""
 FIRST_STEP = 0.02, 0.1
 """First steps of the refinement: the relative step in frequency, and the step of an uncertain number as a share of its
-range. They are about half of the steps of the grid. With smaller steps the refinement takes more rounds; with larger
-steps it may leave the basin of its minimum."""
+range. These steps are about half of the steps of the grid. With smaller steps the refinement takes more rounds; with
+larger steps it may leave the basin of its minimum.
+"""
 STEPS, SHRINK = 40, 0.5
 """Number of rounds of the refinement, and factor by which the steps shrink if no neighbour is lower. If half of the 40
 rounds move the point, the other half shrink the steps by a factor of about 1e-6. The ratio is flat at its minimum,

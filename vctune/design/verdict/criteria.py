@@ -23,8 +23,8 @@ def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:
     """Return a solved problem with the least error under each criterion alone; unchanged if the problem has one
     criterion.
 
-    For each error, vctune solves the file with the other criterion and with the defaults that depend on it. The error
-    refers to the transparency band and the Z_0 of the original problem.
+    For each criterion, vctune solves the problem file with this criterion alone, and with the defaults that depend on
+    the criterion. The errors refer to the transparency band and the Z_0 of the original problem.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:
     if problem.stability.criterion != "both" or problem.bounds.fixed or solved.status is not Status.CERTIFIED:
         return solved
     if not problem.device.kind.banded and of_one_device(problem) is None:
-        return solved  # a box of devices in a box of hands may take minutes
+        return solved  # with a box of devices, the computation may take minutes
     others: tuple[Criterion, ...] = ("hands", "passive") if problem.device.kind.banded else ("hands",)
     tables, found = file.document, list[Alternative]()
     try:

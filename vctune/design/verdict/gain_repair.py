@@ -94,9 +94,9 @@ def solved_numbers(stated: dict[str, Any], judgement: Judgement, test: RepairTes
 def best_values(stated: dict[str, Any], judgement: Judgement, test: RepairTest) -> Iterator[Repair]:
     """Yield for each number of a design the value with the least error, while the other numbers stay the same.
 
-    The function solves the problem with only this number free, in the range of the file or in the default range. It
-    tries first the numbers for which a quick estimate finds a design. If none of these gives a repair, it tries the
-    others.
+    The function solves the problem with only this number free, in the range of the file or in the default range. The
+    function first tries the numbers for which a quick estimate finds a design. If none of these gives a repair, it
+    tries the others.
 
     Parameters
     ----------

@@ -113,7 +113,7 @@ class Judgement:
 
     @property
     def corner(self) -> float | None:
-        """w_c of the multiplier that proves walls, rad/s; None without walls."""
+        """Corner frequency w_c of the multiplier for walls, rad/s; None without walls."""
         worlds = self.certificate.demands.worlds
         return None if worlds is None else worlds.corner
 
@@ -260,7 +260,7 @@ def judge_all(
         One judgement for each design, in their order.
     """
     posed = pose(problem)
-    if posed.demands.worlds is not None and posed.demands.worlds.walls:  # each design has its own multiplier
+    if posed.demands.worlds is not None and posed.demands.worlds.walls:  # the multiplier differs between designs
         each = zip(designs, corners or [None] * len(designs), strict=True)
         return [judge_posed(posed if known is None else with_corner(posed, known), *law) for law, known in each]
     with time_limit(PROVING * seconds_left()):

@@ -32,7 +32,7 @@ def active(solved: Solved) -> list[ActiveRecord]:
     """Return the active constraints of a design, with kind, frequency and multiplier, the greatest multiplier first.
 
     The multiplier is d log(error)/d log(constraint). If the constraint is relaxed by one per cent, the error falls by
-    so many per cent. If IPOPT did not converge, the multipliers are not derivatives, and the list is empty.
+    the multiplier in per cent. If IPOPT did not converge, the multipliers are not derivatives, and the list is empty.
     """
     if solved.polished is None or not solved.polished.solution.converged:
         return []
@@ -74,7 +74,7 @@ def _device(problem: Problem, place: ConstraintPoint) -> DeviceRecord:
 
 
 def _priced(polished: Polished) -> Floats:
-    """Return the multipliers. Those of the ratio refer to 2 Re(D + Z_h) Re Z_c >= factor 2 Re(D + Z_h) R.
+    """Return the multipliers; for the ratio, return those of 2 Re(D + Z_h) Re Z_c >= factor 2 Re(D + Z_h) R.
 
     For a device with a least operator, two terms of this constraint contain the factor, and the NLP has them on
     different sides. The function converts the multipliers of the NLP accordingly.

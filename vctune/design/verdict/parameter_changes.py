@@ -1,4 +1,4 @@
-"""The numbers of a problem file that a repair may change, one at a time."""
+"""Define the changes of one number of a problem file that a repair may make."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ file's decimals or of a double."""
 DIGITS = 12
 """Greatest number of significant digits of a new value."""
 BETTER = {key: each for key, each in PART_NUMBERS.items() if each.better}
-"""Numbers of a device's parts that a better part would improve."""
+"""Numbers of a device's parts for which better parts exist, such as the bandwidth of an actuator."""
 OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
 ONLY_UPWARDS = ("coupling.mass", "coupling.drag")
 """Keys of numbers that increase Re Z_c as they grow. A decrease of them repairs no design."""
@@ -83,7 +83,7 @@ class ParameterChange:
 
     @property
     def least(self) -> float:
-        """The least relative change to try. If the old value is infinite, it is the change to the natural size."""
+        """The least relative change to try, which from an infinite old value is the change to the natural size."""
         return FINEST_FROM_ZERO if self.old == 0 else FINEST if self.old < inf else 1.0
 
     def value(self, relative: float) -> float:
@@ -107,7 +107,7 @@ class ParameterChange:
     def size(self, new: float) -> float:
         """Return the size r/(1 + r) of a change with the relative change r, to compare changes of all numbers.
 
-        It is the change relative to the greater of the old and the new value, at most 1.
+        The size is the change relative to the greater of the old and the new value, at most 1.
         """
         relative = self.relative_change(new)
         return relative / (1 + relative) if relative < inf else 1.0
@@ -134,8 +134,7 @@ class ParameterChange:
         yield last
 
     def rounded(self, relative: float, growth: float) -> float:
-        """Return the new value after a relative change, rounded to the fewest digits with which the change grows
-        little.
+        """Return the new value after a relative change, rounded away from the old value to as few digits as possible.
 
         Parameters
         ----------

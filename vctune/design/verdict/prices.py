@@ -120,8 +120,7 @@ class _OfHands:
 
 
 def _numbers(problem: Problem) -> list[_OfDevice | _OfHands]:
-    """Return the numbers with a price: those of the device and, for a device without its own loop, those of the
-    hands."""
+    """Return the numbers that get a price: those of the device and, for a servo, also those of the hands."""
     found: list[_OfDevice | _OfHands] = [_OfDevice(name) for name, old in problem.device.numbers().items() if old > 0]
     if problem.device.kind.own_loop:
         return found

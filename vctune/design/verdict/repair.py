@@ -36,11 +36,11 @@ from vctune.proof.engine.interval import Verdict
 from vctune.running import OutOfTimeError, check_time, out_of_time, time_limit
 
 SHARE = 0.9
-"""Share of a repair with which no design must be possible."""
+"""Share of a repair that must not suffice to make a design possible."""
 ROUNDS = 10
-"""Greatest number of corrections of the estimated least change. A correction enlarges a change that does not suffice
-slightly, and reduces a change of which nine tenths suffice by a tenth. Two or three corrections are usual. With half as
-many, vctune misses some repairs; with twice as many, it finds no more."""
+"""Greatest number of corrections of the estimated least change. If a change does not suffice, a correction makes it
+slightly larger. If nine tenths of a change suffice, a correction makes it a tenth smaller. Two or three corrections are
+usual. With half as many, vctune misses some repairs; with twice as many, it finds no more."""
 REPAIRS = "the repairs"
 """Name of a stage that a time limit may cut short."""
 LONGEST = 30.0
@@ -121,8 +121,9 @@ def _seems_in_use(problem: Problem) -> bool:
 OF_FIXED = RepairTest(_seems_admissible, _judged, 2e-3, furthest_first=True)
 OF_FREE = RepairTest(_seems_solvable, _solved, 0.05, furthest_first=True)
 """Tests for problems that fix every number of the design, and for problems that leave one free. vctune judges a problem
-of the first kind in a millisecond, so the search can determine the least change accurately. It solves a problem of the
-second kind in a second. With half the width, each number takes one more trial; with twice the width, one less."""
+of the first kind in a millisecond, so the search can determine the least change accurately. Solving a problem of the
+second kind takes a second. With half the width, each number takes one more trial; with twice the width, one less.
+"""
 OF_FIXED_IN_USE = RepairTest(_seems_in_use, lambda problem: _in_use(_judged(problem)), OF_FIXED.width)
 OF_FREE_IN_USE = RepairTest(
     _seems_solvable_in_use, lambda problem: _in_use(_solved(problem)), OF_FREE.width, furthest_first=True
@@ -236,8 +237,8 @@ def find_repairs(
     """Return the least changes of one number that repair a problem, as many as the search finds in `LONGEST` seconds.
 
     The search makes each change as a user would: it changes the number in the document and reads the problem again,
-    with its defaults. It then solves the problem or, if every number of the design is fixed, judges the design. It
-    tries small changes of all numbers before large changes of any number.
+    with its defaults. Then the search solves the problem or, if every number of the design is fixed, judges the design.
+    It tries small changes of all numbers before large changes of any number.
 
     Parameters
     ----------
@@ -288,10 +289,10 @@ class _Search:
     posed: Posed
 
     def hopeless(self) -> bool:
-        """Return whether no change of this number suffices, which the largest change shows if it relaxes the
-        constraints most.
+        """Return whether no change of this number suffices, because even the largest change does not.
 
-        The result is False if the test does not try the largest change first.
+        The result is False if a smaller change might suffice although the largest does not, or if the test does not try
+        the largest change first.
         """
         furthest = self.change.relative_change(self.change.limit)
         return self.test.furthest_first and self.change.eases and not self.promising(furthest)
