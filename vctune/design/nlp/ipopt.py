@@ -265,13 +265,15 @@ def _pulse_transfer(points: Sequence[ConstraintPoint], *, position: bool) -> dic
 
 
 def _firmware_filter(device: Device, omega: Any) -> dict[str, Any]:
-    """Return the response F of the low-passes, by the names of `FIRMWARE_FILTER`. With T = 1, omega equals theta."""
+    """Return the response F of the low-passes, keyed by the names of `FIRMWARE_FILTER`. With T = 1, omega equals
+    theta."""
     low_pass = firmware_filter(device, omega, FLOATS) or Pair(1.0, 0.0)
     return {"low_pass_re": low_pass.re, "low_pass_im": low_pass.im}
 
 
 def _in_hands(points: Sequence[ConstraintPoint], *, worlds: bool) -> dict[str, Any]:
-    """Return the loops in hands at some points, by the names of `in_hand_layout`. With T = 1, omega equals theta."""
+    """Return the loops in hands at some points, keyed by the names of `in_hand_layout`. With T = 1, omega equals
+    theta."""
     held = _HELD | ({"impedance": _force_in_worlds} if worlds else {})
     found = [held[at.device.kind.name](at) for at in points]
     return {name: np.array([each[name] for each in found]).T for name in found[0]}
@@ -308,8 +310,7 @@ def _command_in_hand(at: ConstraintPoint) -> dict[str, Any]:
 
 
 def _in_worlds(count: int, met: WorldsMet, spare: float, *, inverse: bool) -> dict[str, Any]:
-    """Return the same environments for `count` points, by the names of `WORLDS_IN_HAND`. An infinite limit becomes
-    0."""
+    """Return the environments for `count` points, keyed by the names of `WORLDS_IN_HAND`. Infinite limits become 0."""
     ends, names = {"low": met.worlds.low, "high": met.worlds.high}, posed_in(met.worlds, met.factor, inverse=inverse)
     numbers = {f"environment_{end}_{name}": x for end, world in ends.items() for name, x in asdict(world).items()}
     numbers = {name: x if x < inf else 0.0 for name, x in numbers.items()} | {"reserve": met.factor, "spare": spare}
@@ -318,7 +319,7 @@ def _in_worlds(count: int, met: WorldsMet, spare: float, *, inverse: bool) -> di
 
 
 def _in_time(points: Sequence[ConstraintPoint], met: WorldsMet, spare: float) -> dict[str, Any]:
-    """Return the sides of environments at some points, by the names of `SIDES_IN_HAND`."""
+    """Return the sides of environments at some points, keyed by the names of `SIDES_IN_HAND`."""
     theta = np.array([min(point.omega, pi) for point in points])
     sides = enumerate(open_sides(met.worlds, 1.0, theta))
     numbers = {f"side_{k}_{part}": getattr(side, part) for k, side in sides for part in HalfPlane._fields}
@@ -326,7 +327,7 @@ def _in_time(points: Sequence[ConstraintPoint], met: WorldsMet, spare: float) ->
 
 
 def _in_walls(points: Sequence[ConstraintPoint]) -> dict[str, Any]:
-    """Return, by the names of `WALLS_IN_HAND`, whether each point is for walls, and its share and integration rule."""
+    """Return the rows of `WALLS_IN_HAND` for some points, keyed by their names."""
     walls = [at.wall or AtWall(1.0, 0.0) for at in points]
     walled = np.array([1.0 * (at.wall is not None) for at in points])
     return {"walled": walled, **{name: np.array([getattr(each, name) for each in walls]) for name in AtWall._fields}}

@@ -117,7 +117,8 @@ def plant_layout(structure: NlpStructure) -> Layout:
 
 
 def device_numbers(at: DeviceResponse) -> dict[str, Any]:
-    """Return a device's constants at frequencies by the names of `frequency_layout`, without those of absent parts.
+    """Return a device's constants at frequencies, keyed by the names of `frequency_layout`, without those of absent
+    parts.
 
     A missing number of a part, such as the handle's own damping, becomes 0.
     """
@@ -137,7 +138,7 @@ def device_of(structure: NlpStructure, numbers: dict[str, Any], operator: Any) -
     Parameters
     ----------
     structure : structure of the NLP
-    numbers : numbers by the names of `common_layout` and `frequency_layout`; the latter take precedence
+    numbers : numbers, keyed by the names of `common_layout` and `frequency_layout`; the latter take precedence
     operator : damping of the least operator; None without one
     """
     parts = {
@@ -150,7 +151,7 @@ def device_of(structure: NlpStructure, numbers: dict[str, Any], operator: Any) -
 
 
 def plant_numbers(plant: SampledPlant) -> dict[str, Any]:
-    """Return a sampled plant by the names of `plant_layout`."""
+    """Return the numbers of a sampled plant, keyed by the names of `plant_layout`."""
     (v_0, v_1), (x_0, x_1) = plant.velocity, plant.position
     taps = {"velocity_newer": v_0, "velocity_older": v_1, "position_newer": x_0, "position_older": x_1}
     low_pass = {} if plant.low_pass is None else {"low_pass": plant.low_pass}
@@ -163,7 +164,7 @@ def plant_of(structure: NlpStructure, rows: dict[str, Sequence[Any]]) -> Sampled
     Parameters
     ----------
     structure : structure of the NLP
-    rows : rows by the names of `plant_layout`
+    rows : the numbers, keyed by the names of `plant_layout`
     """
     return SampledPlant(
         open=tuple(rows["open"]),
@@ -229,8 +230,8 @@ def packed(parts: dict[str, Table], numbers: dict[str, dict[str, Any]]) -> Float
     Parameters
     ----------
     parts : the tables, from `tables`
-    numbers : for each table, arrays of shape (columns,) or (rows, columns) by the names of its rows. If a table has
-        more columns, the last one is repeated; a table without an entry is 0
+    numbers : for each table, arrays of shape (columns,) or (rows, columns), keyed by the names of its rows. If a table
+        has more columns, the last one is repeated; a table without an entry is 0
     """
     return np.concatenate([_packed(table, numbers.get(name)) for name, table in parts.items()])
 

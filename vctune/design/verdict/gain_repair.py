@@ -44,7 +44,7 @@ def edits(problem: Problem, judgement: Judgement, solved: Mapping[str, float]) -
     ----------
     problem : problem of the design
     judgement : judgement of the present numbers
-    solved : the numbers of the solved design by their keys; may be empty
+    solved : the numbers of the solved design under their keys; may be empty
     """
     given = design_numbers(judgement.kind, judgement.gains, judgement.coupling)
     return [change_of_gain(problem, key, given[key], new) for key, new in solved.items() if new != given[key]]
@@ -78,7 +78,7 @@ def undone_together(pasted: dict[str, Any], changed: Sequence[ParameterChange], 
 
 
 def solved_numbers(stated: dict[str, Any], judgement: Judgement, test: RepairTest) -> dict[str, float]:
-    """Return the numbers of the best design of a problem by their keys; empty if there is none.
+    """Return the numbers of the best design of a problem under their keys; empty if there is none.
 
     Parameters
     ----------

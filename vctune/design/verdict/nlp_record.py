@@ -31,8 +31,8 @@ multipliers."""
 def active(solved: Solved) -> list[ActiveRecord]:
     """Return the active constraints of a design, with kind, frequency and multiplier, the greatest multiplier first.
 
-    The multiplier is d log(error)/d log(constraint). If the constraint is relaxed by one per cent, the error falls by
-    the multiplier in per cent. If IPOPT did not converge, the multipliers are not derivatives, and the list is empty.
+    The multiplier is d log(error)/d log(constraint). A multiplier of 0.3 means that the error falls by 0.3 % if the
+    constraint is relaxed by 1 %. If IPOPT did not converge, the multipliers are not derivatives, and the list is empty.
     """
     if solved.polished is None or not solved.polished.solution.converged:
         return []

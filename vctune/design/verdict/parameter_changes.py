@@ -353,7 +353,7 @@ def _natural_impedance(problem: Problem) -> float:
 
 
 def _natural_sizes(problem: Problem) -> dict[str, float]:
-    """Return the natural sizes of a design's numbers by their keys."""
+    """Return the natural size of each number of a design, under the number's key."""
     tau = problem.device.loop_lag
     loop = _natural_impedance(problem) + problem.device.damping
     Z_0 = problem.transparency.reference_impedance
