@@ -138,7 +138,7 @@ class Rendered:
 
 
 def rendered(problem: Problem, gains: Gains, coupling: AnyCoupling, damping: float = 0.0) -> Rendered:
-    """Prepare a design for proofs that its loop is stable with boxes of environments in every hand of its problem.
+    """Return a design, prepared for proofs that its loop is stable with boxes of environments in every hand.
 
     Parameters
     ----------
