@@ -88,8 +88,8 @@ class Couplings(Protocol):
         Returns
         -------
         array of float
-            Dimensionless. For norm "rms", the mean over the band, shape (n, devices), or (n, 1) if it is the same for
-            all devices. For "peak", the term at each frequency, shape (n, frequencies).
+            The bound, dimensionless. For norm "rms" it is the mean over the band, shape (n, devices), or (n, 1) if all
+            devices have the same mean. For "peak" it has a value for each frequency, shape (n, frequencies).
         """
 
 
@@ -136,7 +136,7 @@ class SeriesCouplings:
         Returns
         -------
         array of float
-            Dimensionless, shape (n, frequencies), or (n, 1) for the mean.
+            The bound, dimensionless, shape (n, frequencies), or (n, 1) for the mean.
         """
         b_c, m_c, b_0 = (each[:, None] for each in (least.first, least.second, boxes.low[B_0]))
         shortest, longest = (edge[TAU_C][:, None] for edge in (boxes.low, boxes.high))
@@ -221,7 +221,7 @@ class SpringDampers:
         Returns
         -------
         array of float
-            Dimensionless, shape (n, frequencies), or (n, devices) for the mean.
+            The bound, dimensionless, shape (n, frequencies), or (n, devices) for the mean.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             k_c, b_c = 1 / least.first, 1 / least.second

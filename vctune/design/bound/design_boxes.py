@@ -55,7 +55,7 @@ class Axis:
         Returns
         -------
         array of float
-            In the unit of the variable, shape (n,).
+            The points, in the unit of the variable, shape (n,).
         """
         if self.scale == 0:
             return np.clip(np.sqrt(low) * np.sqrt(high), low, high)

@@ -47,7 +47,7 @@ def lower_bounds(relaxed: Relaxation, boxes: DesignBoxes) -> LowerBounds:
     Returns
     -------
     LowerBounds
-        Both arrays have shape (n,); the error is inf if no design of a box is feasible.
+        Two arrays of shape (n,). The bound on the error is inf if no design of a box is feasible.
     """
     problem, objective = relaxed.problem, relaxed.objective
     couplings, least = objective.couplings, least_coupling(relaxed, boxes)
@@ -84,7 +84,8 @@ def without_integrator(problem: Problem, boxes: DesignBoxes) -> Flags:
     Returns
     -------
     array of bool
-        Shape (n,). All False if the problem does not require the limit, or if the limit is not known.
+        Flags of the boxes, shape (n,). All flags are False if the problem does not require the limit, or if no formula
+        is known.
     """
     device = problem.device
     beyond = device.structure is not None or (device.operator is not None and not device.ideal)
@@ -109,7 +110,7 @@ def least_coupling(relaxed: Relaxation, boxes: DesignBoxes) -> LeastCoupling:
     Returns
     -------
     LeastCoupling
-        Lower bounds of shape (n,).
+        Lower bounds on the elements, shape (n,).
     """
     of, none = relaxed.objective.couplings, np.zeros(len(boxes), bool)
     lowest, highest = of.ratio(boxes)

@@ -55,7 +55,7 @@ class Quadratic:
         Returns
         -------
         array of float
-            Shape (boxes, points).
+            The values, shape (boxes, points).
         """
         crossed = 0.0 if self.cross is None else K_v * K_p * self.cross
         return np.asarray(self.constant + self._part(K_V, K_v) + self._part(K_P, K_p) + crossed)
@@ -144,7 +144,7 @@ def less(a: Quadratic, factor: Floats, b: Quadratic) -> Quadratic:
     Returns
     -------
     Quadratic
-        Its coefficients have shape (boxes, points).
+        The quadratic, with coefficients of shape (boxes, points).
     """
 
     def difference(x: Floats | float, y: Floats | float) -> Floats:
@@ -216,7 +216,7 @@ class LeastQuotient:
         Returns
         -------
         array of float
-            Shape (n, points).
+            The bound, shape (n, points).
         """
         most, least = self.below.greatest(boxes), np.maximum(self.below_low.least(boxes), 0.0)
 
@@ -241,7 +241,7 @@ def upper(coefficients: Coefficients, factor: int = 1) -> Quadratic:
     Returns
     -------
     Quadratic
-        Its coefficients have shape (points,).
+        The quadratic, with coefficients of shape (points,).
     """
     constant, linear, square, cross = coefficients
 

@@ -121,8 +121,8 @@ def relaxation(
     Returns
     -------
     Relaxation
-        The relaxation. Each feasible design of the problem is feasible for the relaxation, and has no greater error in
-        it.
+        The relaxation. Each feasible design of the problem is feasible for the relaxation, and its error there is not
+        greater.
     """
     terms = objective_of(problem, objective, intervals)
     return Relaxation(

@@ -45,7 +45,7 @@ def proved_stability(posed: Posed, boxes: DesignBoxes) -> Stability:
     Returns
     -------
     Stability
-        Its flags have shape (n,).
+        Flags of shape (n,), and the number of boxes.
     """
     gains = np.concatenate((boxes.low[: K_P + 1], boxes.high[: K_P + 1]))
     rectangles, rectangle_of = np.unique(gains, axis=1, return_inverse=True)  # many boxes have the same gains

@@ -51,7 +51,7 @@ FORCE_IN_WORLDS: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER} | {
 """The loop of an impedance display in one hand, for a problem with a box of environments. The constraint then needs the
 reactance, too."""
 COMMAND_IN_HAND: Layout = {"theta": 1, "factor": 1, "required": 1, "swing": 1}
-"""R and -s Im Z_seen of a servo in a hand. Neither depends on a gain."""
+"""R and -s Im Z_seen of a servo in a hand, which do not depend on any gain."""
 IN_HAND: dict[DisplayName, Layout] = {
     "admittance": LOOP_IN_HAND,
     "impedance": FORCE_IN_HAND,

@@ -108,7 +108,7 @@ def coupling_of_admittance(axis: Admittance, sample_time: float, *, servo: bool 
     Returns
     -------
     Coupling
-        The coupling. Its mass or its drag is negative if the explicit step is not passive.
+        The coupling, whose mass or drag is negative if the explicit step is not passive.
     """
     mass = axis.mass - axis.damping * sample_time
     taken = 0.0 if servo else axis.stiffness * sample_time / 2

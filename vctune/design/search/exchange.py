@@ -107,7 +107,7 @@ def polish(
     -------
     Polished or None
         A dimensionless design that meets the tightened constraints in double precision, without a proof. If the time
-        limit ends the exchange, it is the best answer so far.
+        limit ends the exchange, the result is the best answer so far.
 
     Raises
     ------

@@ -64,7 +64,7 @@ class GainLimits:
         Returns
         -------
         Axes
-            Axes of shape (minima, 3).
+            Three points on each axis for each design, axes of shape (minima, 3).
         """
         near = between_neighbours(
             grid, [(int(self.below[k]), int(self.corner[k]), tau, drag) for k, _, tau, drag in minima]

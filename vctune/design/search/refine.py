@@ -65,8 +65,8 @@ def between_neighbours(grid: Axes, places: list[Index]) -> Axes:
     Returns
     -------
     Axes
-        On each axis the design is the middle one of three points. At an end of an axis, the design also replaces the
-        missing neighbour.
+        Three points on each axis for each design, with the design in the middle. At an end of an axis, the design also
+        replaces the missing neighbour.
     """
     by_axis = np.array(places, dtype=np.intp).reshape(-1, len(grid.each())).T
     return Axes(*(_between(np.tile(axis, (at.size, 1)), at) for axis, at in zip(grid.each(), by_axis, strict=True)))

@@ -47,7 +47,7 @@ def least_scale_in_worlds(
     Returns
     -------
     array
-        The shape of the gains, followed by the axes of the time constants and of the drags.
+        An array with the axes of the gains, followed by the axes of the time constants and of the drags.
     """
     if samples.device.kind.inverse:
         return _least_of_force(met, samples, gains, time_constant, drag)

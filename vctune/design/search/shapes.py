@@ -91,8 +91,8 @@ def scale_limits(problem: Problem, time_constant: Floats) -> tuple[Floats, Float
     Returns
     -------
     two arrays
-        b_c, or 1/k_c for an impedance display, in the problem's units, shape (n,). If the least exceeds the greatest,
-        there is no such coupling.
+        The least and the greatest scale, b_c or for an impedance display 1/k_c, in the problem's units, shape (n,). If
+        the least scale exceeds the greatest, no coupling with this time constant is within the bounds.
     """
     bounds, tau = problem.bounds, time_constant
     if not problem.device.kind.inverse:

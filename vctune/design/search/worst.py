@@ -88,7 +88,7 @@ def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Wors
     Returns
     -------
     list of Worst
-        Estimates; the list may be empty.
+        Estimates of the minima; the list may be empty.
     """
     box, (low, high) = posed.box, posed.span
     assert box is not None

@@ -22,7 +22,7 @@ from vctune.model.servo import LATENCY_PARTS, latency
 from vctune.proof.claims.sampled_poles import spectral_radius
 
 OPENINGS = {True: "there is no admissible design", False: "no admissible design was found, nor proved impossible"}
-"""Beginning of the reason: with True if vctune has proved that there is no design, else with False."""
+"""Beginning of the reason. The key is True if vctune has proved that there is no design."""
 
 CUT_SHORT = "the time limit ended the search before it had found a design"
 
