@@ -47,7 +47,7 @@ def in_hands(problem: Problem) -> Problem:
 
 @dataclass(frozen=True, slots=True)
 class Rendered:
-    """A design, prepared for proofs that its loop is stable with boxes of environments in every hand of its problem.
+    """A design, prepared for proofs of its stability with boxes of environments in every hand of its problem.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ class Rendered:
 
 
 def rendered(problem: Problem, gains: Gains, coupling: AnyCoupling, damping: float = 0.0) -> Rendered:
-    """Return a design, prepared for proofs that its loop is stable with boxes of environments in every hand.
+    """Return a design, prepared for proofs of its stability with boxes of environments in every hand of its problem.
 
     Parameters
     ----------

@@ -60,8 +60,9 @@ one or two more rounds; twice as many make every round slower."""
 PANELS = 4
 MAX_PANELS = 256
 """First and greatest number of panels of the error's quadrature, with eight nodes each. The exchange doubles them until
-the NLP's error is accurate to `OBJECTIVE_TOLERANCE`. With half the first number, the exchange takes another round. Half
-the greatest number is too small for an undamped resonance."""
+the NLP's error is accurate to `OBJECTIVE_TOLERANCE`. With half of `PANELS`, the exchange takes another round. Half of
+`MAX_PANELS` is too small for a device with an undamped resonance.
+"""
 OBJECTIVE_TOLERANCE = {"rms": 1e-7, "peak": 1e-4}
 """Permitted relative difference between the NLP's objective and the error of its answer, for each norm. With norm
 "peak", each round reduces this difference only by a factor of three or four, because the frequency of the greatest
@@ -69,8 +70,9 @@ error changes with the gains. A limit of 1e-5 would take 5 % more time. Half or 
 design by about the same share."""
 UPHILL = 1e-4
 """Share by which the error of an answer must exceed that of a known design for the exchange to reject the answer. This
-share exceeds the effect of the tightening and of IPOPT's tolerance. It is well below 0.1 %, the accuracy to which the
-search distinguishes basins."""
+share exceeds the effect of the tightening and of IPOPT's tolerance. The share is well below 0.1 %, the accuracy to
+which the search distinguishes basins.
+"""
 
 
 def polish(

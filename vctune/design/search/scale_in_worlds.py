@@ -197,8 +197,13 @@ def _least_in_time(met: WorldsMet, samples: Samples, gains: Gains, time_constant
 
 
 def _asked(met: WorldsMet, samples: Samples, each: Gains) -> tuple[Floats, list[Floats], list[HalfPlane]]:
-    """Return the angles at which a coupling is needed, with the margins without a coupling and the sides of the
-    environments."""
+    """Return the angles at which the loop needs a coupling, and the margins there without a coupling.
+
+    Returns
+    -------
+    tuple
+        The angles, the margins of each side of the environments' polygon, and the sides.
+    """
     found = []
     for there in _places(samples):
         theta, seen = np.tile(there.theta, there.hands.mass.size), there.seen(each)
