@@ -90,28 +90,28 @@ def reactions(
     shares : positions in each range of the hands, from 0 to 1
     """
     theta = np.geomspace(LOWEST, pi - NEAR, COARSE)
-    first = _over(devices, hands, gains, coupling, factor, shares, theta)
-    bad = np.any(first.damping >= 0, axis=0)
-    if not bad.any():
-        return first.curves(np.zeros(0, np.intp))
-    kept = first.curves(_farthest(first))
-    wide = bad | np.append(bad[1:], False) | np.append(False, bad[:-1])
+    coarse = _over(devices, hands, gains, coupling, factor, shares, theta)
+    with_pole = np.any(coarse.damping >= 0, axis=0)
+    if not with_pole.any():
+        return coarse.curves(np.zeros(0, np.intp))
+    outermost = coarse.curves(_farthest(coarse))
+    wide = with_pole | np.append(with_pole[1:], False) | np.append(False, with_pole[:-1])
     near = np.interp(np.linspace(0, wide.sum() - 1, FINE), np.arange(wide.sum()), np.log(theta[wide]))
     fine = np.unique(np.append(np.exp(near), theta[wide]))
-    return _along(devices, kept, gains, coupling, fine)
+    return _along(devices, outermost, gains, coupling, fine)
 
 
-def _farthest(found: Reactions) -> Numbers:
+def _farthest(curves: Reactions) -> Numbers:
     """Return the indices of the curves that have, at some angle, the greatest damping or the greatest or least
     reactance."""
-    bad = found.damping >= 0
-    ahead = [
-        np.where(bad, found.damping, -np.inf),
-        np.where(bad, found.reactance, -np.inf),
-        np.where(bad, -found.reactance, -np.inf),
+    with_pole = curves.damping >= 0
+    outwards = [
+        np.where(with_pole, curves.damping, -np.inf),
+        np.where(with_pole, curves.reactance, -np.inf),
+        np.where(with_pole, -curves.reactance, -np.inf),
     ]
-    first = np.concatenate([np.argmax(each, axis=0)[bad.any(axis=0)] for each in ahead])
-    return np.unique(first)
+    best = np.concatenate([np.argmax(values, axis=0)[with_pole.any(axis=0)] for values in outwards])
+    return np.unique(best)
 
 
 def _over(
@@ -136,7 +136,7 @@ def _along(
     devices: Sequence[Device], curves: Reactions, gains: Gains, coupling: AnyCoupling, theta: Floats
 ) -> Reactions:
     """Return curves of the same devices, hands and shares of the coupling at other angles."""
-    met = np.empty((curves.share.size, theta.size), complex)
+    environment = np.empty((curves.share.size, theta.size), complex)
     for k in np.unique(curves.device).astype(int):
         check_time()
         device, at = devices[k], np.flatnonzero(curves.device == k)
@@ -145,14 +145,14 @@ def _along(
         s, share, T = np.sin(theta / 2), curves.share[at, None], device.sample_time
         reaction = -(seen.lost / seen.size) - 1j * seen.swing / (s * seen.size)
         if isinstance(coupling, SpringDamper):
-            given = spring_damper_admittance(coupling, T, firmware_filter(device, theta, FLOATS), theta, FLOATS)
-            met[at] = -1 / (share * (given.re + 1j * given.im) + s * s * reaction)
+            admittance = spring_damper_admittance(coupling, T, firmware_filter(device, theta, FLOATS), theta, FLOATS)
+            environment[at] = -1 / (share * (admittance.re + 1j * admittance.im) + s * s * reaction)
         else:
             Z_c = coupling_impedance(series_coupling(coupling), 2 / T * np.tan(theta / 2))
-            met[at] = -(share * (Z_c.re + 1j * Z_c.im) + reaction)
+            environment[at] = -(share * (Z_c.re + 1j * Z_c.im) + reaction)
     u = 2 / devices[0].sample_time * np.tan(theta / 2)
-    damping = np.where(np.isfinite(met), met.real, -np.inf)
-    return Reactions(theta, u, curves.device, curves.hands, curves.share, damping, np.nan_to_num(met.imag))
+    damping = np.where(np.isfinite(environment), environment.real, -np.inf)
+    return Reactions(theta, u, curves.device, curves.hands, curves.share, damping, np.nan_to_num(environment.imag))
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,19 +196,23 @@ class LimitPoints:
         ----------
         curves, least : see `of`
         """
-        points, more = cls.of(curves, least), curves.damping > least
-        curve, angle = np.nonzero(more[:, 1:] != more[:, :-1])
+        points, exceeds = cls.of(curves, least), curves.damping > least
+        curve, angle = np.nonzero(exceeds[:, 1:] != exceeds[:, :-1])
         first, last = curves.damping[curve, angle], curves.damping[curve, angle + 1]
         with np.errstate(all="ignore"):
             share = np.nan_to_num((least - first) / (last - first))
 
-        def there(values: Floats) -> Floats:
+        def at_edge(values: Floats) -> Floats:
             return np.asarray(values[..., 0] + share * (values[..., 1] - values[..., 0]))
 
         beside = np.stack((angle, angle + 1), axis=1)
-        added = there(curves.u[beside]), np.full(curve.size, least), there(curves.reactance[curve[:, None], beside])
-        known = points.u, points.damping, points.reactance
-        u, damping, reactance = (np.append(old, new) for old, new in zip(known, added, strict=True))
+        edge_values = (
+            at_edge(curves.u[beside]),
+            np.full(curve.size, least),
+            at_edge(curves.reactance[curve[:, None], beside]),
+        )
+        point_values = points.u, points.damping, points.reactance
+        u, damping, reactance = (np.append(old, new) for old, new in zip(point_values, edge_values, strict=True))
         runs = points.curve.size + np.arange(curve.size)
         return cls(
             np.append(points.curve, curve),
@@ -266,8 +270,8 @@ class LimitPoints:
         ----------
         low, high : mass, damping and stiffness, shape (3,); the function ignores the greatest stiffness
         """
-        met = (self.damping >= low[1]) & (self.reactance <= high[0] * self.u - low[2] / self.u)
-        return float(np.min((low[0] * self.u - self.reactance)[met] * self.u[met], initial=inf))
+        with_pole = (self.damping >= low[1]) & (self.reactance <= high[0] * self.u - low[2] / self.u)
+        return float(np.min((low[0] * self.u - self.reactance)[with_pole] * self.u[with_pole], initial=inf))
 
     def lightest(self, low: Floats, high: Floats) -> float:
         """Return the least mass above which no environment of a box has a pole.
@@ -276,8 +280,8 @@ class LimitPoints:
         ----------
         low, high : mass, damping and stiffness, shape (3,); the function ignores the least mass
         """
-        met = (self.damping >= low[1]) & (self.reactance <= high[0] * self.u - low[2] / self.u)
-        return float(np.max((self.reactance + high[2] / self.u)[met] / self.u[met], initial=0.0))
+        with_pole = (self.damping >= low[1]) & (self.reactance <= high[0] * self.u - low[2] / self.u)
+        return float(np.max((self.reactance + high[2] / self.u)[with_pole] / self.u[with_pole], initial=0.0))
 
     def _reactances(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
         """Return the least and the greatest reactance of boxes at the points, shape (boxes, n)."""

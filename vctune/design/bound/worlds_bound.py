@@ -63,8 +63,8 @@ class ConditionsInWorlds:
         resistance = factor * (_least(self.required, boxes) - self.kept)
         first, second = elements_for(resistance, self.offer, boxes)
         if self.light_enough is not None:
-            asked = self.light_enough.least(boxes) > 0
-            first, second = np.where(asked, first, 0.0), np.where(asked, second, 0.0)
+            above_negative = self.light_enough.least(boxes) > 0
+            first, second = np.where(above_negative, first, 0.0), np.where(above_negative, second, 0.0)
         if self.reactive is not None:
             reactance = factor * _least(self.reactive, boxes)
             b_c, m_c = (np.where(reactance > 0, reactance * x, 0.0) for x in self._elements_of_reactance(boxes))

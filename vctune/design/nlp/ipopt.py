@@ -253,10 +253,10 @@ def _common(problem: Problem, structure: NlpStructure, free: tuple[Coordinate, .
 
 
 def _at_frequencies(structure: NlpStructure, device: Device, omega: Floats) -> dict[str, Any]:
-    found = device_numbers(device_response(device, omega, FLOATS))
+    numbers = device_numbers(device_response(device, omega, FLOATS))
     if structure.kind.inverse:
-        found |= _firmware_filter(device, omega)
-    return {name: np.broadcast_to(found[name], omega.shape) for name in frequency_layout(structure)}
+        numbers |= _firmware_filter(device, omega)
+    return {name: np.broadcast_to(numbers[name], omega.shape) for name in frequency_layout(structure)}
 
 
 def _pulse_transfer(points: Sequence[ConstraintPoint], *, position: bool) -> dict[str, Any]:
@@ -274,9 +274,9 @@ def _firmware_filter(device: Device, omega: Any) -> dict[str, Any]:
 def _in_hands(points: Sequence[ConstraintPoint], *, worlds: bool) -> dict[str, Any]:
     """Return the loops in hands at some points, keyed by the names of `in_hand_layout`. With T = 1, omega equals
     theta."""
-    held = _HELD | ({"impedance": _force_in_worlds} if worlds else {})
-    found = [held[at.device.kind.name](at) for at in points]
-    return {name: np.array([each[name] for each in found]).T for name in found[0]}
+    functions = _HELD | ({"impedance": _force_in_worlds} if worlds else {})
+    columns = [functions[at.device.kind.name](at) for at in points]
+    return {name: np.array([column[name] for column in columns]).T for name in columns[0]}
 
 
 @lru_cache(maxsize=KEPT)
@@ -304,9 +304,9 @@ def _force_in_hand(at: ConstraintPoint) -> dict[str, Any]:
 
 def _command_in_hand(at: ConstraintPoint) -> dict[str, Any]:
     theta = min(at.omega, pi)
-    found = _required(at, Gains(0.0, 0.0), theta)
+    required = _required(at, Gains(0.0, 0.0), theta)
     seen = seen_in_hand(_loop_at(at, theta), Gains(0.0, 0.0))
-    return {"theta": theta, "required": found.lost / found.size, "swing": seen.swing / seen.size}
+    return {"theta": theta, "required": required.lost / required.size, "swing": seen.swing / seen.size}
 
 
 def _in_worlds(count: int, met: WorldsMet, spare: float, *, inverse: bool) -> dict[str, Any]:

@@ -156,7 +156,7 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
     pulse_column, pulse = _symbols("pulse", PULSE_TRANSFER)
     perturbed_column, perturbed = _symbols("perturbed", PERTURBED_LOOP)
     cut_column, cut = _symbols("cut", STABILITY_CUT)
-    held_column, held = _symbols("held", tables(structure)["in_hand"].layout)
+    in_hand_column, in_hand = _symbols("held", tables(structure)["in_hand"].layout)
     plant_column, plant = _symbols("plant", plant_layout(structure))
 
     gains, coupling, corner = _design(structure, z, common)
@@ -184,7 +184,7 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
             "stability": cut_column,
             "peak": frequency_column,
             "unmodelled": perturbed_column,
-            "in_hand": held_column,
+            "in_hand": in_hand_column,
             "tracked_peaks": ca.vertcat(y, plant_column),
         },
         values={
@@ -194,7 +194,7 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
             "stability": cut["open"] + gains.velocity * cut["velocity"] + gains.position * cut["position"],
             "peak": epigraph - ca.log(error2) / 2,
             "unmodelled": _room(perturbed_L) - perturbed["log_radius"],
-            "in_hand": _demanded_in_hand(structure, held, gains, coupling, corner),
+            "in_hand": _demanded_in_hand(structure, in_hand, gains, coupling, corner),
             "tracked_peaks": ca.vertcat(-log_peak, ca.gradient(log_peak, y)),
         },
     )
@@ -228,19 +228,19 @@ def _low_pass(numbers: dict[str, ca.SX]) -> Pair:
     return Pair(numbers["low_pass_re"], numbers["low_pass_im"])
 
 
-def _margin_in_hand(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
+def _margin_in_hand(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
     """Return asinh(Re Z_c) - asinh(factor R), scaled, which is >= 0 if the coupling suffices in a hand.
 
     For an impedance display, the left side is Re(1/Z_c)/s^2 with s = sin(theta/2), and R is divided by s^2 as well.
     """
     if isinstance(coupling, SpringDamper):
-        (l_0, l_1), (q_0, q_1, q_2), K_v = ca.vertsplit(held["lost"]), ca.vertsplit(held["size"]), gains.velocity
+        (l_0, l_1), (q_0, q_1, q_2), K_v = ca.vertsplit(in_hand["lost"]), ca.vertsplit(in_hand["size"]), gains.velocity
         required = (l_0 + l_1 * K_v) / (q_0 + K_v * (q_1 + q_2 * K_v))
-        wanted = ca.fmax(held["factor"] * required, required)  # the greater of both if R is negative
-        offered = offered_by_spring(coupling, 1.0, _low_pass(held), held["theta"], SYMBOLS).quotient
+        wanted = ca.fmax(in_hand["factor"] * required, required)  # the greater of both if R is negative
+        offered = offered_by_spring(coupling, 1.0, _low_pass(in_hand), in_hand["theta"], SYMBOLS).quotient
         return ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)
-    offered = sampled_resistance(series_coupling(coupling), 1.0, held["theta"], SYMBOLS)
-    wanted = held["factor"] * (held["required"] if "required" in held else _required_of_loop(held, gains))
+    offered = sampled_resistance(series_coupling(coupling), 1.0, in_hand["theta"], SYMBOLS)
+    wanted = in_hand["factor"] * (in_hand["required"] if "required" in in_hand else _required_of_loop(in_hand, gains))
     return ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)
 
 
@@ -254,15 +254,15 @@ tenths they take twice as many rounds."""
 
 
 def _demanded_in_hand(
-    structure: NlpStructure, held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, corner: ca.SX | None
+    structure: NlpStructure, in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, corner: ca.SX | None
 ) -> Number:
     if corner is not None:
-        return _margin_with_walls(held, gains, coupling, corner)
+        return _margin_with_walls(in_hand, gains, coupling, corner)
     if structure.in_time:
-        return _margin_in_time(structure, held, gains, coupling)
+        return _margin_in_time(structure, in_hand, gains, coupling)
     if structure.worlds:
-        return reduce(ca.fmin, [_margin_in_worlds(held, gains, coupling, share) for share in structure.shares])
-    return _margin_in_hand(held, gains, coupling)
+        return reduce(ca.fmin, [_margin_in_worlds(in_hand, gains, coupling, share) for share in structure.shares])
+    return _margin_in_hand(in_hand, gains, coupling)
 
 
 ALIKE = 4
@@ -271,55 +271,55 @@ number. With half of it, the answers violate their own constraints; with twice a
 greater."""
 
 
-def _margin_in_time(structure: NlpStructure, held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
+def _margin_in_time(structure: NlpStructure, in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
     """Return the margin for environments late or by Euler's rules: the least over the shares of the coupling."""
-    seen, at = _seen(held, gains), offered_at(series_coupling(coupling), 1.0, held["theta"], SYMBOLS)
-    planes = [HalfPlane(*(held[f"side_{k}_{part}"] for part in HalfPlane._fields)) for k in range(SIDES)]
+    seen, at = _seen(in_hand, gains), offered_at(series_coupling(coupling), 1.0, in_hand["theta"], SYMBOLS)
+    planes = [HalfPlane(*(in_hand[f"side_{k}_{part}"] for part in HalfPlane._fields)) for k in range(SIDES)]
     each = [
-        _greatest([room_of(plane.terms(at, seen, share), ca.fabs) - held["spare"] for plane in planes], ALIKE)
+        _greatest([room_of(plane.terms(at, seen, share), ca.fabs) - in_hand["spare"] for plane in planes], ALIKE)
         for share in structure.shares
     ]
     return reduce(ca.fmin, each)
 
 
-def _margin_in_worlds(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, share: float = 1.0) -> Number:
+def _margin_in_worlds(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, share: float = 1.0) -> Number:
     """Return a smooth lower bound of the greatest of the margins, one of which must be positive.
 
     Only for an impedance display does the result depend on the share of the coupling; for the other displays the
     margins cover all shares.
     """
-    low, high = _box_of(held)
-    theta, factor, raised = held["theta"], held["reserve"], held["factor"]
+    low, high = _box_of(in_hand)
+    theta, factor, raised = in_hand["theta"], in_hand["reserve"], in_hand["factor"]
     if isinstance(coupling, SpringDamper):
-        spring = offered_by_spring(coupling, 1.0, _low_pass(held), theta, SYMBOLS)
-        at, seen = seen_by_tool(ForceInHand(*_parts(held, ForceInHand)), gains, spring, share).apart
+        spring = offered_by_spring(coupling, 1.0, _low_pass(in_hand), theta, SYMBOLS)
+        at, seen = seen_by_tool(ForceInHand(*_parts(in_hand, ForceInHand)), gains, spring, share).apart
         factor, raised = ca.SX(1), raised / factor
     else:
-        at, seen = offered_at(series_coupling(coupling), 1.0, theta, SYMBOLS), _seen(held, gains)
-    found = disjuncts(at, Worlds(low, high), 1.0, seen, factor, theta, SYMBOLS)
+        at, seen = offered_at(series_coupling(coupling), 1.0, theta, SYMBOLS), _seen(in_hand, gains)
+    margin_terms = disjuncts(at, Worlds(low, high), 1.0, seen, factor, theta, SYMBOLS)
     offered, wanted = at.resistance + factor * low.damping, raised * (seen.lost / seen.size)
     margins = {"resistive": ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)}
-    for name in found._fields[1:]:
-        margins[name] = room_of(getattr(found, name), ca.fabs) - held["spare"]
-    alike = 1 + ca.fmax(held["by_above"], held["by_below"])
-    return _greatest([margins[name] - UNPOSED * (1 - held[f"by_{name}"]) for name in margins], alike)
+    for name in margin_terms._fields[1:]:
+        margins[name] = room_of(getattr(margin_terms, name), ca.fabs) - in_hand["spare"]
+    alike = 1 + ca.fmax(in_hand["by_above"], in_hand["by_below"])
+    return _greatest([margins[name] - UNPOSED * (1 - in_hand[f"by_{name}"]) for name in margins], alike)
 
 
 ENDLESS = 1e12
 """Greatest mass of a box without a limit of mass, in units of Z_0 T. The formulas for walls need a finite number."""
 
 
-def _margin_with_walls(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, corner: ca.SX) -> Number:
+def _margin_with_walls(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, corner: ca.SX) -> Number:
     """Return the margin of the condition on walls; at a point for linear environments, return the margin for these."""
-    theta, (low, high), T = held["theta"], _box_of(held), 1.0
+    theta, (low, high), T = in_hand["theta"], _box_of(in_hand), 1.0
     at = offered_at(series_coupling(coupling), T, theta, SYMBOLS)
-    high = replace(high, mass=high.mass + ENDLESS * (1 - held["by_above"]))
+    high = replace(high, mass=high.mass + ENDLESS * (1 - in_hand["by_above"]))
     worlds = Worlds(low, high, True, corner)
-    strip = strip_in_walls(at, worlds, T, _seen(held, gains), held["share"], theta, SYMBOLS)
-    found = disjuncts_in_walls(strip, worlds, held["lead"], T, theta, SYMBOLS)
-    rooms = [room_of(terms, ca.fabs) - held["spare"] for terms in found if terms is not None]
-    linear = _margin_in_worlds(held, gains, coupling)
-    return held["walled"] * _greatest(rooms) + (1 - held["walled"]) * linear
+    strip = strip_in_walls(at, worlds, T, _seen(in_hand, gains), in_hand["share"], theta, SYMBOLS)
+    margin_terms = disjuncts_in_walls(strip, worlds, in_hand["lead"], T, theta, SYMBOLS)
+    wall_margins = [room_of(terms, ca.fabs) - in_hand["spare"] for terms in margin_terms if terms is not None]
+    linear = _margin_in_worlds(in_hand, gains, coupling)
+    return in_hand["walled"] * _greatest(wall_margins) + (1 - in_hand["walled"]) * linear
 
 
 def _greatest(margins: list[Number], alike: Number = 2) -> Number:
@@ -335,31 +335,35 @@ def _greatest(margins: list[Number], alike: Number = 2) -> Number:
     return greatest + BLUNT * (ca.log(others) - ca.log(alike))
 
 
-def _box_of(held: dict[str, ca.SX]) -> tuple[World, World]:
+def _box_of(in_hand: dict[str, ca.SX]) -> tuple[World, World]:
     """Return the least and the greatest environment of the box."""
     numbers = ("mass", "damping", "stiffness")
-    low, high = (World(*(held[f"environment_{end}_{name}"] for name in numbers)) for end in ("low", "high"))
+    low, high = (World(*(in_hand[f"environment_{end}_{name}"] for name in numbers)) for end in ("low", "high"))
     return low, high
 
 
-def _seen(held: dict[str, ca.SX], gains: Gains) -> Seen:
-    return Seen(held["required"], held["swing"], 1.0) if "required" in held else seen_in_hand(_loop(held), gains)
+def _seen(in_hand: dict[str, ca.SX], gains: Gains) -> Seen:
+    return (
+        Seen(in_hand["required"], in_hand["swing"], 1.0)
+        if "required" in in_hand
+        else seen_in_hand(_loop(in_hand), gains)
+    )
 
 
-def _loop(held: dict[str, ca.SX]) -> LoopInHand:
+def _loop(in_hand: dict[str, ca.SX]) -> LoopInHand:
     """Return a velocity loop in a hand."""
-    return LoopInHand(*_parts(held, LoopInHand))
+    return LoopInHand(*_parts(in_hand, LoopInHand))
 
 
-def _parts(held: dict[str, ca.SX], loop: type[LoopInHand | ForceInHand]) -> list[EvenOdd]:
+def _parts(in_hand: dict[str, ca.SX], loop: type[LoopInHand | ForceInHand]) -> list[EvenOdd]:
     """Return the parts of a loop in a hand, in the order of the fields of `loop`."""
-    sine = ca.sin(held["theta"] / 2)
-    return [EvenOdd(held[f"{part}_even"], held[f"{part}_odd"], sine * sine) for part in loop._fields]
+    sine = ca.sin(in_hand["theta"] / 2)
+    return [EvenOdd(in_hand[f"{part}_even"], in_hand[f"{part}_odd"], sine * sine) for part in loop._fields]
 
 
-def _required_of_loop(held: dict[str, ca.SX], gains: Gains) -> Number:
+def _required_of_loop(in_hand: dict[str, ca.SX], gains: Gains) -> Number:
     """Return R of a velocity loop in a hand."""
-    required = required_in_hand(_loop(held), gains)
+    required = required_in_hand(_loop(in_hand), gains)
     return required.lost / required.size
 
 
