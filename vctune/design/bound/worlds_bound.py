@@ -117,8 +117,8 @@ def conditions_in_worlds(devices: Sequence[Device], places: PlacesInHands, world
 def _at(device: Device, theta: Floats, places: PlacesInHands, worlds: Worlds) -> tuple[Coefficients, ...]:
     """Return the coefficients of four quadratics; an infinite m_2 or k_2 counts as 0.
 
-    They are -o/2, |F|^2, (m_2 (2/T) s^2 - k_1 (T/2) c^2) |F|^2 - c e/2, and
-    (k_2 (T/2) c^2 - m_1 (2/T) s^2) |F|^2 + c e/2.
+    The quadratics are -o/2, |F|^2, (m_2 (2/T) s^2 - k_1 (T/2) c^2) |F|^2 - c e/2, and (k_2 (T/2) c^2 - m_1 (2/T) s^2)
+    |F|^2 + c e/2.
     """
     lost, size, swing = coefficients_in_hands(device, theta, places.hands)
     half, T, ends = Enclosure(theta) / 2, decimal(device.sample_time), worlds.converted(decimal)

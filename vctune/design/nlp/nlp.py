@@ -247,10 +247,10 @@ def _margin_in_hand(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupli
 UNPOSED = 1e3
 """Amount that the NLP subtracts from a margin that the problem does not have, so that it is never the greatest."""
 BLUNT = 1e-2
-"""Width of the smoothing of the greatest of several margins. Smoothing allows IPOPT to move from a design that
-satisfies one margin to a design that satisfies another. If two margins are equal at an optimum, smoothing makes the
-coupling too large by 0.7 of this number, as a share. With a tenth of this number exchanges do not converge; with three
-tenths they take twice as many rounds."""
+"""Width of the smooth function that replaces the maximum of several margins. Smoothing allows IPOPT to move from a
+design that satisfies one margin to a design that satisfies another. If two margins are equal at an optimum, smoothing
+makes the coupling too large by 0.7 of this number, as a share. With a tenth of this number exchanges do not converge;
+with three tenths they take twice as many rounds."""
 
 
 def _demanded_in_hand(

@@ -1,8 +1,9 @@
 """Join a problem file and a ROS 2 parameter file: the problem of a device whose coupling is the ROS 2 admittance.
 
 The controller steps M dv/dt + D v + S x = f explicitly: (M/T) (v - v_before) + D v_before + S x_before = f. This equals
-a mass M - D T by backward Euler, a drag D - S T/2 and a lossless spring S. The mass is the coupling of the trapezoidal
-rule with b_c = 2 (M - D T)/T and m_c = M - D T. The proof covers every passive environment, and thus the spring.
+a mass M - D T by backward Euler, a drag D - S T/2 and a lossless spring S. A mass by backward Euler equals a coupling
+by the trapezoidal rule with b_c = 2 (M - D T)/T and m_c = M - D T. The proof covers every passive environment, and thus
+the spring.
 
 For a servo this form is exact. S acts on the measured position, which has the lag of the servo. S is therefore the
 servo's own spring, and the code does not subtract S T/2 from the drag. The filter of the controller acts on samples,

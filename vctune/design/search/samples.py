@@ -38,8 +38,8 @@ FEW, FEW_ANGLES, FEW_SPRINGS = (0.0, 0.1, 1.0), 12, 4
 number of soft springs per two decades at angle 0.
 
 With only the ends of the ranges, the exchange needs more rounds and finds the same designs. With half or twice as many
-angles, it finds the same designs as well. Between two of the springs, R is at most 8 % greater than at the springs.
-Without the springs, the scan would find starts without drag for problems that need much drag.
+angles, the exchange finds the same designs as well. Between two of the springs, R is at most 8 % greater than at the
+springs. Without the springs, the scan would find starts without drag for problems that need much drag.
 """
 PANELS = 3
 """Number of panels of the quadrature over the transparency band, with eight nodes each. Three panels are enough,

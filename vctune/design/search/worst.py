@@ -107,8 +107,8 @@ def loudest(posed: Posed, gains: Gains, case: Problem, peaks: Minima) -> tuple[P
     """Move uncertain numbers to the ends of their ranges at which |S| is greater; return the device and the maxima of
     |S|.
 
-    The function moves one number after the other until no move increases |S|. This suffices because |S| is usually a
-    monotonic function of each number.
+    The function moves one number after the other until no move increases |S|. Few moves suffice, because |S| is usually
+    a monotonic function of each number.
 
     Parameters
     ----------

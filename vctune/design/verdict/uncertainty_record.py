@@ -1,4 +1,4 @@
-"""Record a design on the devices of an uncertain box, and the cost of the uncertainty."""
+"""Record the errors of a design on the devices of an uncertain box, which show the cost of the uncertainty."""
 
 from __future__ import annotations
 
