@@ -2,42 +2,59 @@
 
 from __future__ import annotations
 
-from vctune.model.hands import Hands
+from typing import NamedTuple
+
+from vctune.model.sampled.changing.storage_function import Held
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.engine.interval import Outcome, Verdict
-from vctune.proof.storage.candidates import candidate, grid, hand_without
+from vctune.proof.storage.candidates import candidate, grid, hand_without, joined, vertices
 from vctune.proof.storage.storage_proof import prove_storage
 
-ROUNDS = 4
-"""Candidates that are tried, each with a hand more in which the last one failed. Most proofs take the first."""
-MAX_BOXES = 20_000
-"""Boxes before a candidate is given up; a design with room takes some hundred. Half and twice it: the same proofs."""
+
+class Effort(NamedTuple):
+    """How much a proof may cost.
+
+    Attributes
+    ----------
+    rounds : candidates that are tried, each with a hand more in which the last one failed; most proofs take the first
+    boxes : boxes before a candidate is given up
+    """
+
+    rounds: int
+    boxes: int
 
 
-def prove_changing(design: Design, hands: Hands) -> Outcome:
+ASKED = Effort(4, 20_000)
+"""For a design that asks for the claim. Half and twice it: the same proofs."""
+
+
+def prove_changing(design: Design, box: Held, effort: Effort = ASKED) -> Outcome:
     """Prove the loop stable with every passive environment while the damping of the hand changes at every sample.
 
     Parameters
     ----------
-    design : taken as the decimals that it is written as
-    hands : box of hands; mass and stiffness of each stay as they are
+    design : taken as the decimals that it is written as; its device has the states of every device of the box
+    box : hands and devices; only the damping changes
+    effort : how much it may cost
 
     Returns
     -------
     Outcome
         Proved with the storage function, or undecided; never refuted, because another storage function may exist.
     """
-    boxes = 0
-    at = grid(hands)
-    for _ in range(ROUNDS):
-        storage = candidate(design, hands, at)
+    if candidate(design, box, vertices(box)) is None:
+        return Outcome(Verdict.UNDECIDED, 0, hand=hand_without(design, box))
+    boxes, at, open_ = 0, grid(design, box), None
+    for _ in range(effort.rounds):
+        storage = candidate(design, box, at)
         if storage is None:
-            return Outcome(Verdict.UNDECIDED, boxes, hand=hand_without(design, hands))
-        found = prove_storage(design, storage, MAX_BOXES)
+            break
+        found = prove_storage(design, storage, effort.boxes)
         boxes += found.boxes
         if found.open is None:
             return Outcome(Verdict.PROVED, boxes, storage=storage)
+        open_ = box.on(design.device, found.open.tolist())[0]
         if not found.fails:
             break
-        at = at.with_hand(found.open, hands)
-    return Outcome(Verdict.UNDECIDED, boxes, hand=found.open)
+        at = joined(at, found.open, box)
+    return Outcome(Verdict.UNDECIDED, boxes, hand=open_)
