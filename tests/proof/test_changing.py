@@ -40,13 +40,14 @@ from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Demands
 from vctune.model.sampled.changing.loop_states import Law, loop_states
+from vctune.model.sampled.changing.storage_function import Holding
 from vctune.model.sampled.hand_loop import loop_in_hand, offered, required_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.certificate import certify
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.registry import claims_asked
 from vctune.proof.engine.interval import Verdict
-from vctune.proof.storage.barrier import Family, analytic_centre
+from vctune.proof.storage.barrier import Family, Sums, well_inside
 from vctune.proof.storage.changing import prove_changing
 from vctune.proof.storage.storage_proof import prove_storage
 
@@ -96,7 +97,7 @@ def supplied(problem, gains, coupling, record, hand, sensed):
         low, high = record["box"]["mass"]
         mu = share("mass", M)
         weights = [1, mu, (1 - mu**2) * (m + (low + high) / 2) / (m + M), share("stiffness", K)]
-        Y = np.tensordot([*weights, share("damping", damping)], record["storage"]["matrices"], axes=1)
+        Y = np.tensordot([*weights, share("damping", damping)], record["storages"][0]["matrices"], axes=1)
         here_x, here_v, here_u, here_q, here_g = now
         kappa = k_p / (k + k_p)
         zeta = np.array([here_x - kappa * here_q, here_v, here_u - k * kappa * here_q, here_g])
@@ -196,7 +197,7 @@ def test_the_states_of_a_servo_follow_a_hand_whose_damping_changes_at_every_samp
 
 def test_a_hand_without_mass_is_left_open_and_named():
     found = prove_changing(published(), replace(HUMAN, low=Hand(0.0, 0.0, 0.0)))
-    assert found.verdict is Verdict.UNDECIDED and found.storage is None
+    assert found.verdict is Verdict.UNDECIDED and not found.storages
     assert found.hand is not None and found.hand.mass == 0
 
 
@@ -225,13 +226,13 @@ def test_a_stiffness_that_changes_supplies_energy():
 
 
 def test_a_storage_that_is_another_is_not_proved():
-    storage = prove_changing(published(), HUMAN).storage
-    assert storage is not None and prove_storage(published(), storage, 2000).open is None
+    (storage,) = prove_changing(published(), HUMAN).storages
+    assert prove_storage(published(), storage, 2000).open is None
     for factor in (0.8, 1.3):
         terms = tuple(tuple(tuple(factor * x for x in row) for row in term) for term in storage.terms)
         other = replace(storage, terms=terms)
         assert prove_storage(published(), other, 2000).fails
-    wider = replace(storage, hands=replace(HUMAN, high=Hand(0.5, 30.0, 30000.0)))
+    wider = replace(storage, box=Holding(replace(HUMAN, high=Hand(0.5, 30.0, 30000.0))))
     assert prove_storage(published(), wider, 2000).open is not None
 
 
@@ -374,7 +375,7 @@ def falls_while_stiffness_changes(environments, rate):
     kept, after, constant = [*kept, -basis], [*after, 0 * basis], np.zeros((len(now), n, n))
     constant[-1] = np.eye(n)
     families = Family(now, np.array(kept)), Family(now - then, np.array(after))
-    return analytic_centre(constant, families, np.ones((now.shape[1], rows.size), bool)) is not None
+    return well_inside(Sums(constant, families, np.ones((now.shape[1], rows.size), bool))) is not None
 
 
 SLOWLY = [(2000, 2, 0.5), (200, 0, 0.02), (2000, 0, 0.02), (2000, 0, 0.5), (0, 2, 0.5), (2000, 10, 5)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -11,7 +12,7 @@ from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.matrices import Matrix
 from vctune.model.sampled.changing.loop_states import Law, LoopStates, loop_states
-from vctune.model.sampled.changing.storage_function import BETA, Held, Storage, moved_mass, weights
+from vctune.model.sampled.changing.storage_function import BETA, Holding, Storage, moved_mass, weights
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.array_intervals import TINY, Floats
 from vctune.proof.storage.barrier import Family, Sums, well_inside
@@ -25,15 +26,15 @@ DOUBLINGS = 60
 
 Places = Floats
 """Hands and devices in which a storage is sought, each with one damping when the force was sampled, which is one of the
-ends: the inequality is affine in it. Rows are the numbers of `Held.ends` and that damping; shape (rows + 1, p)."""
+ends: the inequality is affine in it. Rows are the numbers of `Holding.ends` and that damping; shape (rows + 1, p)."""
 
 
-def vertices(box: Held) -> Places:
+def vertices(box: Holding) -> Places:
     """Return the vertices of a box."""
-    return _all_of([sorted(set(ends)) for ends in box.ends], box)
+    return _all_of([_different(ends) for ends in box.ends], box)
 
 
-def grid(design: Design, box: Held) -> Places:
+def grid(design: Design, box: Holding) -> Places:
     """Return hands all over a box, on the devices at its vertices.
 
     Parameters
@@ -47,27 +48,31 @@ def grid(design: Design, box: Held) -> Places:
     # a third and two thirds of the range, and half of the range of 1/(m + M)
     between = [(2 * low + high) / 3, (low + 2 * high) / 3, 2 * low * high / (low + high)]
     inner = [mass - own for mass in between if low < high]
-    axes = [[*masses, *inner], *(np.linspace(*ends, ACROSS) for ends in (dampings, stiffnesses)), *numbers]
-    return _all_of([sorted(set(axis)) for axis in axes], box)
+    across = [np.linspace(*ends, ACROSS).tolist() for ends in (dampings, stiffnesses)]
+    return _all_of([_different(axis) for axis in ([*masses, *inner], *across, *numbers)], box)
 
 
-def _all_of(axes: list[list[float]], box: Held) -> Places:
+def _different(numbers: Sequence[float]) -> list[float]:
+    return sorted(set(numbers))
+
+
+def _all_of(axes: list[list[float]], box: Holding) -> Places:
     return np.array(list(product(*axes, box.dampings))).T
 
 
-def joined(at: Places, row: Floats, box: Held) -> Places:
+def joined(at: Places, row: Floats, box: Holding) -> Places:
     """Return places and one more, with the least and with the greatest sensed damping.
 
     Parameters
     ----------
     at : places of the box
-    row : numbers of the new one, as in `Held.ends`
+    row : numbers of the new one, as in `Holding.ends`
     box : hands and devices
     """
     return np.concatenate([at, _all_of([[number] for number in row.tolist()], box)], axis=1)
 
 
-def candidate(design: Design, box: Held, at: Places) -> Storage | None:
+def candidate(design: Design, box: Holding, at: Places) -> Storage | None:
     """Return a storage that grows by less than the port supplies in some hands; None if none is found.
 
     Parameters
@@ -85,7 +90,7 @@ def candidate(design: Design, box: Held, at: Places) -> Storage | None:
     return Storage(design.device, box, decimals)
 
 
-def hand_without(design: Design, box: Held) -> Hand | None:
+def hand_without(design: Design, box: Holding) -> Hand | None:
     """Return a corner of the masses and stiffnesses for whose dampings alone no storage is found.
 
     Parameters
@@ -101,7 +106,7 @@ def hand_without(design: Design, box: Held) -> Hand | None:
     for corner in box.hands.corners:
         if corner.damping < box.hands.high.damping:
             continue
-        fixed = Held(Hands(replace(corner, damping=box.hands.low.damping), corner))
+        fixed = Holding(Hands(replace(corner, damping=box.hands.low.damping), corner))
         if candidate(design, fixed, grid(design, fixed)) is None:
             return corner
     return None
@@ -111,11 +116,12 @@ def _rounded(x: float) -> float:
     return float(f"{x:.{DIGITS}g}")
 
 
-def _affine(design: Design, box: Held, at: Places) -> tuple[Sums, Floats]:
+def _affine(design: Design, box: Holding, at: Places) -> tuple[Sums, Floats]:
     """Return the inequality at each place as a matrix that is affine in the entries of Y (model/README.md, section 21).
 
-    The second result has the units of Y, one for each entry of a triangle. With Y^- at the damping when the force was sampled and Y at the damping from then on, both weighted sums of the same
-    terms, Y^- - F'YF is the sum of weights_before (U - F'UF) + (weights_before - weights_after) F'UF over the terms.
+    The second result has the units of Y, one for each entry of a triangle. With Y^- at the damping when the force was
+    sampled and Y at the damping from then on, both weighted sums of the same terms, Y^- - F'YF is the sum of
+    weights_before (U - F'UF) + (weights_before - weights_after) F'UF over the terms.
     """
     law, count, sensed = Law(design.gains, design.series), at.shape[1], at[-1]
     hand, device = box.on(design.device, list(at[:-1]))

@@ -56,7 +56,7 @@ def surely_definite(matrix: Taylor) -> Definite:
         # a product of three m x m matrices: fewer than 4 m + 8 roundings of the sizes' product
         rounding = (4 * m + 8) * UNIT * (np.abs(poly).sum(axis=0) + TINY)
         rests = size @ np.concatenate([rest, rounding[None]]) @ size.swapaxes(-1, -2)
-        proved = usable & _at_vertices(turned, rests.sum(axis=0), k)
+        proved: Flags = usable & _at_vertices(turned, rests.sum(axis=0), k)
         losses = _losses(turned, rests, k)
     return Definite(proved, fails, np.where(usable, losses, np.inf))
 
@@ -70,20 +70,20 @@ def _at_vertices(turned: Floats, rest: Floats, rows: int) -> Flags:
     rest : radius of the remainder, shape (n, m, m)
     rows : number of rows of the boxes
     """
-    used = turned[1 : 1 + rows].any(axis=(1, 2, 3))
+    used = np.asarray(turned[1 : 1 + rows].any(axis=(1, 2, 3)))
     pairs = list(combinations_with_replacement(range(rows), 2))
     squares = turned[[1 + rows + at for at, (i, j) in enumerate(pairs) if i == j]]
     shares = [
         [1.0, *signs, *(0.5 if i == j else signs[i] * signs[j] for i, j in pairs)]
-        for signs in product(*((-1.0, 1.0) if one else (0.0,) for one in used))
+        for signs in product(*((-1.0, 1.0) if one else (0.0,) for one in used.tolist()))
     ]
     mid = np.tensordot(np.array(shares), turned, axes=1)
     rounding = 2 * len(turned) * UNIT * np.abs(turned).sum(axis=0)
     left = Enclosure(mid, np.broadcast_to((0.5 * np.abs(squares).sum(axis=0) + rest + rounding) * SWOLLEN, mid.shape))
-    positive = np.ones(mid.shape[:2], bool)
+    positive: Flags = np.ones(mid.shape[:2], bool)
     for _ in range(mid.shape[-1]):  # LDL'
         pivot = left[..., :1, :1]
-        positive &= pivot.positive()[..., 0, 0]
+        positive = positive & pivot.positive()[..., 0, 0]
         left = left[..., 1:, 1:] - left[..., 1:, :1] * (left[..., :1, 1:] / pivot)
     return np.asarray(positive.all(axis=0))
 

@@ -33,7 +33,7 @@ class StorageProof(NamedTuple):
     Attributes
     ----------
     boxes : number of evaluated boxes
-    open : numbers of a hand and a device that are left open, as in `Held.ends`; None if all are proved
+    open : numbers of a hand and a device that are left open, as in `Holding.ends`; None if all are proved
     fails : whether the storage grows by more than the port supplies there, in floats
     """
 
@@ -105,7 +105,8 @@ def _judged(design: Design, storage: Storage, low: Floats, high: Floats) -> Defi
     holds = surely_definite(_stacked(whole).subset(np.s_[:count]))
     proved, fails = (each.reshape(len(ends), count) for each in (falls.proved, falls.fails))
     losses = falls.losses.reshape(len(low), len(ends), count).max(axis=1)
-    return Definite(proved.all(axis=0) & holds.proved, fails.any(axis=0), np.maximum(losses, holds.losses))
+    every = np.asarray(proved.all(axis=0) & holds.proved)
+    return Definite(every, np.asarray(fails.any(axis=0)), np.maximum(losses, holds.losses))
 
 
 def _enclosed(design: Design) -> tuple[Device, Law]:

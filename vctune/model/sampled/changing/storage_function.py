@@ -29,7 +29,7 @@ class Range:
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class Holding:
     """Every hand of a box on every device of a box.
 
     Attributes
@@ -80,11 +80,11 @@ class Storage:
     """
 
     plain: Device
-    box: Held
+    box: Holding
     terms: tuple[tuple[tuple[float, ...], ...], ...]
 
 
-def terms_of(box: Held) -> list[str]:
+def terms_of(box: Holding) -> list[str]:
     """Return the names of the functions that weight the matrices of a storage function on a box."""
     return [*OF_HAND, *(each.key for each in box.numbers)]
 
@@ -94,7 +94,7 @@ def moved_mass(device: Device) -> Number:
     return device.mass if device.structure is None else device.structure.handle_mass
 
 
-def weights(box: Held, device: Device, hand: Hand, number: Callable[[float], Number]) -> Vector:
+def weights(box: Holding, device: Device, hand: Hand, number: Callable[[float], Number]) -> Vector:
     """Return the functions `terms_of` of a hand and a device.
 
     mu, sigma and beta are mass, stiffness and damping, scaled from their ranges to -1 to 1. nu is 0 at both ends of the
