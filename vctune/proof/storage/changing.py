@@ -31,7 +31,7 @@ class Effort(NamedTuple):
     boxes: int
 
 
-ASKED = Effort(4, 20_000)
+ASKED = Effort(4, 5_000)
 """For a design that asks for the claim. Half and twice it: the same proofs."""
 IN_PASSING = Effort(1, 250)
 """For a design that does not: .05 to .3 s."""
