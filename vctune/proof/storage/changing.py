@@ -57,7 +57,8 @@ def prove_changing(design: Design, hands: Hands, devices: DeviceBox | None = Non
         refuted, because another storage function may exist.
     """
     boxes, storages = 0, list[Storage]()
-    for device, numbers in parts_alike(design.device, devices):
+    parts = parts_alike(design.device, devices)
+    for device, numbers in parts:
         found = _proved(replace(design, device=device), Holding(hands, numbers), ASKED)
         boxes += found.boxes
         if found.verdict is not Verdict.PROVED:
@@ -65,7 +66,7 @@ def prove_changing(design: Design, hands: Hands, devices: DeviceBox | None = Non
             without = found.hand or hand_without(replace(design, device=own), Holding(hands))
             return replace(found, boxes=boxes, hand=without)
         storages += found.storages
-    return Outcome(Verdict.PROVED, boxes, storages=tuple(storages))
+    return Outcome(Verdict.PROVED if parts else Verdict.UNDECIDED, boxes, storages=tuple(storages))
 
 
 class Examined(NamedTuple):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise, product
+from itertools import pairwise
 from math import ceil, floor
 
 from vctune.model.device import Device
@@ -21,16 +21,23 @@ def parts_alike(device: Device, devices: DeviceBox | None) -> list[tuple[Device,
     ----------
     device : the device, if it is certain
     devices : box of devices; None if the device is certain
+
+    Returns
+    -------
+    list
+        Empty if two delays are uncertain and not only their sum matters: no such part is a box.
     """
     if devices is None or not devices.uncertain:
         return [(device, ())]
     box = in_one_delay(devices) if late_as_one(devices) else devices
     ranges = [Range(key, box.low.number(key), box.high.number(key)) for key in box.uncertain]
     late = [each for each in ranges if each.key in DELAYS]
+    if len(late) > 1:
+        return []
     others = [each for each in ranges if each.key not in DELAYS]
     known = sum(box.nominal.number(key) or 0.0 for key in DELAYS if key not in [each.key for each in late])
     found = []
-    for delays in product(*(_between_wholes(each, known, device.sample_time) for each in late)):
+    for delays in [[each] for each in _between_wholes(late[0], known, device.sample_time)] if late else [[]]:
         numbers = (*delays, *others)
         middle = {each.key: 0.5 * (each.low + each.high) for each in numbers}
         found.append((box.nominal.with_numbers(middle), numbers))
