@@ -164,7 +164,7 @@ class DesignRecord(Document):
         "rendered": "rendered",
         "transparency": "transparency",
         "certificate": "certificate",
-        "changing": "changing hands",
+        "changing": "hands change",
         "uncertainty": "uncertainty",
         "optimality": "optimality",
         "inner_loop": "velocity loop",

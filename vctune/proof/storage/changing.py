@@ -13,8 +13,8 @@ from vctune.model.sampled.changing.storage_function import Holding, Storage
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.device_box import DeviceBox
 from vctune.proof.engine.interval import Outcome, Verdict
+from vctune.proof.storage.alike_devices import parts_alike
 from vctune.proof.storage.candidates import candidate, grid, hand_without, joined, vertices
-from vctune.proof.storage.parts import parts_alike
 from vctune.proof.storage.storage_proof import prove_storage
 
 

@@ -22,7 +22,7 @@ from vctune.document.records.simulation_json import SimulationRecord
 from vctune.model.problem import Problem
 from vctune.report.figures.experiment_figures import HEADINGS, dwell_line, measured_rows, simulation_finding
 from vctune.report.figures.style import INK, PAPER
-from vctune.report.page.changing_hands import changing_lines
+from vctune.report.page.changing_lines import changing_lines
 from vctune.report.page.contents import IN_WORDS, READINGS, reading
 from vctune.report.page.findings import findings, limits
 from vctune.report.page.phase_table import phase_table
