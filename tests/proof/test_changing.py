@@ -431,3 +431,23 @@ def test_a_stiffness_may_not_change_much_faster(mass, stiffness, rate, other):
 def test_no_affine_storage_serves_a_box_of_environments():
     worlds = [Environment(mass=m, stiffness=k) for m in (0.5, 1.0, 2.0, 5.0) for k in (1000.0, 1500.0, 2000.0)]
     assert not falls_while_stiffness_changes(worlds, 0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "uncertain"),
+    [
+        ("friction-wheel-hands", {"mass": 0.02, "damping": 0.1}),
+        ("cobot-wrist", {"mass": 0.1, "damping": 0.1}),
+        ("cobot-wrist", {"delay": 0.1}),
+    ],
+)
+def test_no_sequence_of_dampings_makes_a_device_of_a_proved_box_grow(name, uncertain):
+    rng, (design, _, devices) = np.random.default_rng(3), published_of(name, **uncertain)
+    assert prove_changing(design, HUMAN, devices).verdict is Verdict.PROVED
+    for _ in range(10):
+        numbers = {key: rng.uniform(devices.low.number(key), devices.high.number(key)) for key in devices.uncertain}
+        each = replace(design, device=devices.device(numbers))
+        units = each.device.mass, each.device.sample_time
+        assert most_growth(rng, loops_of(each), HUMAN, units, 5, 200, 50) < 1 + ROUNDING
+        assert least_energy(each, switching(rng, HUMAN, 30)) > -ROUNDING
