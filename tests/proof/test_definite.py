@@ -52,3 +52,9 @@ def test_a_matrix_that_is_singular_at_a_vertex_is_left_open():
     poly[0], poly[1] = np.eye(2)[..., None], np.diag([1.0, 0.0])[..., None]
     poly[1, ..., 1] *= 1 - 1e-12
     assert surely_definite(Taylor(ROWS, poly, rest)).proved.tolist() == [False, True]
+
+
+def test_rows_that_act_only_together_are_not_left_out():
+    poly, rest = np.zeros((1 + ROWS + 6, 2, 2, 1)), np.zeros((ROWS + 1, 2, 2, 1))
+    poly[0], poly[1 + ROWS + 1] = np.eye(2)[..., None], 1.5 * np.diag([1.0, 0.0])[..., None]  # e_1 e_2
+    assert not surely_definite(Taylor(ROWS, poly, rest)).proved.any()

@@ -195,9 +195,7 @@ def _unproved_changing(raw: dict[str, Any]) -> Iterator[Contradiction]:
     if uncertainty.get("unmodelled"):
         yield ("uncertainty", "unmodelled"), "is not covered by the proof for hands that change; leave one of them out"
     late = [key for key in DELAYS if uncertainty.get(key)]
-    servo = raw["device"].get("servo") if isinstance(raw.get("device"), dict) else None
-    as_one = isinstance(servo, dict) and "stiffness" not in servo
-    if len(late) > 1 and not as_one:
+    if len(late) > 1:
         yield (
             ("uncertainty", late[-1]),
             f"is not proved together with {late[0]} for hands that change; leave one of them out",

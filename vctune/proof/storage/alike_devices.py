@@ -9,7 +9,7 @@ from vctune.model.device import Device
 from vctune.model.parts import DELAYS
 from vctune.model.sampled.changing.storage_function import Range
 from vctune.model.sampled.velocity_loop import SNAP
-from vctune.proof.device_box import DeviceBox, in_one_delay, late_as_one
+from vctune.proof.device_box import DeviceBox
 
 
 def parts_alike(device: Device, devices: DeviceBox | None) -> list[tuple[Device, tuple[Range, ...]]]:
@@ -25,22 +25,22 @@ def parts_alike(device: Device, devices: DeviceBox | None) -> list[tuple[Device,
     Returns
     -------
     list
-        Empty if two delays are uncertain and not only their sum matters: no such part is a box.
+        Empty if two delays are uncertain, because no such part is a box. For hands that change, the delays of a servo
+        do not act as one either: the damping acts between them.
     """
     if devices is None or not devices.uncertain:
         return [(device, ())]
-    box = in_one_delay(devices) if late_as_one(devices) else devices
-    ranges = [Range(key, box.low.number(key), box.high.number(key)) for key in box.uncertain]
+    ranges = [Range(key, devices.low.number(key), devices.high.number(key)) for key in devices.uncertain]
     late = [each for each in ranges if each.key in DELAYS]
     if len(late) > 1:
         return []
     others = [each for each in ranges if each.key not in DELAYS]
-    known = sum(box.nominal.number(key) or 0.0 for key in DELAYS if key not in [each.key for each in late])
+    known = sum(devices.nominal.number(key) or 0.0 for key in DELAYS if key not in [each.key for each in late])
     found = []
     for delays in [[each] for each in _between_wholes(late[0], known, device.sample_time)] if late else [[]]:
         numbers = (*delays, *others)
         middle = {each.key: 0.5 * (each.low + each.high) for each in numbers}
-        found.append((box.nominal.with_numbers(middle), numbers))
+        found.append((devices.nominal.with_numbers(middle), numbers))
     return found
 
 

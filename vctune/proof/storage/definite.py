@@ -70,12 +70,13 @@ def _at_vertices(turned: Floats, rest: Floats, rows: int) -> Flags:
     rest : radius of the remainder, shape (n, m, m)
     rows : number of rows of the boxes
     """
-    used = np.asarray(turned[1 : 1 + rows].any(axis=(1, 2, 3)))
     pairs = list(combinations_with_replacement(range(rows), 2))
+    named = [*((row,) for row in range(rows)), *pairs]
+    used = {row for at, names in enumerate(named, 1) if turned[at].any() for row in names}
     squares = turned[[1 + rows + at for at, (i, j) in enumerate(pairs) if i == j]]
     shares = [
         [1.0, *signs, *(0.5 if i == j else signs[i] * signs[j] for i, j in pairs)]
-        for signs in product(*((-1.0, 1.0) if one else (0.0,) for one in used.tolist()))
+        for signs in product(*((-1.0, 1.0) if row in used else (0.0,) for row in range(rows)))
     ]
     mid = np.tensordot(np.array(shares), turned, axes=1)
     rounding = 2 * len(turned) * UNIT * np.abs(turned).sum(axis=0)
