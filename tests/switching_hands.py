@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple, replace
 
 import numpy as np
@@ -14,11 +14,15 @@ from random_devices import decades, ordinary, ordinary_gains
 from random_hands import random_hands
 from sampled_device_oracle import Hand as Held
 from scipy.linalg import expm
+from servo_in_time import Mass, Sampled, Servo, rendered
 
 from vctune.analysis.in_hands import least_ratios_in_hands
 from vctune.model.gains import Coupling
 from vctune.model.hands import Hands
 from vctune.proof.claims.margins_of_claims import Design
+
+Loops = Callable[[float, Sequence[float], float, Environment], np.ndarray]
+"""The matrix of a sample for each damping, from the hand's mass, its dampings, its stiffness, and the environment."""
 
 
 def matrices(
@@ -96,12 +100,77 @@ def periodic(count: int, dwells: Sequence[int]) -> Iterator[np.ndarray]:
             yield np.array([[0] * one + [count - 1] * other])
 
 
-def lossless(rng: np.random.Generator, design: Design) -> Environment:
-    """Return an environment that stores and does not lose: a mass, a spring or both, of the device's size."""
-    mass, T = design.device.mass, design.device.sample_time
+def lossless(rng: np.random.Generator, mass: float, T: float) -> Environment:
+    """Return an environment that stores and does not lose: a mass, a spring or both, in units of a mass and a time."""
     numbers = mass * decades(rng, -3, 1), mass / T**2 * decades(rng, -5, 0)
     kind = int(rng.integers(3))
     return Environment(mass=numbers[0] * (kind != 0), stiffness=numbers[1] * (kind != 1))
+
+
+def loops_of(design: Design) -> Loops:
+    """Return the loops of a velocity loop with hands and environments."""
+    return lambda *held: matrices(design, *held)
+
+
+def servo_loops(servo: Servo, coupling: tuple[float, float, float]) -> Loops:
+    """Return the loops of a servo with hands and environments: `servo_in_time.loop_matrix` with a force that is sensed.
+
+    The memory is that of the servo, of coupling and environment, v_e before, and the force that was sensed. The
+    sensor has no delay.
+    """
+
+    def loops(mass: float, dampings: Sequence[float], stiffness: float, environment: Environment) -> np.ndarray:
+        world = Mass(environment.mass, environment.damping, environment.stiffness)
+        E, F, G, H = (np.atleast_2d(part) for part in rendered(coupling, world, servo.sample_time))
+
+        def matrix(damping: float) -> np.ndarray:
+            held = Sampled(servo, Mass(mass, damping, stiffness))
+            split = [held.size, held.size + len(E), held.size + len(E) + 1]
+
+            def after(memory: np.ndarray) -> np.ndarray:
+                body, virtual, (before,), (force,) = np.split(memory, split)
+                desired = float((G @ virtual + H[:, 0] * force)[0])
+                body = held.wait(body, (desired + before) / 2 if servo.position else desired)
+                return np.concatenate([body, E @ virtual + F[:, 0] * force, [desired], [held.force(body)]])
+
+            return np.array([after(unit) for unit in np.eye(split[-1] + 1)]).T
+
+        return np.array([matrix(damping) for damping in dampings])
+
+    return loops
+
+
+def most_growth(
+    rng: np.random.Generator,
+    loops: Loops,
+    hands: Hands,
+    units: tuple[float, float],
+    cases: int = 10,
+    sequences: int = 1000,
+    adversaries: int = 100,
+) -> float:
+    """Return the greatest growth in a period of random sequences of dampings, of greedy and of periodic ones.
+
+    Parameters
+    ----------
+    rng : source of hands, environments and sequences
+    loops : matrices of a sample for each damping
+    hands : mass and stiffness stay, damping changes
+    units : a mass, kg, and a time, s, for the environments
+    cases : hands and environments
+    sequences, adversaries : numbers of random and of greedy sequences in all cases together
+    """
+    dampings = np.linspace(hands.low.damping, hands.high.damping, 4)
+    most = 0.0
+    for _ in range(cases):
+        ends = np.array([astuple(hands.low), astuple(hands.high)])
+        mass, _, stiffness = rng.choice([*ends, rng.uniform(*ends)])
+        steps = loops(mass, dampings, stiffness, lossless(rng, *units))
+        at = rng.integers(4, size=(sequences // cases, int(rng.integers(2, 60))))
+        adverse = greedy(steps, rng, adversaries // cases, 60)
+        tried = [at, adverse, *periodic(4, (1, 2, 3, 6, 13))]
+        most = max(most, *(float(growth(steps, each).max()) for each in tried))
+    return most
 
 
 def random_certified(rng: np.random.Generator, ratio: float = 1.05) -> tuple[Design, Hands]:
@@ -113,6 +182,13 @@ def random_certified(rng: np.random.Generator, ratio: float = 1.05) -> tuple[Des
         design, hands = random_with_parts(rng, ratio, ideal=rng.random() < 0.5)
         if design.gains.position > 0 or not design.device.ideal:
             return design, hands
+
+
+def switching(rng: np.random.Generator, hands: Hands, length: int) -> list[Held]:
+    """Return hands of a box whose damping changes at random samples between its ends; mass and stiffness stay."""
+    ends = np.array([astuple(hands.low), astuple(hands.high)])
+    mass, _, stiffness = rng.choice([*ends, rng.uniform(*ends)])
+    return [Held(mass, damping, stiffness) for damping in rng.choice(ends[:, 1], length)]
 
 
 def random_with_parts(rng: np.random.Generator, ratio: float = 1.05, *, ideal: bool = False) -> tuple[Design, Hands]:

@@ -190,17 +190,18 @@ def require_built_in(file: ProblemFile, chosen: tuple[Experiment, ...]) -> None:
 
 
 def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
-    """Solve a problem with prices but without repairs, and return the result.
+    """Solve a problem as for a report but without repairs, and return the result.
 
     Parameters
     ----------
     file : the problem
     progress : function that receives the current stage
     """
+    from vctune.design.changing_hands import with_changing
     from vctune.design.solve import solve
     from vctune.design.verdict.prices import with_prices
 
-    return with_prices(solve(file.problem, progress))
+    return with_changing(with_prices(solve(file.problem, progress)))
 
 
 def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import inf
 
 from vctune.api.argument_ranges import GAPS
+from vctune.design.changing_hands import with_changing
 from vctune.design.result import Solved
 from vctune.design.search.optimum import Progress
 from vctune.design.solve import solve as find
@@ -23,6 +24,7 @@ def solve(
     *,
     gap: float | None = None,
     prices: bool = False,
+    changing: bool = False,
     time_limit: float = inf,
     progress: Progress = lambda stage: None,
 ) -> Solved:
@@ -36,6 +38,7 @@ def solve(
     gap : share by which a better design's error could be lower; the function proves that it is not lower by more. None
         for no such proof
     prices : whether to compute the prices: how much the error would fall if a number of the device were better by 1 %
+    changing : whether to look, in a certified design, whether the damping of the hand may change at every sample
     time_limit : seconds after which the function returns the result so far; `cut` then names the missing parts
     progress : function that receives the current stage
 
@@ -61,7 +64,8 @@ def solve(
         progress(f"comparing criteria{known}")
         solved = with_alternatives(file, solved)
         progress(f"pricing the device{known}")
-        return with_prices(solved) if prices else solved
+        solved = with_prices(solved) if prices else solved
+        return with_changing(solved) if changing else solved
 
 
 def require_gap(gap: float) -> None:

@@ -91,14 +91,19 @@ def once_per_problem(
 
 
 def solve_axes(
-    axes: AxesFile, *, gap: float | None = None, prices: bool = False, progress: Progress = lambda stage: None
+    axes: AxesFile,
+    *,
+    gap: float | None = None,
+    prices: bool = False,
+    changing: bool = False,
+    progress: Progress = lambda stage: None,
 ) -> list[AxisDesign]:
     """Solve the problem of each axis. vctune solves the problem of equal axes only once.
 
     Parameters
     ----------
     axes : problem file with several axes
-    gap, prices : see `vctune.solve`
+    gap, prices, changing : see `vctune.solve`
     progress : function that receives "NAME: STAGE", the axis and the stage of the work
 
     Returns
@@ -109,7 +114,13 @@ def solve_axes(
     from vctune.design.nlp.ipopt_version import ipopt_version
 
     def solved_axis(axis: AxisProblem) -> Solved:
-        return solve(axis.file, gap=gap, prices=prices, progress=lambda stage: progress(f"{axis.name}: {stage}"))
+        return solve(
+            axis.file,
+            gap=gap,
+            prices=prices,
+            changing=changing,
+            progress=lambda stage: progress(f"{axis.name}: {stage}"),
+        )
 
     # an equal axis shares the result of another one, and its record needs the problem with its own name
     return [

@@ -18,6 +18,7 @@ from vctune.document.text.codes import Note
 from vctune.markup import html_facts
 from vctune.model.hands import Hand
 from vctune.model.problem import Criterion, Problem
+from vctune.proof.storage.changing import Examined
 
 if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
@@ -177,6 +178,7 @@ class Solved:
     repairs : changes of the problem that would make a design possible; None if not requested
     alternatives : least errors under each criterion alone; None if the problem has one criterion or if not requested
     prices : prices of the device's numbers, the greatest gain first; None if not requested or without an optimum
+    changing : what is known of hands whose damping changes; None if not requested or not examined
     cut : stages that the time limit cut short, in words
     """
 
@@ -192,6 +194,7 @@ class Solved:
     repairs: list[Repair] | None = None
     prices: list[Price] | None = None
     alternatives: list[Alternative] | None = None
+    changing: Examined | None = None
     cut: tuple[str, ...] = ()
 
     @property

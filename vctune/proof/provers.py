@@ -135,7 +135,7 @@ def _walls(question: Question, known: Outcomes) -> Outcome:
 def _changing(question: Question, _known: Outcomes) -> Outcome:
     hands = question.demands.changing
     assert hands is not None
-    return prove_changing(question.design, hands)
+    return prove_changing(question.design, hands, question.modelled.box)
 
 
 PROVERS: dict[ClaimId, Prover] = {

@@ -12,17 +12,18 @@ from vctune.analysis.worlds.growing_in_time import growing_in_time
 from vctune.design.verdict.judge import Judgement
 from vctune.design.verdict.uncertainty_record import device_record
 from vctune.document.records.certificate_json import ClaimRecord, EnvironmentRecord, HandRecord, ResonatorRecord
-from vctune.document.records.changing_json import ChangingRecord, StorageRecord
+from vctune.document.records.changing_json import ChangingRecord, ExaminedRecord, StorageRecord
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, SpringDamper
-from vctune.model.hands import LeastOperator
+from vctune.model.hands import Hands, LeastOperator
 from vctune.model.numbers.frequency import finite_hertz, hertz
 from vctune.model.numbers.units import UNITS
 from vctune.model.problem import Problem
 from vctune.model.sampled.changing.loop_states import Law, states_of
-from vctune.model.sampled.changing.storage_function import TERMS
+from vctune.model.sampled.changing.storage_function import Storage, terms_of
 from vctune.proof.claims.registry import CLAIMS, ClaimId
 from vctune.proof.engine.interval import Outcome, Verdict
+from vctune.proof.storage.changing import Examined
 
 
 def claim_records(problem: Problem, judgement: Judgement) -> list[ClaimRecord]:
@@ -46,14 +47,35 @@ def changing_record(problem: Problem, judgement: Judgement) -> dict[str, Changin
     hands, outcome = problem.changing_hands, judgement.certificate.outcomes.get("changing")
     if hands is None or outcome is None:
         return {}
+    return {"changing": ChangingRecord(**_changing(judgement, hands, outcome))}
+
+
+def examined_record(judgement: Judgement, examined: Examined) -> ExaminedRecord:
+    """Return the record of hands whose damping changes, for a problem that does not ask for the claim.
+
+    Parameters
+    ----------
+    judgement : a design, SI units
+    examined : what is known of such hands
+    """
+    return ExaminedRecord(**_changing(judgement, *examined))
+
+
+def _changing(judgement: Judgement, hands: Hands, outcome: Outcome) -> dict[str, Any]:
     also: dict[str, Any] = {}
-    if (found := outcome.storage) is not None:
+    if outcome.storages:
         assert isinstance(judgement.coupling, Coupling)
         law = Law(judgement.gains, judgement.coupling)
-        matrices = [[list(row) for row in term] for term in found.terms]
-        also["storage"] = StorageRecord(states=states_of(problem.device, law), terms=list(TERMS), matrices=matrices)
+        also["storages"] = [_storage(found, law) for found in outcome.storages]
     box = {name: list(ends) for name, ends in hands.ranges.items()}
-    return {"changing": ChangingRecord(verdict=outcome.verdict.value, box=box, boxes=outcome.boxes, **also)}
+    return {"verdict": outcome.verdict.value, "box": box, "boxes": outcome.boxes, **also}
+
+
+def _storage(found: Storage, law: Law) -> StorageRecord:
+    device = {each.key: [each.low, each.high] for each in found.box.numbers}
+    matrices = [[list(row) for row in term] for term in found.terms]
+    also: dict[str, Any] = {"device": device} if device else {}
+    return StorageRecord(states=states_of(found.plain, law), terms=terms_of(found.box), matrices=matrices, **also)
 
 
 def _claim(problem: Problem, judgement: Judgement, claim: ClaimId, outcome: Outcome) -> ClaimRecord:

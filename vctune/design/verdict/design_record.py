@@ -20,7 +20,7 @@ from vctune.design.rendered import rendered_record
 from vctune.design.result import Alternative, Repair, Solved
 from vctune.design.search.rounding import near
 from vctune.design.variables import Point, keys_for, point, ranges
-from vctune.design.verdict.claim_records import changing_record, claim_records
+from vctune.design.verdict.claim_records import changing_record, claim_records, examined_record
 from vctune.design.verdict.contact_record import contact_record
 from vctune.design.verdict.judge import Judgement, judge
 from vctune.design.verdict.nlp_record import active, left_out, solver_record
@@ -138,6 +138,8 @@ def _recorded(
     if date is not None:
         parts["date"] = date
     parts |= borne
+    if solved.changing is not None and judgement is not None:
+        parts["changing"] = examined_record(judgement, solved.changing)
     if solved.prices is not None:
         parts["prices"] = [PriceRecord(**asdict(price)) for price in solved.prices]
     return DesignRecord(

@@ -1,34 +1,55 @@
-"""Define the record of the claim about hands whose damping changes, and of the storage function that proves this
-claim."""
+"""Define the records of hands whose damping changes, and of the storage functions that prove them."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated
 
-from vctune.document.records.part import Pair, Part, Proof, Shown
+from vctune.document.records.part import Pair, Part, Proof, Row, Shown
 from vctune.model.hands import Hand, Hands
+from vctune.model.numbers.units import Units
 
 
 class StorageRecord(Part):
     """The storage function (k_eq/T) q^2 + zeta' Y zeta, without dimensions (model/README.md, section 21).
 
-    `states` names zeta. Y is a weighted sum of matrices; `terms` states each weight as a function of the hand.
+    `states` names zeta. Y is a weighted sum of matrices; `terms` states each weight as a function of the hand, or the
+    key of an uncertain number of the device, whose weight runs from -1 to 1 in its range in `device`.
     """
 
     states: list[str]
     terms: list[str]
     matrices: list[list[list[float]]]
+    device: dict[str, Pair] | None = None
 
 
 class ChangingRecord(Part):
-    """The claim about every hand of a box whose damping takes any value of its range at every sample."""
+    """The claim about every hand of a box whose damping takes any value of its range at every sample.
+
+    `storages` proves it, with one function for each number of whole samples of the delays.
+    """
 
     verdict: Annotated[Proof, Shown("changing damping", "of hands of {within}, at every sample")]
     box: dict[str, Pair]
     boxes: int
-    storage: StorageRecord | None = None
+    storages: list[StorageRecord] | None = None
 
     @property
     def within(self) -> Hands:
         """The box."""
         return Hands(*(Hand(**{name: ends[k] for name, ends in self.box.items()}) for k in (0, 1)))
+
+
+class ExaminedRecord(ChangingRecord):
+    """What is known of such hands where the problem does not ask for the claim.
+
+    The box is the largest that is proved, with a greater least mass if the lightest hands fail.
+    """
+
+    def rows(self, units: Units) -> Iterator[Row]:
+        """Yield the row; "not proved" does not mean that such a hand makes the design unstable."""
+        (row,) = super().rows(units)
+        if self.verdict == "proved":
+            yield row._replace(label="damping")
+        else:
+            yield Row("damping", "not proved", "the claims are about hands that stay as they are")

@@ -12,6 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from vctune.document.records.certificate_json import CertificateRecord, DeviceRecord, InnerLoopRecord
+from vctune.document.records.changing_json import ExaminedRecord
 from vctune.document.records.contact_json import ContactRecord
 from vctune.document.records.gains_json import (
     AnyCouplingRecord,
@@ -163,6 +164,7 @@ class DesignRecord(Document):
         "rendered": "rendered",
         "transparency": "transparency",
         "certificate": "certificate",
+        "changing": "hands change",
         "uncertainty": "uncertainty",
         "optimality": "optimality",
         "inner_loop": "velocity loop",
@@ -184,6 +186,7 @@ class DesignRecord(Document):
     prices: list[PriceRecord] | None = None
     contact: ContactRecord | None = None
     rendered: RenderedRecord | None = None
+    changing: ExaminedRecord | None = None
     alternatives: list[AlternativeRecord] | None = None
     at_bound: list[str]
     left_out: list[str]

@@ -15,7 +15,7 @@ from vctune.document.schema.validation import Contradiction
 from vctune.document.text.raw import number_at
 from vctune.model.hands import HAND
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS, WORLD
-from vctune.model.parts import PARTS
+from vctune.model.parts import DELAYS, PARTS
 
 MAX_DECADES = 12
 
@@ -184,8 +184,22 @@ def _unproved_changing(raw: dict[str, Any]) -> Iterator[Contradiction]:
         yield ("stability", "changing_mass_min"), f"{least:g} is above operator.mass.max = {most:g}; lower it"
     if stability.get("criterion") == "passive":
         yield ("stability", "changing"), 'needs a box of hands; write stability.criterion = "hands" or "both"'
-    for stated in (key for key in ("uncertainty", "environment") if key in raw):
-        yield ("stability", "changing"), f"is not proved together with [{stated}]; leave one of them out"
+    if "environment" in raw:
+        yield (
+            ("stability", "changing"),
+            "is proved with every passive environment, which [environment] does not ask for; leave one of them out",
+        )
+    uncertainty = raw.get("uncertainty")
+    if not isinstance(uncertainty, dict):
+        return
+    if uncertainty.get("unmodelled"):
+        yield ("uncertainty", "unmodelled"), "is not covered by the proof for hands that change; leave one of them out"
+    late = [key for key in DELAYS if uncertainty.get(key)]
+    if len(late) > 1:
+        yield (
+            ("uncertainty", late[-1]),
+            f"is not proved together with {late[0]} for hands that change; leave one of them out",
+        )
 
 
 def _is_infinite(raw: dict[str, Any], table: str, edge: int) -> bool:

@@ -218,9 +218,10 @@ class StabilityTable(Table):
     criterion: Literal["passive", "hands", "both"] = Field(
         "both",
         description='Set of hands for which vctune proves stability. "passive": any passive hand, on band_hz. '
-        '"hands": every hand of [operator], in the sampled loop at every frequency. "both": both claims. The '
-        'default is "hands" for a servo and for a file with [environment]. The environment is any passive one or, '
-        "if the file has [environment], any one in its box.",
+        '"hands": every hand of [operator], in the sampled loop at every frequency. "both": both claims; on band_hz '
+        'it also covers hands that change in a passive way, which "hands" alone does not. The default is "hands" for a '
+        "servo and for a file with [environment]. The environment is any passive one or, if the file has "
+        "[environment], any one in its box.",
     )
     changing: Literal["damping"] | None = Field(
         None,

@@ -70,7 +70,7 @@ class Outcome:
     device : device of the box for which the claim is refuted or undecided
     hand : hand of the box in which the claim is refuted or undecided
     cut : whether the claim is undecided because the time limit ended the proof
-    storage : storage function that proves the claim; None without one
+    storages : storage functions that prove the claim, one for each number of whole samples of the delays
     """
 
     verdict: Verdict
@@ -79,7 +79,7 @@ class Outcome:
     device: Device | None = None
     hand: Hand | None = None
     cut: bool = False
-    storage: Storage | None = None
+    storages: tuple[Storage, ...] = ()
 
     @property
     def witness_hz(self) -> float | None:

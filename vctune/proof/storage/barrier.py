@@ -1,7 +1,7 @@
-"""Numbers with which symmetric matrices that are affine in them are all positive definite: the analytic centre.
+"""Numbers with which symmetric matrices that are affine in them are all positive definite: an interior point method.
 
-In floats. A storage function has some dozen numbers and some hundred small matrices, for which Newton's method on the
-logarithms of the determinants takes a second; a solver of semidefinite programs would be one more dependency.
+In floats. A storage function has some hundred numbers and some dozen small matrices, for which Newton's method on the
+logarithms of the determinants takes .05 s; a solver of semidefinite programs would be one more dependency.
 """
 
 from __future__ import annotations
@@ -14,17 +14,23 @@ import numpy as np
 from vctune.proof.enclosures.array_intervals import TINY, Flags, Floats
 from vctune.running import check_time
 
-CENTRED = 0.05
-"""Newton decrement, squared, at which a centre is near enough. Half and twice it: the same proofs."""
+CENTRED = 0.5
+"""Newton decrement, squared, at which a centre is near enough. Half and twice it: as many steps."""
 MAX_STEPS = 250
-"""Steps after which nothing is found. Feasible problems take 30 to 190."""
-LESS = 0.25
-"""Factor of the weight of the barrier in each round. Its square and its root take as many steps within a third."""
+"""Steps after which nothing is found. Feasible problems take 30 to 60."""
+LESS = 0.1
+"""Factor of the weight of the barrier in each round. Half and twice it: as many steps."""
 GIVE_UP = 0.2
 """Weight of the barrier, relative to the shortfall, at which there is no solution: the least shortfall is smaller than
 the present one by no more than that weight. Half and twice it: the same proofs."""
+BETTER = 1.1
+"""Factor by which the least eigenvalue must grow in a round for another round. Half its excess takes a round more."""
+LONGEST = 16.0
+"""Longest step, in Newton decrements. Longer and shorter steps: more of them."""
 INSIDE = 0.9
-"""Share of the way to the border of the feasible numbers that a shortened step goes. Half of it takes twice as long."""
+"""Share of the way to the border of the feasible numbers that a step goes at most. Half of it takes twice as long."""
+RIDGE = 1e-13
+"""Share of the identity that is added to a curvature of unit diagonal, which numbers without effect leave singular."""
 
 
 class Family(NamedTuple):
@@ -40,67 +46,73 @@ class Family(NamedTuple):
     units: Floats
 
 
-def analytic_centre(constant: Floats, families: Sequence[Family], free: Flags) -> Floats | None:
-    """Return numbers y with which all matrices constant + sum w_t U_u y_tu are positive definite, well inside.
+class Sums(NamedTuple):
+    """Sums of matrices, constant + sum w_t U_u y_tu.
 
-    Parameters
+    Attributes
     ----------
     constant : p symmetric matrices, shape (p, n, n)
     families : the sum runs over all of them; all have the same numbers t and u
     free : whether a number may be other than 0, shape (t, u)
+    """
+
+    constant: Floats
+    families: Sequence[Family]
+    free: Flags
+
+    def at(self, numbers: Floats, added: float = 0.0) -> Floats:
+        """Return the matrices plus a multiple of the identity.
+
+        Parameters
+        ----------
+        numbers : y, shape (t, u)
+        added : the multiple
+        """
+        found = self.constant + added * np.eye(self.constant.shape[-1])
+        for weights, units in self.families:
+            mixed = (weights @ numbers)[:, None] @ units.reshape(*units.shape[:2], -1)
+            found = found + mixed.reshape(found.shape)
+        return np.asarray(found)
+
+
+def well_inside(sums: Sums) -> Floats | None:
+    """Return numbers with which all matrices are positive definite, with about the greatest least eigenvalue.
+
+    Parameters
+    ----------
+    sums : the matrices
 
     Returns
     -------
     array of float or None
         Shape (t, u), 0 where it is not free; None if none are found.
     """
-    sums = _Sums(constant, families, np.append(free.ravel(), True))
-    at = np.zeros(free.size + 1)
-    at[-1] = 1 - np.linalg.eigvalsh(constant).min()  # how much of the identity is added: 0 is to suffice
-    weight, count = 1.0, constant.shape[0] * constant.shape[-1]
+    numbers, weight, least = np.zeros(sums.free.shape), 1.0, 0.0
+    added = 1 - float(np.linalg.eigvalsh(sums.constant).min())  # a multiple of the identity, to become negative
+    count = sums.constant.shape[0] * sums.constant.shape[-1]
     for _ in range(MAX_STEPS):
         check_time()
-        direction, decrement = _newton(sums, at, count / weight)
-        at = _moved(sums, at, direction, decrement)
-        if at[-1] < 0:
-            return _centred(sums, at).reshape(free.shape)
-        if decrement < CENTRED:
-            if weight < GIVE_UP * at[-1]:
-                return None
-            weight *= LESS
-    return None
+        step, more, decrement = _newton(sums, numbers, added, count / weight)
+        share = 1.0 if decrement < 0.25 else min(1.0, LONGEST / (1 + np.sqrt(decrement)))
+        while not all(_definite(sums.at(numbers + far * step, added + far * more)) for far in (share, share / INSIDE)):
+            share /= 2
+            if share < 1e-12:
+                return numbers if added < 0 else None
+        numbers, added = numbers + share * step, added + share * more
+        if decrement >= CENTRED:
+            continue
+        if added < 0 and -added < BETTER * least:
+            return numbers
+        if weight < GIVE_UP * added:
+            return None
+        least, weight = max(least, -added), weight * LESS
+    return numbers if added < 0 else None
 
 
-class _Sums(NamedTuple):
-    """Sums of matrices, and which of their numbers are free; the last number is that of the identity."""
-
-    constant: Floats
-    families: Sequence[Family]
-    free: Flags
-
-    def at(self, numbers: Floats) -> Floats:
-        """Return the matrices."""
-        found = self.constant + numbers[-1] * np.eye(self.constant.shape[-1])
-        for weights, units in self.families:
-            mixed = weights @ numbers[:-1].reshape(weights.shape[1], -1)
-            found = found + np.einsum("pu,puij->pij", mixed, units, optimize=True)
-        return np.asarray(found)
-
-
-def _centred(sums: _Sums, at: Floats) -> Floats:
-    sums, at = sums._replace(free=np.append(sums.free[:-1], False)), np.append(at[:-1], 0.0)
-    for _ in range(MAX_STEPS):
-        check_time()
-        direction, decrement = _newton(sums, at, 0.0)
-        at = _moved(sums, at, direction, decrement)
-        if decrement < CENTRED:
-            break
-    return at[:-1]
-
-
-def _newton(sums: _Sums, at: Floats, price: float) -> tuple[Floats, float]:
-    """Return Newton's step for price times the last number less all logarithms, and the squared decrement."""
-    turn = np.linalg.inv(np.linalg.cholesky(sums.at(at)))
+def _newton(sums: Sums, numbers: Floats, added: float, price: float) -> tuple[Floats, float, float]:
+    """Return Newton's step for price times `added` less all logarithms, and the squared decrement."""
+    matrices = sums.at(numbers, added)
+    turn = np.linalg.inv(np.linalg.cholesky(matrices))
     rows, columns = np.triu_indices(turn.shape[-1])
     twice = np.where(rows == columns, 1.0, np.sqrt(2.0))
 
@@ -110,23 +122,25 @@ def _newton(sums: _Sums, at: Floats, price: float) -> tuple[Floats, float]:
         return np.asarray(seen[..., rows, columns] * twice)
 
     seen = [(weights, halved(units)) for weights, units in sums.families]
-    added = halved(np.eye(turn.shape[-1])[None, None])[:, 0]
-    one = halved(sums.at(at)[:, None])[:, 0]
-    size = at.size
+    unit = halved(np.eye(turn.shape[-1])[None, None])[:, 0]
+    one = halved(matrices[:, None])[:, 0]
+    size = numbers.size + 1
     slope, curvature = np.zeros(size), np.zeros((size, size))
-    slope[-1], curvature[-1, -1] = price - (added * one).sum(), (added**2).sum()
-    for weights, units in seen:
-        slope[:-1] -= (weights.T @ np.einsum("puk,pk->pu", units, one)).ravel()
-        curvature[-1, :-1] += (weights.T @ np.einsum("puk,pk->pu", units, added)).ravel()
-        for others, more in seen:
-            curvature[:-1, :-1] += _crossed(weights, units, others, more)
+    slope[-1], curvature[-1, -1] = price - (unit * one).sum(), (unit**2).sum()
+    for place, (weights, units) in enumerate(seen):
+        slope[:-1] -= (weights.T @ (units @ one[..., None])[..., 0]).ravel()
+        curvature[-1, :-1] += (weights.T @ (units @ unit[..., None])[..., 0]).ravel()
+        for others, more in seen[place:]:
+            crossed = _crossed(weights, units, others, more)
+            curvature[:-1, :-1] += crossed if more is units else crossed + crossed.T
     curvature[:-1, -1] = curvature[-1, :-1]
-    slope, curvature = slope[sums.free], curvature[np.ix_(sums.free, sums.free)]
-    unit = 1 / np.sqrt(np.maximum(np.diagonal(curvature), TINY))
-    found = np.linalg.lstsq(unit[:, None] * curvature * unit, -unit * slope, rcond=1e-15)[0]
-    direction = np.zeros(size)
-    direction[sums.free] = unit * found
-    return direction, float(-slope @ (unit * found))
+    free = np.append(sums.free.ravel(), True)
+    slope, curvature = slope[free], curvature[np.ix_(free, free)]
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(curvature), TINY))
+    found = np.linalg.solve(scale[:, None] * curvature * scale + RIDGE * np.eye(scale.size), -scale * slope) * scale
+    step = np.zeros(size)
+    step[free] = found
+    return step[:-1].reshape(numbers.shape), float(step[-1]), float(-slope @ found)
 
 
 def _crossed(weights: Floats, units: Floats, others: Floats, more: Floats) -> Floats:
@@ -138,20 +152,10 @@ def _crossed(weights: Floats, units: Floats, others: Floats, more: Floats) -> Fl
     return np.asarray(mixed.transpose(0, 2, 1, 3).reshape(terms * count, terms * count))
 
 
-def _roots(matrices: Floats) -> Floats | None:
-    """Return the Cholesky factors of matrices; None if one is not positive definite."""
+def _definite(matrices: Floats) -> bool:
+    """Return whether matrices are positive definite, in floats."""
     try:
-        return np.asarray(np.linalg.cholesky(matrices))
+        np.linalg.cholesky(matrices)
     except np.linalg.LinAlgError:
-        return None
-
-
-def _moved(sums: _Sums, at: Floats, direction: Floats, decrement: float) -> Floats:
-    """Return the numbers after a step that stays inside."""
-    share = 1.0 if decrement < 0.25 else 1 / (1 + np.sqrt(decrement))
-    share = min(1.0, 4 * share)
-    while _roots(sums.at(at + share / INSIDE * direction)) is None or _roots(sums.at(at + share * direction)) is None:
-        share /= 2
-        if share < 1e-12:
-            return at
-    return np.asarray(at + share * direction)
+        return False
+    return True

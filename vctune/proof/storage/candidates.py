@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -11,95 +12,102 @@ from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.matrices import Matrix
 from vctune.model.sampled.changing.loop_states import Law, LoopStates, loop_states
-from vctune.model.sampled.changing.storage_function import TERMS, Storage, moved_mass, weights
+from vctune.model.sampled.changing.storage_function import BETA, Holding, Storage, moved_mass, weights
 from vctune.proof.claims.margins_of_claims import Design
-from vctune.proof.enclosures.array_intervals import TINY, Flags, Floats
-from vctune.proof.storage.barrier import Family, analytic_centre
+from vctune.proof.enclosures.array_intervals import TINY, Floats
+from vctune.proof.storage.barrier import Family, Sums, well_inside
 
-ACROSS = {"mass": 4, "damping": 3, "stiffness": 3}
-"""Numbers of each quantity at which the first candidate is sought. One less needs another round for many a design, one
-more takes a third longer."""
+ACROSS = 3
+"""Dampings and stiffnesses at which the first candidate is sought. Two are too few for many a design."""
 DIGITS = 14
 """Significant digits of the decimals. Half are too few for loops with little room; twice are more than a double has."""
-
-
 DOUBLINGS = 60
 """Doublings of the time over which noise drives the states: 2^60 samples, in which all decays that will."""
 
+Places = Floats
+"""Hands and devices in which a storage is sought, each with one damping when the force was sampled, which is one of the
+ends: the inequality is affine in it. Rows are the numbers of `Holding.ends` and that damping; shape (rows + 1, p)."""
 
-@dataclass(frozen=True, slots=True)
-class Places:
-    """Hands in which a storage is sought, each with one damping when the force was sampled; arrays of shape (p,).
 
-    Attributes
+def vertices(box: Holding) -> Places:
+    """Return the vertices of a box."""
+    return _all_of([_different(ends) for ends in box.ends], box)
+
+
+def grid(design: Design, box: Holding) -> Places:
+    """Return hands all over a box, on the devices at its vertices.
+
+    Parameters
     ----------
-    hand : the hand from this sample on
-    sensed : its damping when the force was sampled, one of the ends: the inequality is affine in it
+    design : in plain numbers
+    box : hands and devices
     """
-
-    hand: Hand
-    sensed: Floats
-
-    def with_hand(self, hand: Hand, hands: Hands) -> Places:
-        """Return these and one more hand, with the least and with the greatest sensed damping.
-
-        Parameters
-        ----------
-        hand : another hand
-        hands : the box
-        """
-        ends = np.array([hands.low.damping, hands.high.damping])
-        more = hand.mapped(lambda number: np.full(2, number))
-        joined = self.hand.mapped(lambda one, other: np.concatenate([one, other]), more)
-        return Places(joined, np.concatenate([self.sensed, ends]))
+    masses, dampings, stiffnesses, *numbers = box.ends
+    own = moved_mass(design.device)
+    low, high = (own + mass for mass in masses)
+    # a third and two thirds of the range, and half of the range of 1/(m + M)
+    between = [(2 * low + high) / 3, (low + 2 * high) / 3, 2 * low * high / (low + high)]
+    inner = [mass - own for mass in between if low < high]
+    across = [np.linspace(*ends, ACROSS).tolist() for ends in (dampings, stiffnesses)]
+    return _all_of([_different(axis) for axis in ([*masses, *inner], *across, *numbers)], box)
 
 
-def grid(hands: Hands) -> Places:
-    """Return hands all over a box."""
-    ends = hands.ranges
-    axes = [
-        np.linspace(*ends[name], ACROSS[name]) if ends[name][0] < ends[name][1] else ends[name][:1] for name in ends
-    ]
-    sensed = np.unique([hands.low.damping, hands.high.damping])
-    *numbers, last = (each.ravel() for each in np.meshgrid(*axes, sensed, indexing="ij"))
-    return Places(Hand(*numbers), last)
+def _different(numbers: Sequence[float]) -> list[float]:
+    return sorted(set(numbers))
 
 
-def candidate(design: Design, hands: Hands, at: Places) -> Storage | None:
+def _all_of(axes: list[list[float]], box: Holding) -> Places:
+    return np.array(list(product(*axes, box.dampings))).T
+
+
+def joined(at: Places, row: Floats, box: Holding) -> Places:
+    """Return places and one more, with the least and with the greatest sensed damping.
+
+    Parameters
+    ----------
+    at : places of the box
+    row : numbers of the new one, as in `Holding.ends`
+    box : hands and devices
+    """
+    return np.concatenate([at, _all_of([[number] for number in row.tolist()], box)], axis=1)
+
+
+def candidate(design: Design, box: Holding, at: Places) -> Storage | None:
     """Return a storage that grows by less than the port supplies in some hands; None if none is found.
 
     Parameters
     ----------
     design : in plain numbers
-    hands : box to which its functions refer
-    at : hands of the box
+    box : box to which its functions refer
+    at : places of the box
     """
-    sought = _affine(design, hands, at)
-    found = analytic_centre(sought.constant, sought.families, sought.free)
+    sums, basis = _affine(design, box, at)
+    found = well_inside(sums)
     if found is None:
         return None
-    terms = np.tensordot(found, sought.basis, axes=1)
-    return Storage(hands, tuple(tuple(tuple(_rounded(x) for x in row) for row in term) for term in terms.tolist()))
+    terms = np.tensordot(found, basis, axes=1)
+    decimals = tuple(tuple(tuple(_rounded(x) for x in row) for row in term) for term in terms.tolist())
+    return Storage(design.device, box, decimals)
 
 
-def hand_without(design: Design, hands: Hands) -> Hand | None:
+def hand_without(design: Design, box: Holding) -> Hand | None:
     """Return a corner of the masses and stiffnesses for whose dampings alone no storage is found.
 
     Parameters
     ----------
     design : in plain numbers
-    hands : the box
+    box : hands; on the design's own device
 
     Returns
     -------
     Hand or None
         A corner with the greatest damping; None if each corner has a storage. Between corners nothing is tried.
     """
-    for corner in hands.corners:
-        if corner.damping < hands.high.damping:
+    for corner in box.hands.corners:
+        if corner.damping < box.hands.high.damping:
             continue
-        fixed = Hands(Hand(corner.mass, hands.low.damping, corner.stiffness), corner)
-        if candidate(design, fixed, grid(fixed)) is None:
+        fixed = Holding(Hands(replace(corner, damping=box.hands.low.damping), corner))
+        if candidate(design, fixed, grid(design, fixed)) is None:
             return corner
     return None
 
@@ -108,34 +116,20 @@ def _rounded(x: float) -> float:
     return float(f"{x:.{DIGITS}g}")
 
 
-class _Sought(NamedTuple):
-    """Matrices of `room_of_storage` that are affine in numbers.
+def _affine(design: Design, box: Holding, at: Places) -> tuple[Sums, Floats]:
+    """Return the inequality at each place as a matrix that is affine in the entries of Y (model/README.md, section 21).
 
-    Attributes
-    ----------
-    constant, families, free : see `analytic_centre`
-    basis : units of Y, one for each entry of a triangle
+    The second result has the units of Y, one for each entry of a triangle. With Y^- at the damping when the force was
+    sampled and Y at the damping from then on, both weighted sums of the same terms, Y^- - F'YF is the sum of
+    weights_before (U - F'UF) + (weights_before - weights_after) F'UF over the terms.
     """
-
-    constant: Floats
-    families: tuple[Family, ...]
-    free: Flags
-    basis: Floats
-
-
-def _affine(design: Design, hands: Hands, at: Places) -> _Sought:
-    """Return the inequality in each hand as a matrix that is affine in the entries of Y (model/README.md, section 21).
-
-    With Y^- at the damping when the force was sampled and Y at the damping from then on, both weighted sums of the same
-    terms, Y^- - F'YF is the sum of weights_before (U - F'UF) + (weights_before - weights_after) F'UF over the terms.
-    """
-    plain, count = (design.device, Law(design.gains, design.series)), at.sensed.size
-    loop = loop_states(plain, plain, at.hand, at.sensed, FLOATS)
+    law, count, sensed = Law(design.gains, design.series), at.shape[1], at[-1]
+    hand, device = box.on(design.device, list(at[:-1]))
+    loop = loop_states((design.device, law), (device, law), hand, sensed, FLOATS)
     n = len(loop.push)
     moved = _stacked(tuple((*row, push) for row, push in zip(loop.change, loop.push, strict=True)), count)
-    before = replace(at.hand, damping=at.sensed)
     weights_before, weights_after = (
-        _stacked((weights(hands, moved_mass(design.device), hand, float),), count)[:, 0] for hand in (before, at.hand)
+        _stacked((weights(box, device, each, float),), count)[:, 0] for each in (replace(hand, damping=sensed), hand)
     )
     constant = np.zeros((count, n + 1, n + 1))
     constant[:, :n, n] = constant[:, n, :n] = _stacked((loop.seen,), count)[:, 0]
@@ -151,17 +145,13 @@ def _affine(design: Design, hands: Hands, at: Places) -> _Sought:
     # Y - F' Y F from the changes alone, in which what stays cancels
     grown = crossed + crossed.swapaxes(-1, -2) + moved.swapaxes(1, 2)[:, None] @ basis @ moved[:, None]
     kept = held - stays.T @ basis @ stays - grown
-    after, free = held - kept, np.ones((len(TERMS), rows.size), bool)
+    after, free = held - kept, np.ones((weights_after.shape[1], rows.size), bool)
     if loop.pull is not None:
         kept[:, 0], after[:, 0] = -_grown(loop, count) * basis[0, 0, 0], 0.0
-        free[TERMS.index("beta"), 0] = False
+        free[BETA, 0] = False
     across = np.outer(unit, unit)
-    return _Sought(
-        constant * across,
-        (Family(weights_before, kept * across), Family(weights_before - weights_after, after * across)),
-        free,
-        basis,
-    )
+    families = Family(weights_before, kept * across), Family(weights_before - weights_after, after * across)
+    return Sums(constant * across, families, free), basis
 
 
 def _units(moved: Floats, staying: int, direct: float) -> Floats:

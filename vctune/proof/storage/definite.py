@@ -1,17 +1,19 @@
 """Symmetric matrices over boxes, polynomials in the boxes' rows, that are surely positive definite.
 
 W A W' is positive definite only if A is, whatever W. W is chosen so that the product is nearly 1 in the middle of a
-box. It is positive definite throughout if the norms of its difference from 1 and of its other coefficients add up to
-less than 1.
+box. Without its squares of one row, the product is affine in each row. It is then positive definite throughout if it is
+so at the vertices of the box, where interval LDL' has positive pivots. The enclosures of all entries contain the
+squares.
 """
 
 from __future__ import annotations
 
+from itertools import combinations_with_replacement, product
 from typing import NamedTuple
 
 import numpy as np
 
-from vctune.proof.enclosures.array_intervals import TINY, UNIT, Flags, Floats
+from vctune.proof.enclosures.array_intervals import TINY, UNIT, Enclosure, Flags, Floats
 from vctune.proof.enclosures.taylor import SWOLLEN, Taylor
 
 
@@ -51,15 +53,46 @@ def surely_definite(matrix: Taylor) -> Definite:
         by *= unit[:, None, :]
         across, size = by.swapaxes(-1, -2), np.abs(by)
         turned = by @ poly @ across
-        turned[0] -= np.eye(m)
-        # a product of three m x m matrices, and the difference: fewer than 4 m + 8 roundings of the sizes' product
+        # a product of three m x m matrices: fewer than 4 m + 8 roundings of the sizes' product
         rounding = (4 * m + 8) * UNIT * (np.abs(poly).sum(axis=0) + TINY)
         rests = size @ np.concatenate([rest, rounding[None]]) @ size.swapaxes(-1, -2)
-        norms, left = (np.sqrt((each**2).sum(axis=(-1, -2))) for each in (turned, rests))
-        total = (norms.sum(axis=0) + left.sum(axis=0) + 4 * UNIT * m) * SWOLLEN
-        proved = usable & (total < 1)
-        parts = norms[1 : 1 + k] + left[:k]
-        for norm, (i, j) in zip(norms[1 + k :], zip(*np.triu_indices(k), strict=True), strict=True):
-            parts[i] += 0.5 * norm
-            parts[j] += 0.5 * norm
-    return Definite(proved, fails, np.where(usable, parts, np.inf))
+        proved: Flags = usable & _at_vertices(turned, rests.sum(axis=0), k)
+        losses = _losses(turned, rests, k)
+    return Definite(proved, fails, np.where(usable, losses, np.inf))
+
+
+def _at_vertices(turned: Floats, rest: Floats, rows: int) -> Flags:
+    """Return where matrices are positive definite at each vertex, whatever the squares and the remainder are.
+
+    Parameters
+    ----------
+    turned : coefficients of the matrices, shape (coefficients, n, m, m)
+    rest : radius of the remainder, shape (n, m, m)
+    rows : number of rows of the boxes
+    """
+    pairs = list(combinations_with_replacement(range(rows), 2))
+    named = [*((row,) for row in range(rows)), *pairs]
+    used = {row for at, names in enumerate(named, 1) if turned[at].any() for row in names}
+    squares = turned[[1 + rows + at for at, (i, j) in enumerate(pairs) if i == j]]
+    shares = [
+        [1.0, *signs, *(0.5 if i == j else signs[i] * signs[j] for i, j in pairs)]
+        for signs in product(*((-1.0, 1.0) if row in used else (0.0,) for row in range(rows)))
+    ]
+    mid = np.tensordot(np.array(shares), turned, axes=1)
+    rounding = 2 * len(turned) * UNIT * np.abs(turned).sum(axis=0)
+    left = Enclosure(mid, np.broadcast_to((0.5 * np.abs(squares).sum(axis=0) + rest + rounding) * SWOLLEN, mid.shape))
+    positive: Flags = np.ones(mid.shape[:2], bool)
+    for _ in range(mid.shape[-1]):  # LDL'
+        pivot = left[..., :1, :1]
+        positive = positive & pivot.positive()[..., 0, 0]
+        left = left[..., 1:, 1:] - left[..., 1:, :1] * (left[..., :1, 1:] / pivot)
+    return np.asarray(positive.all(axis=0))
+
+
+def _losses(turned: Floats, rests: Floats, rows: int) -> Floats:
+    norms, left = (np.sqrt((each**2).sum(axis=(-1, -2))) for each in (turned, rests))
+    parts = norms[1 : 1 + rows] + left[:rows]
+    for norm, (i, j) in zip(norms[1 + rows :], zip(*np.triu_indices(rows), strict=True), strict=True):
+        parts[i] += 0.5 * norm
+        parts[j] += 0.5 * norm
+    return np.asarray(parts)

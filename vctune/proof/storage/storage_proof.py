@@ -13,7 +13,7 @@ from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.matrices import Matrix, add, nothing, times
 from vctune.model.sampled.changing.loop_states import Law, loop_states
-from vctune.model.sampled.changing.storage_function import Storage, moved_mass, room_of_storage, weights
+from vctune.model.sampled.changing.storage_function import BETA, Storage, room_of_storage, weights
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.array_intervals import UNIT, Enclosure, Floats, between, decimal
 from vctune.proof.enclosures.taylor import Taylor, stacked, variables
@@ -23,6 +23,8 @@ from vctune.running import check_time
 
 AT_ONCE = 1024
 """Boxes that are evaluated at once. Half and twice it take as long."""
+AHEAD = 64
+"""Boxes up to which halves are halved again before they are evaluated. So many take twice as long as a single one."""
 
 
 class StorageProof(NamedTuple):
@@ -31,12 +33,12 @@ class StorageProof(NamedTuple):
     Attributes
     ----------
     boxes : number of evaluated boxes
-    open : a hand of a box that is left open; None if every hand is proved
-    fails : whether the storage grows by more than the port supplies in that hand, in floats
+    open : numbers of a hand and a device that are left open, as in `Holding.ends`; None if all are proved
+    fails : whether the storage grows by more than the port supplies there, in floats
     """
 
     boxes: int
-    open: Hand | None = None
+    open: Floats | None = None
     fails: bool = False
 
 
@@ -46,7 +48,7 @@ def prove_storage(design: Design, storage: Storage, max_boxes: int) -> StoragePr
     Parameters
     ----------
     design : taken as the decimals that it is written as
-    storage : in decimals, with its box of hands
+    storage : in decimals, with its box of hands and devices
     max_boxes : effort before giving up
 
     Returns
@@ -54,8 +56,7 @@ def prove_storage(design: Design, storage: Storage, max_boxes: int) -> StoragePr
     StorageProof
         With the first hand that fails, or one that is left open at the end of the effort.
     """
-    ends = list(storage.hands.ranges.values())
-    low, high = (np.array([[float(end[side])] for end in ends]) for side in (0, 1))
+    low, high = (np.array([[end[side]] for end in storage.box.ends]) for side in (0, 1))
     boxes = 0
     while low.shape[1]:
         check_time()
@@ -65,7 +66,7 @@ def prove_storage(design: Design, storage: Storage, max_boxes: int) -> StoragePr
         fails = bool(found.fails.any())
         if fails or (boxes >= max_boxes and not found.proved.all()):
             at = int(np.argmax(found.fails if fails else ~found.proved))
-            return StorageProof(boxes, Hand(*(0.5 * (now + high_now))[:, at].tolist()), fails)
+            return StorageProof(boxes, 0.5 * (now + high_now)[:, at], fails)
         left = ~found.proved
         halves = _halved(now[:, left], high_now[:, left], found.losses[:, left])
         low = np.concatenate([halves[0], low[:, AT_ONCE:]], axis=1)
@@ -74,33 +75,38 @@ def prove_storage(design: Design, storage: Storage, max_boxes: int) -> StoragePr
 
 
 def _halved(low: Floats, high: Floats, losses: Floats) -> tuple[Floats, Floats]:
-    width = high - low
-    worth = np.where(width > 0, np.where(np.isfinite(losses), losses, 1.0), -1.0)
-    row, at = np.argmax(worth, axis=0), np.arange(low.shape[1])
-    below, above, middle = high.copy(), low.copy(), 0.5 * (low + high)[row, at]
-    below[row, at] = above[row, at] = middle
-    return np.concatenate([low, above], axis=1), np.concatenate([below, high], axis=1)
+    """Return the halves of boxes, across the row that loses most; few boxes are halved several times."""
+    worth = np.where(high > low, np.where(np.isfinite(losses), losses, 1.0), 0.0)
+    while True:
+        row, at = np.argmax(worth, axis=0), np.arange(low.shape[1])
+        below, above, middle = high.copy(), low.copy(), 0.5 * (low + high)[row, at]
+        below[row, at] = above[row, at] = middle
+        low, high = np.concatenate([low, above], axis=1), np.concatenate([below, high], axis=1)
+        if not 0 < low.shape[1] <= AHEAD // 2:
+            return low, high
+        worth[row, at] *= 0.5
+        worth = np.tile(worth, 2)
 
 
 def _judged(design: Design, storage: Storage, low: Floats, high: Floats) -> Definite:
     """Judge boxes of hands, with the least and with the greatest sensed damping: the matrix is affine in it."""
     value = between(low, high)
     value.rad += 4 * UNIT * np.abs(high)
+    box, count = storage.box, low.shape[1]
+    ends = box.dampings
+    value = value[:, np.tile(np.arange(count), len(ends))]
     rows = variables([Enclosure(mid, rad) for mid, rad in zip(value.mid, value.rad, strict=True)], [True] * len(low))
-    hand, exact = Hand(*rows), _enclosed(design)
-    Y, matrices = stored(storage, moved_mass(exact[0]), hand), list[Matrix]()
-    plain = design.device, Law(design.gains, design.series)
-    for sensed in sorted({storage.hands.low.damping, storage.hands.high.damping}):
-        more = _lost(storage, hand, sensed)
-        loop = loop_states(plain, exact, hand, decimal(sensed), TAYLOR)
-        matrices.append(room_of_storage(loop, Y, more, TAYLOR))
-    matrices.append(Y if loop.pull is None else _with_spring(Y, exact[0], high[2]))
-    found = [surely_definite(_stacked(matrix)) for matrix in matrices]
-    return Definite(
-        np.all([each.proved for each in found], axis=0),
-        np.any([each.fails for each in found[:-1]], axis=0),
-        np.max([each.losses for each in found], axis=0),
-    )
+    own, law = _enclosed(design)
+    hand, device = box.on(own, rows)
+    sensed, plain = decimal(np.repeat(ends, count)), (storage.plain, Law(design.gains, design.series))
+    Y, loop = stored(storage, device, hand), loop_states(plain, (device, law), hand, sensed, TAYLOR)
+    falls = surely_definite(_stacked(room_of_storage(loop, Y, _lost(storage, hand, sensed), TAYLOR)))
+    whole = Y if loop.pull is None else _with_spring(Y, device, np.tile(high[2], len(ends)))
+    holds = surely_definite(_stacked(whole).subset(np.s_[:count]))
+    proved, fails = (each.reshape(len(ends), count) for each in (falls.proved, falls.fails))
+    losses = falls.losses.reshape(len(low), len(ends), count).max(axis=1)
+    every = np.asarray(proved.all(axis=0) & holds.proved)
+    return Definite(every, np.asarray(fails.any(axis=0)), np.maximum(losses, holds.losses))
 
 
 def _enclosed(design: Design) -> tuple[Device, Law]:
@@ -128,23 +134,23 @@ def _stacked(matrix: Matrix) -> Taylor:
     return Taylor(flat.rows, poly, rest)
 
 
-def _lost(storage: Storage, hand: Hand, sensed: float) -> Matrix:
+def _lost(storage: Storage, hand: Hand, sensed: Number) -> Matrix:
     """Return how much more Y is with the sensed damping than with that of a hand."""
-    low, high = storage.hands.ranges["damping"]
-    share: Number = 0 if low == high else 2 * (decimal(sensed) - hand.damping) / (decimal(high) - decimal(low))
-    return tuple(tuple(times(share, decimal(x)) for x in row) for row in storage.terms[-1])
+    low, high = storage.box.hands.ranges["damping"]
+    share: Number = 0 if low == high else 2 * (sensed - hand.damping) / (decimal(high) - decimal(low))
+    return tuple(tuple(times(share, decimal(x)) for x in row) for row in storage.terms[BETA])
 
 
-def stored(storage: Storage, mass: Number, hand: Hand) -> Matrix:
+def stored(storage: Storage, device: Device, hand: Hand) -> Matrix:
     """Return Y in a hand, enclosed.
 
     Parameters
     ----------
     storage : in decimals
-    mass : of the device, see `moved_mass`
+    device : device of its box
     hand : its damping is that of the last sample
     """
-    shares = weights(storage.hands, mass, hand, decimal)
+    shares = weights(storage.box, device, hand, decimal)
     used = [(share, term) for share, term in zip(shares, storage.terms, strict=True) if not nothing(share)]
 
     def entry(i: int, j: int) -> Number:

@@ -3,7 +3,7 @@ section 21)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce
 
@@ -13,26 +13,80 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import Matrix, Vector, add, blocked, nothing, product, rows_of, times
 from vctune.model.sampled.changing.loop_states import LoopStates
 
-TERMS = ("1", "mu", "nu", "sigma", "beta")
+OF_HAND = ("1", "mu", "nu", "sigma", "beta")
 """Names of the functions of a hand that weight the matrices of a storage function. Each lies between -1 and 1 in a
-box."""
+box. Beside them, each uncertain number of the device has one, which runs from -1 to 1 in its range."""
+BETA = OF_HAND.index("beta")
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """The range of an uncertain number of the device, by its key, in plain numbers."""
+
+    key: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Holding:
+    """Every hand of a box on every device of a box.
+
+    Attributes
+    ----------
+    hands : the hands
+    numbers : ranges of the device's uncertain numbers
+    """
+
+    hands: Hands
+    numbers: tuple[Range, ...] = ()
+
+    @property
+    def ends(self) -> list[tuple[float, float]]:
+        """The two ends of each number: mass, damping and stiffness of the hand, and then those of the device."""
+        own = [(float(low), float(high)) for low, high in self.hands.ranges.values()]
+        return own + [(each.low, each.high) for each in self.numbers]
+
+    @property
+    def dampings(self) -> list[float]:
+        """The least and the greatest damping of the hands, without duplicates."""
+        return sorted({self.hands.low.damping, self.hands.high.damping})
+
+    def on(self, device: Device, row: Sequence[Number]) -> tuple[Hand, Device]:
+        """Return hand and device of the box, from the numbers of `ends`.
+
+        Parameters
+        ----------
+        device : device in any arithmetic, with the numbers that are certain
+        row : mass, damping and stiffness of the hand, and then the numbers of the device
+        """
+        known = dict(zip((each.key for each in self.numbers), row[3:], strict=True))
+        return Hand(*row[:3]), device.with_numbers(known) if known else device
 
 
 @dataclass(frozen=True, slots=True)
 class Storage:
-    """A storage function k_eq q^2 + zeta' Y zeta, Y = Y_0 + mu Y_1 + nu Y_2 + sigma Y_3 + beta Y_4.
+    """A storage function k_eq q^2 + zeta' Y zeta, where Y is a sum of matrices weighted by functions of the hand and of
+    the device's uncertain numbers.
 
     With K_p = 0, the first state of zeta is the force p of the hand's spring, and the first entry of Y stands for
     p^2/K.
 
     Attributes
     ----------
-    hands : box of hands on which mu, nu, sigma and beta are defined
-    terms : the symmetric matrices Y_0 to Y_4, dimensionless, as decimals
+    plain : the device whose states zeta are, with plain numbers
+    box : box on which the functions are defined
+    terms : the symmetric matrices of `terms_of`, dimensionless, as decimals
     """
 
-    hands: Hands
+    plain: Device
+    box: Holding
     terms: tuple[tuple[tuple[float, ...], ...], ...]
+
+
+def terms_of(box: Holding) -> list[str]:
+    """Return the names of the functions that weight the matrices of a storage function on a box."""
+    return [*OF_HAND, *(each.key for each in box.numbers)]
 
 
 def moved_mass(device: Device) -> Number:
@@ -40,18 +94,18 @@ def moved_mass(device: Device) -> Number:
     return device.mass if device.structure is None else device.structure.handle_mass
 
 
-def weights(hands: Hands, mass: Number, hand: Hand, number: Callable[[float], Number]) -> Vector:
-    """Return the functions `TERMS` of a hand.
+def weights(box: Holding, device: Device, hand: Hand, number: Callable[[float], Number]) -> Vector:
+    """Return the functions `terms_of` of a hand and a device.
 
     mu, sigma and beta are mass, stiffness and damping, scaled from their ranges to -1 to 1. nu is 0 at both ends of the
     range of masses. 1/(m + M), where m moves rigidly with the hand, is a linear combination of 1, mu and nu.
 
     Parameters
     ----------
-    hands : box, in plain numbers
-    mass : mass of the device, see `moved_mass`
+    box : box, in plain numbers
+    device : device of the box, in any arithmetic
     hand : its damping is that of the last sample
-    number : a plain number in the arithmetic of mass and hand
+    number : a plain number in the arithmetic of device and hand
 
     Returns
     -------
@@ -59,16 +113,14 @@ def weights(hands: Hands, mass: Number, hand: Hand, number: Callable[[float], Nu
         A function of a number that the box does not vary is the integer 0.
     """
 
-    def centred(name: str) -> Number:
-        low, high = hands.ranges[name]
-        return (
-            0 if low == high else (2 * getattr(hand, name) - number(low) - number(high)) / (number(high) - number(low))
-        )
+    def centred(value: Number, low: float, high: float) -> Number:
+        return 0 if low == high else (2 * value - number(low) - number(high)) / (number(high) - number(low))
 
-    mu = centred("mass")
+    hands, mass = box.hands, moved_mass(device)
+    mu, beta, sigma = (centred(getattr(hand, name), *ends) for name, ends in hands.ranges.items())
     half = 0.5 * (number(hands.low.mass) + number(hands.high.mass))
     nu = 0 if nothing(mu) else (1 - mu * mu) * ((mass + half) / (mass + hand.mass))
-    return 1, mu, nu, centred("stiffness"), centred("damping")
+    return 1, mu, nu, sigma, beta, *(centred(device.number(each.key), each.low, each.high) for each in box.numbers)
 
 
 def room_of_storage(loop: LoopStates, Y: Matrix, more: Matrix, ops: Arithmetic) -> Matrix:
