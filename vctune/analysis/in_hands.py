@@ -217,28 +217,26 @@ def ratio_at(
     return _inverse(float(needs_in_hands(loop, device, gains, coupling, theta, met)[0]))
 
 
-def least_ratio_near(
+def least_ratios_near(
     device: Device,
     hands: Hands,
     gains: Gains,
     coupling: AnyCoupling,
-    omega: float,
-    hand: Hand,
+    places: Sequence[tuple[float, Hand]],
     met: WorldsMet | None = None,
-) -> RatioInHand:
-    """Return the local minimum of Re Z_c / R that a descent finds from one frequency and hand.
+) -> list[RatioInHand]:
+    """Return the local minima of Re Z_c / R that a descent finds from some frequencies and hands, one for each.
 
     Parameters
     ----------
     device : device with plain numbers
     hands : the box of hands
     gains, coupling : a design with plain numbers
-    omega : frequency, rad/s
-    hand : hand of the box
+    places : frequencies, rad/s, each with a hand of the box
     met : the environments; None for every passive environment
     """
-    start = PlacesInHands.of([(omega * device.sample_time, hand)])
-    return _closest([device], hands, gains, coupling, start, met)[0]
+    starts = PlacesInHands.of([(omega * device.sample_time, hand) for omega, hand in places])
+    return _closest([device] * len(places), hands, gains, coupling, starts, met)
 
 
 def least_ratios_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling) -> list[RatioInAnyHand]:

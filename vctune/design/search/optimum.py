@@ -15,7 +15,7 @@ from time import perf_counter
 import numpy as np
 
 from vctune.analysis.hardest_hands import tightest_at_wall
-from vctune.analysis.in_hands import least_ratio_near
+from vctune.analysis.in_hands import least_ratios_near
 from vctune.design.prepared import Prepared, prepare, with_corner
 from vctune.design.result import Polished
 from vctune.design.search.exchange import TIGHTENING, polish
@@ -318,7 +318,8 @@ def _new_hand(prepared: Prepared, judgement: Judgement, witnesses: WorkingSet, t
             continue
         device = outcome.device or problem.device
         law = judgement.gains, judgement.coupling
-        worst = least_ratio_near(device, problem.hands_met, *law, outcome.witness, outcome.hand, met)
+        at = [(outcome.witness, outcome.hand)]
+        (worst,) = least_ratios_near(device, problem.hands_met, *law, at, met)
         if worst.ratio < problem.stability.safety_factor * (1 - tightening):
             there = replace(outcome, witness=worst.omega, hand=worst.hand)
             _collect(witnesses.in_hand, there, prepared, judgement if claim == "walls" else None)
