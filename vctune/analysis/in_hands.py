@@ -217,26 +217,28 @@ def ratio_at(
     return _inverse(float(needs_in_hands(loop, device, gains, coupling, theta, met)[0]))
 
 
-def least_ratios_near(
+def least_ratio_near(
     device: Device,
     hands: Hands,
     gains: Gains,
     coupling: AnyCoupling,
-    places: Sequence[tuple[float, Hand]],
+    omega: float,
+    hand: Hand,
     met: WorldsMet | None = None,
-) -> list[RatioInHand]:
-    """Return the local minima of Re Z_c / R that a descent finds from some frequencies and hands, one for each.
+) -> RatioInHand:
+    """Return the local minimum of Re Z_c / R that a descent finds from one frequency and hand.
 
     Parameters
     ----------
     device : device with plain numbers
     hands : the box of hands
     gains, coupling : a design with plain numbers
-    places : frequencies, rad/s, each with a hand of the box
+    omega : frequency, rad/s
+    hand : hand of the box
     met : the environments; None for every passive environment
     """
-    starts = PlacesInHands.of([(omega * device.sample_time, hand) for omega, hand in places])
-    return _closest([device] * len(places), hands, gains, coupling, starts, met)
+    start = PlacesInHands.of([(omega * device.sample_time, hand)])
+    return _closest([device], hands, gains, coupling, start, met)[0]
 
 
 def least_ratios_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling) -> list[RatioInAnyHand]:

@@ -20,6 +20,7 @@ from vctune.design.nlp.ipopt import NEAR_SIDE, numbers_of, solve
 from vctune.design.nlp.nlp_structure import nlp_structure
 from vctune.design.prepared import Posed, by_resistance, with_device
 from vctune.design.result import Polished, Round
+from vctune.design.search.in_worlds.stiffest import Stiffest, stiffest
 from vctune.design.search.scan import ScanResult
 from vctune.design.search.shapes import softened
 from vctune.design.search.stabilise import add_stability_cut, stabilised, stable
@@ -64,6 +65,9 @@ OBJECTIVE_TOLERANCE = {"rms": 1e-7, "peak": 1e-4}
 """Permitted relative difference between the NLP's objective and the error of its answer. With norm "peak" every round
 gains a factor of only three or four, because the greatest error moves with the gains; 1e-5 would cost 5 % of the total
 time. Half or twice this number changes the error by as much."""
+NEAR = 0.02
+"""Half-width of the trust box in which the NLP of an impedance display with a box of environments is solved for its
+multipliers. The optimum is known before. Half and twice this width give the same multipliers."""
 UPHILL = 1e-4
 """Share by which an answer must be worse than a known design to count as in another basin. It exceeds the effect of the
 tightening and of IPOPT's tolerance, and is well below 0.1 %, the resolution of basins."""
@@ -82,8 +86,8 @@ def polish(
     """Improve a start to a local optimum of the semi-infinite problem; return None if nothing feasible is found.
 
     With environments late or by Euler's rules the real part alone has to suffice at first. Their polygons are thin,
-    and an exchange that begins between them finds no way out. On an impedance display with other environments the
-    real part alone is tried, too: the smoothed choice between margins gives away half a percent of the coupling.
+    and an exchange that begins between them finds no way out. An impedance display with a box of environments has a
+    search of its own.
 
     Parameters
     ----------
@@ -108,19 +112,43 @@ def polish(
     """
     again = partial(_exchanged, scanned=scanned, tightening=tightening, witnesses=witnesses, demands=demands)
     worlds = posed.problem.worlds
+    if by_scale(posed.problem):
+        held = witnesses.in_hand if witnesses is not None else []
+        return _stiffest(posed, start, stiffest(posed, start, incumbent, tightening, held), tightening)
     if worlds is None or worlds.lossless or worlds.ahead:
-        found = again(posed, start, incumbent=incumbent)
-        if worlds is None or not posed.problem.device.kind.inverse:
-            return found
-        least = incumbent if found is None else min(found.error, incumbent)
-        first = again(by_resistance(posed), start, incumbent=least)
-        return first if found is None or (first is not None and first.error < found.error) else found
+        return again(posed, start, incumbent=incumbent)
     first = again(by_resistance(posed), start, incumbent=inf)
     if first is None:
         return again(posed, start, incumbent=incumbent)
     beyond = replace(start, gains=design_of(first.values)[0], coupling=design_of(first.values)[1], error=first.error)
     better = again(posed, beyond, incumbent=min(first.error, incumbent))
     return better if better is not None and better.error < first.error else first
+
+
+def by_scale(problem: Problem) -> bool:
+    """Return whether the search takes the coupling from the scales that environments forbid: an impedance display's.
+
+    Parameters
+    ----------
+    problem : problem in any units
+    """
+    return problem.worlds is not None and problem.device.kind.inverse
+
+
+def _stiffest(posed: Posed, start: Start, found: Stiffest | None, tightening: float) -> Polished | None:
+    """Return the stiffest coupling of an impedance display with the multipliers of the places that limit it."""
+    if found is None:
+        return None
+    values, alone = point(found.gains, found.coupling), by_resistance(posed)
+    working_set = WorkingSet(in_hand=found.places)
+    free = coordinates(posed.problem, integrator=False)
+    structure = nlp_structure(
+        alone, free, working_set, MAX_PANELS if posed.problem.device.structure else PANELS, integrator=False
+    )
+    box = _box(free, values, NEAR)
+    solution = solve(structure, numbers_of(alone, structure, free, values, box, working_set, tightening))
+    rounds = [Round(sum(working_set.sizes()), solution)]
+    return Polished(start, values, found.error, structure, working_set, solution, tightening, rounds)
 
 
 def _exchanged(

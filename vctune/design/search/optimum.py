@@ -15,10 +15,10 @@ from time import perf_counter
 import numpy as np
 
 from vctune.analysis.hardest_hands import tightest_at_wall
-from vctune.analysis.in_hands import least_ratios_near
+from vctune.analysis.in_hands import least_ratio_near
 from vctune.design.prepared import Prepared, prepare, with_corner
 from vctune.design.result import Polished
-from vctune.design.search.exchange import TIGHTENING, polish
+from vctune.design.search.exchange import TIGHTENING, by_scale, polish
 from vctune.design.search.rounding import DIGITS, rounded
 from vctune.design.search.scan import ScanResult, better_start_near, in_same_basin, scan, start_at
 from vctune.design.search.start import Start
@@ -276,7 +276,7 @@ def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Ite
     While it is not proved, polish it again with its witness, tighter and with more digits.
 
     If a hand requires more than the tightening gives, only the proof has found it. The search must then add the hand,
-    not tighten the constraints.
+    not tighten the constraints. A search for the greatest forbidden scale does both: it knows that hand's neighbours.
     """
     polished: Polished | None = optimum
     tightening, witnesses, sharpened = TIGHTENING, WorkingSet(), 0
@@ -292,10 +292,11 @@ def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Ite
             points = witnesses.points(CLAIMS[claim].quantity)
             if points is not None:
                 _collect(points, outcome, prepared, judgement if claim == "walls" else None)
-        if not _new_hand(prepared, judgement, witnesses, tightening):
+        known = _new_hand(prepared, judgement, witnesses, tightening)
+        if by_scale(prepared.problem) or not known:
             sharpened += 1
             tightening *= SHARPENING
-        if _undecided(judgement):
+        if _undecided(judgement) or by_scale(prepared.problem):
             tightening = max(tightening, DECIDABLE)
         again = partial(polish, prepared.scaled, scanned=scanned, tightening=tightening, witnesses=witnesses)
         polished = again(_start_at(polished), demands=polished.working_set) or again(optimum.start)
@@ -318,8 +319,7 @@ def _new_hand(prepared: Prepared, judgement: Judgement, witnesses: WorkingSet, t
             continue
         device = outcome.device or problem.device
         law = judgement.gains, judgement.coupling
-        at = [(outcome.witness, outcome.hand)]
-        (worst,) = least_ratios_near(device, problem.hands_met, *law, at, met)
+        worst = least_ratio_near(device, problem.hands_met, *law, outcome.witness, outcome.hand, met)
         if worst.ratio < problem.stability.safety_factor * (1 - tightening):
             there = replace(outcome, witness=worst.omega, hand=worst.hand)
             _collect(witnesses.in_hand, there, prepared, judgement if claim == "walls" else None)

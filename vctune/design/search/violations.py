@@ -26,7 +26,6 @@ from vctune.analysis.in_hands import (
     RatioInAnyHand,
     RatioInHand,
     least_ratios_in_hands,
-    least_ratios_near,
     least_ratios_of_each,
     ratio_at,
     windows,
@@ -204,24 +203,7 @@ def _at_points(points: Sequence[ConstraintPoint], problem: Problem, values: Poin
         for point in held
         if point.hand
     ]
-    if linear is not None:
-        held, ratios = [*held, *(near := _near_points(held, problem, values))], [*ratios, *near.values()]
     return _short(held, ratios, problem.stability.safety_factor, tightening)
-
-
-def _near_points(points: Sequence[ConstraintPoint], problem: Problem, values: Point) -> dict[ConstraintPoint, float]:
-    """Return the worst places near points that a proof has refuted with linear environments, and the ratios there.
-
-    Where one of two margins has to be positive, both fall short only in a valley that is too narrow for the angles and
-    hands of a grid. As the design moves, the valley moves with it, and so must the point.
-    """
-    assert problem.hands_met is not None
-    law, found = design_of(values), dict[ConstraintPoint, float]()
-    for device in dict.fromkeys(point.device for point in points if point.wall is None):
-        places = [(at.omega, at.hand) for at in points if at.device == device and at.wall is None and at.hand]
-        for least in least_ratios_near(device, problem.hands_met, *law, places, problem.worlds_met):
-            found[ConstraintPoint(least.omega, device, least.hand)] = least.ratio
-    return found
 
 
 def _short(points: Sequence[ConstraintPoint], ratios: Sequence[float], factor: float, tightening: float) -> Violations:

@@ -24,7 +24,7 @@ from vctune.proof.engine.box_tests import (
     nearest,
     room_left,
 )
-from vctune.proof.engine.boxes import Boxes, Values
+from vctune.proof.engine.boxes import Boxes, Integers, Values
 from vctune.proof.engine.branching import Decided, Test
 from vctune.running import check_time
 
@@ -178,7 +178,7 @@ def _or_mixed(
     return best
 
 
-def _subset(found: Decided, at: Floats) -> Decided:
+def _subset(found: Decided, at: Integers) -> Decided:
     return Decided(*(getattr(found, name)[..., at] for name in Decided.__slots__))
 
 
