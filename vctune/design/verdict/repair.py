@@ -45,6 +45,10 @@ REPAIRS = "the repairs"
 LONGEST = 30.0
 """Seconds after which vctune tries no more changes; only a device whose every answer takes long needs so many. Half as
 many seconds omit repairs on a slow machine, and vctune says so (`CUT_SHORT`); the listed repairs are the same."""
+COMPARING = 0.25
+"""Share of these seconds after which vctune no longer solves the problem to find out which number was edited. Most
+problems take a second or two. Environments that run late take half a minute, and with the whole time no change at all
+would be tried. Half and twice this share list the same repairs."""
 CUT_SHORT = Note("warn-repairs-cut-short", f"repairs were looked for during {LONGEST:g} s; there may be more of them")
 FINER = 30.0
 """Factor between smaller changes that are tried while even the least one suffices; then the interval is bisected."""
@@ -184,10 +188,11 @@ def repairs_of_design(
     progress("looking for repairs: the numbers of the design")
     found, settled = list[Repair](), set[str]()
     with time_limit(LONGEST):
-        with suppress(OutOfTimeError):
-            if not changed:
+        if not changed:
+            with suppress(OutOfTimeError), time_limit(COMPARING * LONGEST):
                 differing = edits(problem, judgement, solved_numbers(stated, judgement, OF_FREE))
                 changed = differing if len(differing) == 1 else []
+        with suppress(OutOfTimeError):
             found += undone(pasted, changed, OF_FIXED)
             settled |= set(SYMBOLS) if found else set()
             for repair in () if found else best_values(stated, judgement, OF_FREE):
