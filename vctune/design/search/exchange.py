@@ -67,7 +67,7 @@ gains a factor of only three or four, because the greatest error moves with the 
 time. Half or twice this number changes the error by as much."""
 NEAR = 0.02
 """Half-width of the trust box in which the NLP of an impedance display with a box of environments is solved for its
-multipliers. The optimum is known before. Half and twice this width give the same multipliers."""
+multipliers. The optimum is known before, and this only has to keep IPOPT near it."""
 UPHILL = 1e-4
 """Share by which an answer must be worse than a known design to count as in another basin. It exceeds the effect of the
 tightening and of IPOPT's tolerance, and is well below 0.1 %, the resolution of basins."""

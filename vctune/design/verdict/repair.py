@@ -48,7 +48,7 @@ many seconds omit repairs on a slow machine, and vctune says so (`CUT_SHORT`); t
 COMPARING = 0.25
 """Share of these seconds after which vctune no longer solves the problem to find out which number was edited. Most
 problems take a second or two. Environments that run late take half a minute, and with the whole time no change at all
-would be tried. Half and twice this share list the same repairs."""
+would be tried."""
 CUT_SHORT = Note("warn-repairs-cut-short", f"repairs were looked for during {LONGEST:g} s; there may be more of them")
 FINER = 30.0
 """Factor between smaller changes that are tried while even the least one suffices; then the interval is bisected."""
