@@ -20,6 +20,7 @@ from vctune.design.nlp.ipopt import NEAR_SIDE, numbers_of, solve
 from vctune.design.nlp.nlp_structure import nlp_structure
 from vctune.design.prepared import Posed, by_resistance, with_device
 from vctune.design.result import Polished, Round
+from vctune.design.search.in_worlds.stiffest import Stiffest, stiffest
 from vctune.design.search.scan import ScanResult
 from vctune.design.search.shapes import softened
 from vctune.design.search.stabilise import add_stability_cut, stabilised, stable
@@ -68,6 +69,9 @@ OBJECTIVE_TOLERANCE = {"rms": 1e-7, "peak": 1e-4}
 "peak", each round reduces this difference only by a factor of three or four, because the frequency of the greatest
 error changes with the gains. A limit of 1e-5 would take 5 % more time. Half or twice the limit changes the error of the
 design by about the same share."""
+NEAR = 0.02
+"""Half-width of the trust box in which the NLP of an impedance display with a box of environments is solved for its
+multipliers. The optimum is known before. The trust box only keeps IPOPT near the optimum."""
 UPHILL = 1e-4
 """Share by which the error of an answer must exceed that of a known design for the exchange to reject the answer. This
 share exceeds the effect of the tightening and of IPOPT's tolerance. The share is well below 0.1 %, the accuracy to
@@ -90,9 +94,8 @@ def polish(
 
     If environments run late or by Euler's rules, the function first requires the margin of the real part alone to be
     positive, and starts a second exchange with all margins from the result. The polygons of such environments are thin,
-    and an exchange with all margins from the original start seldom becomes feasible. For environments of an impedance
-    display, the function runs one exchange with all margins and one with the margin of the real part alone, and returns
-    the better result. The smoothed maximum of several margins would make the coupling worse by half a percent.
+    and an exchange with all margins from the original start seldom becomes feasible. An impedance display with a box of
+    environments has a search of its own (`search/in_worlds/stiffest.py`).
 
     Parameters
     ----------
@@ -118,19 +121,43 @@ def polish(
     """
     again = partial(_exchanged, scanned=scanned, tightening=tightening, witnesses=witnesses, demands=demands)
     worlds = posed.problem.worlds
+    if by_scale(posed.problem):
+        held = witnesses.in_hand if witnesses is not None else []
+        return _stiffest(posed, start, stiffest(posed, start, incumbent, tightening, held), tightening)
     if worlds is None or worlds.lossless or worlds.ahead:
-        found = again(posed, start, incumbent=incumbent)
-        if worlds is None or not posed.problem.device.kind.inverse:
-            return found
-        least = incumbent if found is None else min(found.error, incumbent)
-        first = again(by_resistance(posed), start, incumbent=least)
-        return first if found is None or (first is not None and first.error < found.error) else found
+        return again(posed, start, incumbent=incumbent)
     first = again(by_resistance(posed), start, incumbent=inf)
     if first is None:
         return again(posed, start, incumbent=incumbent)
     beyond = replace(start, gains=design_of(first.values)[0], coupling=design_of(first.values)[1], error=first.error)
     better = again(posed, beyond, incumbent=min(first.error, incumbent))
     return better if better is not None and better.error < first.error else first
+
+
+def by_scale(problem: Problem) -> bool:
+    """Return whether the search takes the coupling from the scales that environments forbid: an impedance display's.
+
+    Parameters
+    ----------
+    problem : problem in any units
+    """
+    return problem.worlds is not None and problem.device.kind.inverse
+
+
+def _stiffest(posed: Posed, start: Start, found: Stiffest | None, tightening: float) -> Polished | None:
+    """Return the stiffest coupling of an impedance display with the multipliers of the places that limit it."""
+    if found is None:
+        return None
+    values, alone = point(found.gains, found.coupling), by_resistance(posed)
+    working_set = WorkingSet(in_hand=found.places)
+    free = coordinates(posed.problem, integrator=False)
+    structure = nlp_structure(
+        alone, free, working_set, MAX_PANELS if posed.problem.device.structure else PANELS, integrator=False
+    )
+    box = _box(free, values, NEAR)
+    solution = solve(structure, numbers_of(alone, structure, free, values, box, working_set, tightening))
+    rounds = [Round(sum(working_set.sizes()), solution)]
+    return Polished(start, values, found.error, structure, working_set, solution, tightening, rounds)
 
 
 def _exchanged(

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from vctune.analysis.extrema import Floats
 from vctune.design.prepared import Posed
 from vctune.design.search.feasibility import Kinds, LoopFeasibility, loop_feasibility, spread
+from vctune.design.search.in_worlds.least_scale import least_scale_in_worlds
 from vctune.design.search.samples import Samples, samples_of
-from vctune.design.search.scale_in_worlds import least_scale_in_worlds
 from vctune.design.search.shapes import scale_limits, scale_per_resistance, time_constants, unit_response
 from vctune.design.search.start import Missed
 from vctune.model.gains import Gains

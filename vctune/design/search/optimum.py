@@ -18,7 +18,7 @@ from vctune.analysis.hardest_hands import tightest_at_wall
 from vctune.analysis.in_hands import least_ratio_near
 from vctune.design.prepared import Prepared, prepare, with_corner
 from vctune.design.result import Polished
-from vctune.design.search.exchange import TIGHTENING, polish
+from vctune.design.search.exchange import TIGHTENING, by_scale, polish
 from vctune.design.search.rounding import DIGITS, rounded
 from vctune.design.search.scan import ScanResult, better_start_near, in_same_basin, scan, start_at
 from vctune.design.search.start import Start
@@ -285,7 +285,9 @@ def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Ite
     """Judge the rounded optimum; while it is not proved, polish it again with its witnesses, and judge the result.
 
     The search tightens the constraints and adds digits, with one exception: the proof may have found a hand that
-    requires more than the tightening provides. The search then adds the worst hand near it, and does not tighten.
+    requires more than the tightening provides. The search then adds the worst hand near it, and does not tighten. The
+    search of an impedance display with a box of environments does both, because it also finds the neighbours of that
+    hand.
     """
     polished: Polished | None = optimum
     tightening, witnesses, sharpened = TIGHTENING, WorkingSet(), 0
@@ -301,10 +303,11 @@ def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Ite
             points = witnesses.points(CLAIMS[claim].quantity)
             if points is not None:
                 _collect(points, outcome, prepared, judgement if claim == "walls" else None)
-        if not _new_hand(prepared, judgement, witnesses, tightening):
+        known = _new_hand(prepared, judgement, witnesses, tightening)
+        if by_scale(prepared.problem) or not known:
             sharpened += 1
             tightening *= SHARPENING
-        if _undecided(judgement):
+        if _undecided(judgement) or by_scale(prepared.problem):
             tightening = max(tightening, DECIDABLE)
         again = partial(polish, prepared.scaled, scanned=scanned, tightening=tightening, witnesses=witnesses)
         polished = again(_start_at(polished), demands=polished.working_set) or again(optimum.start)

@@ -47,6 +47,10 @@ LONGEST = 30.0
 """Seconds after which vctune tries no more changes. The search takes this time only for devices whose problems take
 long to solve. With half this time, vctune misses some repairs on a slow machine and warns of it (`CUT_SHORT`); the
 listed repairs are the same."""
+COMPARING = 0.25
+"""Share of `LONGEST` after which vctune no longer solves the problem to find out which number was edited. Most problems
+take a second or two. Environments that run late take half a minute, and with the whole time no change at all would be
+tried."""
 CUT_SHORT = Note("warn-repairs-cut-short", f"repairs were looked for during {LONGEST:g} s; there may be more of them")
 FINER = 30.0
 """Factor by which the search reduces a change while the change suffices. Then it bisects the last interval."""
@@ -188,10 +192,11 @@ def repairs_of_design(
     progress("looking for repairs: the numbers of the design")
     found, settled = list[Repair](), set[str]()
     with time_limit(LONGEST):
-        with suppress(OutOfTimeError):
-            if not changed:
+        if not changed:
+            with suppress(OutOfTimeError), time_limit(COMPARING * LONGEST):
                 differing = edits(problem, judgement, solved_numbers(stated, judgement, OF_FREE))
                 changed = differing if len(differing) == 1 else []
+        with suppress(OutOfTimeError):
             found += undone(pasted, changed, OF_FIXED)
             settled |= set(SYMBOLS) if found else set()
             for repair in () if found else best_values(stated, judgement, OF_FREE):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.proof.enclosures.array_intervals import UNIT, Enclosure, Flags, Floats, raised
 from vctune.proof.enclosures.box_minimum import least_over_boxes
 from vctune.proof.enclosures.jets import Jet, variables
+from vctune.proof.enclosures.taylor import Taylor
 from vctune.proof.enclosures.taylor import variables as polynomials
 from vctune.proof.engine.box_tests import (
     FROM_ZERO,
@@ -22,7 +24,7 @@ from vctune.proof.engine.box_tests import (
     nearest,
     room_left,
 )
-from vctune.proof.engine.boxes import Boxes, Values
+from vctune.proof.engine.boxes import Boxes, Integers, Values
 from vctune.proof.engine.branching import Decided, Test
 from vctune.running import check_time
 
@@ -113,7 +115,10 @@ def any_positive(margins: Margins, slopes: Margins | None, fixed: Values, spans:
 
     def test(boxes: Boxes) -> Decided:
         check_time()
-        best = nearest([_by_polynomials(number, boxes, spans) for number in of(boxes)])
+        numbers = of(boxes)
+        varied = boxes.varied()
+        best = nearest([_by_polynomials(number, boxes, varied, spans) for number in numbers])
+        best = _or_mixed(numbers, best, boxes, varied, spans)
         left = np.flatnonzero(~best.proved)
         if left.size:
             there = replace(boxes.subset(left), low=best.point[:, left], high=best.point[:, left])
@@ -129,9 +134,9 @@ def any_positive(margins: Margins, slopes: Margins | None, fixed: Values, spans:
     return test
 
 
-def _by_polynomials(number: Number, boxes: Boxes, spans: Floats) -> Decided:
+def _by_polynomials(number: Number, boxes: Boxes, varied: Sequence[bool], spans: Floats) -> Decided:
     """Decide boxes by one of several margins. Where it is negative somewhere, the cost is its variation."""
-    least, varied, n = least_over_boxes(number), boxes.varied(), len(boxes)
+    least, n = least_over_boxes(number), len(boxes)
     width = boxes.high - boxes.low
     at, lost, varies = np.zeros_like(width), np.zeros_like(width), np.zeros_like(width)
     at[varied], lost[varied], varies[varied] = least.at, least.cost, np.abs(number.poly[1 : 1 + number.rows])
@@ -152,6 +157,41 @@ def _by_polynomials(number: Number, boxes: Boxes, spans: Floats) -> Decided:
         side=np.zeros_like(width),
         room=room,
     )
+
+
+def _or_mixed(
+    numbers: tuple[Number, ...], best: Decided, boxes: Boxes, varied: Sequence[bool], spans: Floats
+) -> Decided:
+    """Decide the boxes that no margin proves by mean values of two margins.
+
+    If a weighted mean of two margins is positive, one of them is. Where a design needs one margin on this side of a
+    point and another on that side, each of them falls below 0 at once, but one of their means hardly varies.
+    """
+    left = np.flatnonzero(~best.proved)
+    if len(numbers) == 1 or not left.size:
+        return best
+    part, parts = boxes.subset(left), [number.subset(left) for number in numbers]
+    means = [_by_polynomials(_mean(a, b), part, varied, spans) for a, b in combinations(parts, 2)]
+    found = nearest([_subset(best, left), *means])
+    for name in ("proved", "point", "cost", "known", "room"):
+        getattr(best, name)[..., left] = getattr(found, name)
+    return best
+
+
+def _subset(found: Decided, at: Integers) -> Decided:
+    return Decided(*(getattr(found, name)[..., at] for name in Decided.__slots__))
+
+
+def _mean(a: Taylor, b: Taylor) -> Taylor:
+    """Return the weighted mean of two numbers whose linear part has the greatest lower bound."""
+    one, two = (x.poly[: 1 + x.rows] / np.abs(x.poly[: 1 + x.rows]).sum(axis=0) for x in (a, b))
+    first, other = one[1:], two[1:]
+    weights = np.nan_to_num(np.clip(other / (other - first), 0.0, 1.0), nan=0.5)
+    mixed = weights[:, None] * one + (1 - weights[:, None]) * two
+    least = mixed[:, 0] - np.abs(mixed[:, 1:]).sum(axis=1)
+    weight = np.take_along_axis(weights, np.argmax(least, axis=0)[None], axis=0)[0]
+    sizes = [np.abs(x.poly[: 1 + x.rows]).sum(axis=0) for x in (a, b)]
+    return a * (weight / sizes[0]) + b * ((1 - weight) / sizes[1])
 
 
 def _relative(boxes: Boxes, spans: Floats) -> Floats:

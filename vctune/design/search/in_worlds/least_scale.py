@@ -9,17 +9,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from math import inf
-from typing import NamedTuple
 
 import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.analysis.loops_in_hands import LoopsInHands
+from vctune.design.search.in_worlds.force_scale import MOST, least_of_force, times
 from vctune.design.search.samples import Samples
 from vctune.design.search.shapes import unit_at
-from vctune.model.gains import Coupling, Gains, SpringDamper
+from vctune.model.gains import Coupling, Gains
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.sampled.impedance_display import firmware_filter, offered_by_spring
 from vctune.model.sampled.worlds.late_sides import open_sides
 from vctune.model.sampled.worlds.loop_in_late_worlds import HalfPlane
 from vctune.model.sampled.worlds.loop_in_worlds import Offered, Seen, offered_at, sum_of
@@ -28,8 +27,6 @@ from vctune.model.worlds import WorldsMet
 LEAPS = 2
 """Number of passes over the forbidden intervals. In each pass, the scan raises the scale to the greatest upper end of
 the intervals that it has reached. Half or twice this number gives starts that are equally good."""
-MOST = 1e100
-"""Stand-in for infinity where numbers are multiplied."""
 
 
 def least_scale_in_worlds(
@@ -50,7 +47,7 @@ def least_scale_in_worlds(
         An array with the axes of the gains, followed by the axes of the time constants and of the drags.
     """
     if samples.device.kind.inverse:
-        return _least_of_force(met, samples, gains, time_constant, drag)
+        return least_of_force(met, _places(samples), samples.device, gains, time_constant, drag)
     if met.worlds.lossless:
         return _least_of_lossless(met, samples, gains, time_constant, drag)
     return _least_in_time(met, samples, gains, time_constant, drag)
@@ -81,87 +78,6 @@ def _least_of_lossless(met: WorldsMet, samples: Samples, gains: Gains, time_cons
                 left = np.fmax(left, np.where(first <= left[..., None], enough, 0.0).max(axis=-1, initial=0.0))
             scale[..., i, k] = np.minimum(left, MOST)
     return scale
-
-
-@np.errstate(all="ignore")
-def _least_of_force(met: WorldsMet, samples: Samples, gains: Gains, time_constant: Floats, drags: Floats) -> Floats:
-    """Return, for an impedance display, the least 1/k_c above which no environment of a box forbids any scale.
-
-    With the scale x the admittance is Y = s^2 (r + j i/s), with r = a x - R and i = v x - X. An environment puts a pole
-    on the unit circle if three quadratics in x are all >= 0 (model/README.md, section 18). The greatest such x is
-    therefore a root of one of the quadratics.
-    """
-    worlds, T, rows = met.worlds, samples.device.sample_time, []
-    for held in _places(samples):
-        seen = held.seen(Gains(gains.velocity[..., None, None], gains.position[..., None, None]))
-        each = seen.lost / seen.size, seen.swing / seen.size
-        rows.append((np.tile(held.theta, held.hands.mass.size), *(x.reshape(*seen.size.shape[:-2], -1) for x in each)))
-    theta, R, X = (np.concatenate(parts, axis=-1) for parts in zip(*rows, strict=True))
-    sin, cos = np.sin(theta / 2), np.cos(theta / 2)
-    inertia, compliance, low_pass = 2 / T * sin**2, T / 2 * cos**2, firmware_filter(samples.device, theta, FLOATS)
-    heavy = _times(worlds.high.mass, inertia) - worlds.low.stiffness * compliance
-    soft = worlds.low.mass * inertia - _times(worlds.high.stiffness, compliance)
-    scale = np.empty((*R.shape[:-1], time_constant.shape[-1], drags.shape[-1]))
-    for k in range(time_constant.shape[-1]):
-        unit = SpringDamper(time_constant[..., k, None, None, None], 1.0)
-        at = offered_by_spring(unit, T, low_pass, theta, FLOATS)
-        a, v = at.above / at.below, at.spring / at.below
-        size = _Quadratic(sin**2 * a * a + v * v, -2 * (sin**2 * a * R + v * X), sin**2 * R * R + X * X)
-        turned = _Quadratic(0 * v, cos * v, -cos * X)
-        forbid = [_Quadratic(0 * a, -a, R).plus(-worlds.low.damping, size)]
-        forbid += [turned.times(-1).plus(heavy, size)] if worlds.high.mass < inf else []
-        forbid += [turned.plus(-soft, size)] if worlds.high.stiffness < inf else []
-        last = np.zeros(np.broadcast_shapes(R.shape, a.shape))
-        for one in forbid:
-            for zero in one.zeros():
-                there = np.isfinite(zero) & (zero > 0)
-                for other in forbid:
-                    there &= (other is one) | (other.at(zero) >= 0)
-                last = np.fmax(last, np.where(there, zero, 0.0))
-        scale[..., k, :] = np.minimum(met.factor * last.max(axis=-1, initial=0.0), MOST)[..., None]
-    return scale
-
-
-class _Quadratic(NamedTuple):
-    """A quadratic of the scale, second x^2 + first x + constant, whose coefficients are arrays."""
-
-    second: Floats
-    first: Floats
-    constant: Floats
-
-    def times(self, factor: float | Floats) -> _Quadratic:
-        """Return the quadratic times a factor.
-
-        Parameters
-        ----------
-        factor : factor of all three coefficients
-        """
-        return _Quadratic(factor * self.second, factor * self.first, factor * self.constant)
-
-    def plus(self, factor: float | Floats, other: _Quadratic) -> _Quadratic:
-        """Return the sum of this quadratic and `factor` times another one.
-
-        Parameters
-        ----------
-        factor : factor of the other quadratic
-        other : the other quadratic
-        """
-        return _Quadratic(*(x + factor * y for x, y in zip(self, other, strict=True)))
-
-    def at(self, x: Floats) -> Floats:
-        """Return the value of the quadratic.
-
-        Parameters
-        ----------
-        x : the scale
-        """
-        return (self.second * x + self.first) * x + self.constant
-
-    def zeros(self) -> tuple[Floats, Floats]:
-        """Return both real roots, or numbers that are not finite if the quadratic has no real root."""
-        root = np.sqrt(self.first**2 - 4 * self.second * self.constant)
-        middle = -(self.first + np.where(self.first < 0, -root, root)) / 2
-        return middle / self.second, self.constant / middle
 
 
 @np.errstate(divide="ignore", invalid="ignore")
@@ -242,16 +158,10 @@ def _forbidding(
     inertia, compliance = 2 / sample_time * np.sin(half) ** 2, sample_time / 2 * np.cos(half) ** 2
     seen = held.seen(Gains(gains.velocity[..., None, None], gains.position[..., None, None]))
     swing, R = seen.swing * np.cos(half) / seen.size, seen.lost / seen.size
-    stiff = swing - _times(worlds.high.mass, inertia) + worlds.low.stiffness * compliance
-    soft = factor * (swing - worlds.low.mass * inertia + _times(worlds.high.stiffness, compliance))
+    stiff = swing - times(worlds.high.mass, inertia) + worlds.low.stiffness * compliance
+    soft = factor * (swing - worlds.low.mass * inertia + times(worlds.high.stiffness, compliance))
     missing = factor * (R - worlds.low.damping)
     each = ((missing, 0.0), (stiff, -MOST), (soft, MOST))
     known = (np.nan_to_num(number, nan=unknown, posinf=MOST, neginf=-MOST) for number, unknown in each)
     found = (number.reshape(*number.shape[:-2], -1) for number in known)
     return np.tile(held.theta, held.hands.mass.size), *found
-
-
-def _times(limit: float, number: Floats) -> Floats:
-    """Return a limit times numbers >= 0. If the limit is infinite, the product is infinite, even where a number is
-    0."""
-    return limit * number if limit < inf else np.full_like(number, inf)

@@ -1,0 +1,145 @@
+"""The scales 1/k_c of an impedance display's coupling with which an environment of a box holds a pole.
+
+With the scale x the tool meets the admittance Y = s^2 (r + j i/s), r = a x - R and i = v x - X. An environment holds a
+pole if three quadratics in x have certain signs (model/README.md, section 18), so the greatest such x is a zero of one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import inf
+from typing import NamedTuple
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.analysis.loops_in_hands import LoopsInHands
+from vctune.model.device import Device
+from vctune.model.gains import Gains, SpringDamper
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.sampled.impedance_display import firmware_filter, offered_by_spring
+from vctune.model.sampled.worlds.loop_in_worlds import Seen
+from vctune.model.worlds import Worlds, WorldsMet
+
+MOST = 1e100
+"""Stand-in for infinity where numbers are multiplied."""
+
+
+@np.errstate(all="ignore")
+def least_of_force(
+    met: WorldsMet, places: Iterable[LoopsInHands], device: Device, gains: Gains, time_constant: Floats, drags: Floats
+) -> Floats:
+    """Return the least scale 1/k_c from which on no environment of a box forbids any, on a grid.
+
+    Parameters
+    ----------
+    met : the environments and g
+    places : loops in hands
+    device : the display
+    gains : dimensionless arrays that fit each other
+    time_constant, drags : axes of the couplings
+
+    Returns
+    -------
+    array
+        Of the gains' shape, with the axes of the couplings as last ones.
+    """
+    rows = []
+    for held in places:
+        seen = held.seen(Gains(gains.velocity[..., None, None], gains.position[..., None, None]))
+        each = seen.lost / seen.size, seen.swing / seen.size
+        rows.append((np.tile(held.theta, held.hands.mass.size), *(x.reshape(*seen.size.shape[:-2], -1) for x in each)))
+    theta, lost, swing = (np.concatenate(parts, axis=-1) for parts in zip(*rows, strict=True))
+    scale = np.empty((*lost.shape[:-1], time_constant.shape[-1], drags.shape[-1]))
+    for k in range(time_constant.shape[-1]):
+        tau = time_constant[..., k, None, None, None]
+        last = forbidden_scale(met.worlds, device, theta, Seen(lost, swing, 1.0), tau)
+        scale[..., k, :] = np.minimum(met.factor * last.max(axis=-1, initial=0.0), MOST)[..., None]
+    return scale
+
+
+@np.errstate(all="ignore")
+def forbidden_scale(worlds: Worlds, device: Device, theta: Floats, seen: Seen, time_constant: float | Floats) -> Floats:
+    """Return the greatest scale 1/k_c that some environment of a box forbids at each place; 0 if none is forbidden.
+
+    Parameters
+    ----------
+    worlds : the box
+    device : the display
+    theta : omega T, rad
+    seen : G/s^2 in hands, the admittance without the coupling
+    time_constant : b_c/k_c, which broadcasts against the places
+    """
+    T, sin, cos = device.sample_time, np.sin(theta / 2), np.cos(theta / 2)
+    R, X = seen.lost / seen.size, seen.swing / seen.size
+    inertia, compliance, low_pass = 2 / T * sin**2, T / 2 * cos**2, firmware_filter(device, theta, FLOATS)
+    heavy = times(worlds.high.mass, inertia) - worlds.low.stiffness * compliance
+    soft = worlds.low.mass * inertia - times(worlds.high.stiffness, compliance)
+    at = offered_by_spring(SpringDamper(time_constant, 1.0), T, low_pass, theta, FLOATS)
+    a, v = at.above / at.below, at.spring / at.below
+    size = _Quadratic(sin**2 * a * a + v * v, -2 * (sin**2 * a * R + v * X), sin**2 * R * R + X * X)
+    turned = _Quadratic(0 * v, cos * v, -cos * X)
+    forbid = [_Quadratic(0 * a, -a, R).plus(-worlds.low.damping, size)]
+    forbid += [turned.times(-1).plus(heavy, size)] if worlds.high.mass < inf else []
+    forbid += [turned.plus(-soft, size)] if worlds.high.stiffness < inf else []
+    last = np.zeros(np.broadcast_shapes(np.shape(R), np.shape(a)))
+    for one in forbid:
+        for zero in one.zeros():
+            there = np.isfinite(zero) & (zero > 0)
+            for other in forbid:
+                there &= (other is one) | (other.at(zero) >= 0)
+            last = np.fmax(last, np.where(there, zero, 0.0))
+    return last
+
+
+class _Quadratic(NamedTuple):
+    """A quadratic of the scale, second x^2 + first x + constant, whose coefficients are arrays."""
+
+    second: Floats
+    first: Floats
+    constant: Floats
+
+    def times(self, factor: float | Floats) -> _Quadratic:
+        """Return the quadratic times a number.
+
+        Parameters
+        ----------
+        factor : the number
+        """
+        return _Quadratic(factor * self.second, factor * self.first, factor * self.constant)
+
+    def plus(self, factor: float | Floats, other: _Quadratic) -> _Quadratic:
+        """Return the sum with another one times a number.
+
+        Parameters
+        ----------
+        factor : the number
+        other : the other quadratic
+        """
+        return _Quadratic(*(x + factor * y for x, y in zip(self, other, strict=True)))
+
+    def at(self, x: Floats) -> Floats:
+        """Return its value.
+
+        Parameters
+        ----------
+        x : where
+        """
+        return (self.second * x + self.first) * x + self.constant
+
+    def zeros(self) -> tuple[Floats, Floats]:
+        """Return both zeros, which are not finite where there are none."""
+        root = np.sqrt(self.first**2 - 4 * self.second * self.constant)
+        middle = -(self.first + np.where(self.first < 0, -root, root)) / 2
+        return middle / self.second, self.constant / middle
+
+
+def times(limit: float, number: Floats) -> Floats:
+    """Return a limit times a number >= 0; without a limit the product is infinite, also at 0.
+
+    Parameters
+    ----------
+    limit : the limit, >= 0; inf for none
+    number : the number
+    """
+    return limit * number if limit < inf else np.full_like(number, inf)
