@@ -23,7 +23,7 @@ from vctune.design.solve import solve
 from vctune.design.verdict.judge import Judgement
 from vctune.document.reading import read_problem
 from vctune.model.problem import Problem
-from vctune.report.page.page import svg
+from vctune.report.figures.with_matplotlib import svg
 from vctune.running import time_limit
 
 ROOT = Path(__file__).parent.parent

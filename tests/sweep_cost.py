@@ -18,7 +18,7 @@ from time import perf_counter
 from matplotlib.figure import Figure
 
 from vctune.document.study_file import read_study
-from vctune.report.page.page import svg
+from vctune.report.figures.with_matplotlib import svg
 from vctune.study.executors import worker_pool
 from vctune.study.rows import open_rows
 from vctune.study.sweep import sweep

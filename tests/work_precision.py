@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 
 from vctune.document.reading import read_gains, read_problem
-from vctune.report.page.page import svg
+from vctune.report.figures.with_matplotlib import svg
 from vctune.simulation.firmware.controller import Measurement, State, control
 from vctune.simulation.firmware.operations import FLOATS
 from vctune.simulation.mechanics.friction import friction_force

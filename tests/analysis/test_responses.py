@@ -168,9 +168,9 @@ def solved(wheel):
 def test_the_nyquist_data_are_the_page_s(wheel, solved):
     best = solved.judgement
     record = record_of(ProblemFile(wheel, for_passive_hands(DEVICE)), solved)
-    drawn = figures(Design(wheel, best.gains, best.coupling, record))["nyquist"].axes[0].lines[0]
+    drawn = figures(Design(wheel, best.gains, best.coupling, record))["nyquist"].panels[0].marks[0]
     L = solved.loop().L.at()
-    assert np.array_equal(drawn.get_xdata(), L.values.real) and np.array_equal(drawn.get_ydata(), L.values.imag)
+    assert np.array_equal(drawn.x, L.values.real) and np.array_equal(drawn.y, L.values.imag)
     assert L.omega[-1] == pytest.approx(pi / wheel.device.sample_time) and L.unit == "1"
     assert np.abs(solved.loop().S.at().values).max() == pytest.approx(best.peak_sensitivity, rel=1e-3)
 

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from conftest import ROOT, for_passive_hands
 from jsonschema import Draft202012Validator
 
-from vctune.bench import evaluator, peers, solvers, stress, uncertain
+from vctune.bench import answers, evaluator, peers, solvers, stress, uncertain
 from vctune.bench import judged as judging
 from vctune.bench.benchmark import Measured, csv_of, record_of
 from vctune.bench.dense import dense
@@ -256,6 +256,19 @@ def test_quick_stress(tmp_path, monkeypatch):
     assert not any(row["wrong"] for row in rows)
     assert stress.FAILED not in {row["status"] for row in rows}
     assert max(float(row["float_error"] or 0) for row in rows) < 1e-12
+
+
+def test_answers_say_error_against_run_time(tmp_path):
+    """The search improves the design of the scan, and the proof adds time and no error."""
+    rows = {row.work: row for row in answers.solved("friction-wheel", tmp_path, 1)}
+    first, best, proved = (rows[work] for work in (answers.FIRST, answers.BEST, answers.PROVED))
+    assert best.error < 0.99 * first.error and proved.error == pytest.approx(best.error, rel=1e-4)
+    assert rows[answers.REPORT].seconds > 0
+    assert answers.facts([*rows.values(), answers.Row(answers.SWEEP, "both", 0.1, 0.0)], 3)[-1].endswith(
+        "10.0 under both."
+    )
+    assert first.seconds < proved.seconds
+    assert [len(panel.series) for panel in answers.panels([*rows.values()])] == [1, 2]
 
 
 def test_uncertain_devices_take_every_combination_in_turn():

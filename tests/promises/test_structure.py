@@ -134,6 +134,7 @@ def test_heavy_libraries_stay_in_their_rooms():
         "click": "cli",
         "rich": "cli",
         "matplotlib": "report",
+        "contourpy": "report/figures/hands_figure.py",
         "distributed": "study/executors.py",
         "pyarrow": "study/study_table.py",
         "control": "analysis/responses/transfer.py",

@@ -23,14 +23,17 @@ from vctune.model.hands import Hand, Hands
 from vctune.report.figures.design_figures import Design, figures
 from vctune.report.figures.experiment_figures import simulation_figure
 from vctune.report.figures.hands_figure import hands_figure
-from vctune.report.figures.region_figure import BAD, GOOD, OPEN
-from vctune.report.figures.style import PAPER
+from vctune.report.figures.sweep_figures import sweep_figure
+from vctune.report.figures.with_matplotlib import _shortened, svg
+from vctune.report.figures.world_figure import BAD, GOOD, OPEN
 from vctune.report.page.contents import IDENTIFICATION_READINGS, READINGS
-from vctune.report.page.page import _shortened, inline, svg
+from vctune.report.page.page import inline
+from vctune.report.svg.elements import LETTER, PAPER, SIZE, polyline
 from vctune.simulation.mechanics.intended_motion import stroke_time
 from vctune.simulation.simulation_record import TOLERANCE, simulation_record
 from vctune.simulation.thinning import thinned
 from vctune.simulation.two_runs import simulate
+from vctune.study.study_table import Table
 
 EXPERIMENTS = """
 [[experiment]]
@@ -137,18 +140,18 @@ def drawn(measured):
 
 def test_lines_are_told_apart_without_colour(drawn):
     assert set(drawn) == {"loop", "llewellyn", "nyquist", "transparency", "impedance", "simulation"}
-    for name, figure in drawn.items():
-        for axes in figure.axes:
-            lines = [line for line in axes.lines if not line.get_label().startswith("_")]
-            styles = [(line._dash_pattern, line.get_marker()) for line in lines]
-            paired = [(a.get_label(), b.get_label()) for a, b in itertools.combinations(lines, 2)]
+    for name, drawing in drawn.items():
+        for panel in drawing.panels:
+            lines = [mark for mark in panel.marks if mark.named and not mark.closed]
+            styles = [([line.width * each for each in line.dashes], line.width > 0, line.marker) for line in lines]
+            paired = [(a.label, b.label) for a, b in itertools.combinations(lines, 2)]
             same = [pair for pair, (a, b) in zip(paired, itertools.combinations(styles, 2), strict=True) if a == b]
             assert not same, name
 
 
 def test_the_limit_the_safety_factor_and_the_least_ratio_are_apart(drawn):
-    lower = drawn["llewellyn"].axes[1]
-    heights = lower.transAxes.inverted().transform(lower.transData.transform([(1, 1.0), (1, 1.05)]))[:, 1]
+    lower = drawn["llewellyn"].panels[1]
+    heights = lower.y.shares(np.array([1.0, 1.05]), lower.get_ylim())
     assert heights[1] - heights[0] > 0.1 and heights[0] > 0
 
 
@@ -157,24 +160,14 @@ def test_the_bands_of_the_promises_are_shaded(drawn):
         "llewellyn": {"requested band"}, "transparency": {"transparency band"},
         "impedance": {"transparency band", "proved stable"},
     }.items():  # fmt: skip
-        for axes in drawn[name].axes:
-            assert bands <= {patch.get_label() for patch in axes.patches}
+        for panel in drawn[name].panels:
+            assert bands <= {mark.label for mark in panel.marks if mark.closed}
 
 
 def test_files_have_a_ground_of_their_own_and_pages_show_theirs(drawn):
-    text = svg(drawn["nyquist"], "nyquist")
+    text = drawn["nyquist"].svg("nyquist")
     assert PAPER in text and PAPER not in inline(text, "in words")
     assert not re.search(r'\bd="[^"]*\d\.\d{3}', text)
-
-
-def test_files_say_nothing_to_no_end(drawn):
-    """A line that follows a line goes without its letter; one that follows a curve keeps it."""
-    for name, figure in drawn.items():
-        text = svg(figure, name)
-        assert "<metadata>" not in text and "rotate(-0" not in text
-        for path in re.findall(r'\bd="([^"]*)"', text):
-            letters = re.findall("[A-Za-z]", path)
-            assert ("M", "L") not in itertools.pairwise(letters) and ("L", "L") not in itertools.pairwise(letters)
 
 
 @pytest.fixture(scope="module")
@@ -183,19 +176,95 @@ def in_hands():
     return hands_figure(parse_problem(DEVICE, "x", "x"), hands, Gains(150.0, 6000.0), Coupling(160.0, 0.35, 3.0))
 
 
-def test_files_are_xml_with_all_shapes_cut_at_their_axes(drawn, in_hands):
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def test_drawings_are_xml_with_all_marks_cut_at_their_panels(drawn, in_hands):
+    """All marks of a panel that end at its edges are in its clip path, and no two elements share a name."""
+    for name, drawing in {**drawn, "hands": in_hands}.items():
+        made = ElementTree.fromstring(drawing.svg(name).encode())
+        named = [each.get("id") for each in made.iter() if each.get("id")]
+        assert len(set(named)) == len(named) and all(each.startswith(f"{name}-") for each in named)
+        cut = {each.get("clip-path")[5:-1]: each for each in made.iter(f"{SVG}g") if each.get("clip-path")}
+        assert len(cut) == len(drawing.panels)
+        for k, panel in enumerate(drawing.panels):
+            inside = [mark for mark in panel.marks if mark.clipped]
+            assert len([*cut[f"{name}-{k}"].iter(f"{SVG}path")]) >= len(inside) - sum(mark.alone for mark in inside)
+
+
+def test_nothing_of_a_drawing_is_beyond_its_edge(drawn, in_hands):
+    """Tick labels as wide as they come included, and the longest legends."""
+    for name, drawing in {**drawn, "hands": in_hands}.items():
+        made = ElementTree.fromstring(drawing.svg(name).encode())
+        shifts = {id(each): shift(group) for group in made.iter(f"{SVG}g") for each in group.iter(f"{SVG}text")}
+        for each in made.iter(f"{SVG}text"):
+            words, size = "".join(each.itertext()), float(each.get("font-size", SIZE))
+            wide, (left, top) = LETTER * size * len(words), shifts.get(id(each), (0.0, 0.0))
+            x, y = left + float(each.get("x")), top + float(each.get("y"))
+            if "rotate(-90" in each.get("transform", ""):
+                assert x - size * 0.8 >= 0 and x <= drawing.width, (name, words)
+                assert y - wide / 2 >= -8 and y + wide / 2 <= drawing.height + 8, (name, words)
+            elif not each.get("transform"):
+                start = x - wide * {"middle": 0.5, "end": 1.0}.get(each.get("text-anchor"), 0.0)
+                assert start >= -2 and start + wide <= drawing.width + 8, (name, words)
+                assert y - size * 0.7 >= 0 and y <= drawing.height, (name, words)
+
+
+def shift(group):
+    found = re.match(r"translate\(([-\d.]+) ([-\d.]+)\)", group.get("transform", ""))
+    return (float(found[1]), float(found[2])) if found else (0.0, 0.0)
+
+
+@given(
+    st.lists(st.tuples(st.floats(-500, 500), st.floats(-500, 500)), min_size=2, max_size=40),
+    st.integers(1, 30),
+)
+def test_the_steps_of_a_curve_lead_where_its_points_are(points, between):
+    """To a quarter of a point, however long the curve is and however closely its points lie."""
+    places = np.array(points)
+    shares = np.linspace(0, 1, between * (len(places) - 1) + 1) * (len(places) - 1)
+    dense = np.stack([np.interp(shares, np.arange(len(places)), places[:, k]) for k in (0, 1)], axis=1)
+    numbers = np.array(re.findall(r"-?(?:\d+\.?\d*|\.\d+)", polyline(dense)), float).reshape(-1, 2)
+    along = np.cumsum(numbers, axis=0) @ [1, 1j]
+    assert len(along) <= len(dense) + 1
+    assert off(np.concatenate((along, dense @ [1, 1j])), np.arange(len(along))).max() <= 0.28
+    assert abs(along[-1] - places[-1] @ [1, 1j]) <= 0.08
+
+
+def test_a_curve_is_interrupted_where_it_is_not_finite():
+    assert polyline(np.array([(0, 0), (1, 2), (np.nan, 0), (3, 0.04), (4, -1.26)])) == "M0 0l1 2M3 0l1-1.3"
+
+
+@pytest.fixture(scope="module")
+def by_matplotlib():
+    points = np.array([1.0, 2.0, 3.0, 4.0])
+    table = Table({"device.mass": points}, ["certified"] * 4, points > 2, [""] * 4, {"error": points**2}, "linear")
+    return {"error": sweep_figure(table, grid=True)}
+
+
+def test_files_say_nothing_to_no_end(by_matplotlib):
+    """A line that follows a line goes without its letter; one that follows a curve keeps it."""
+    for name, figure in by_matplotlib.items():
+        text = svg(figure, name)
+        assert "<metadata>" not in text and "rotate(-0" not in text
+        for path in re.findall(r'\bd="([^"]*)"', text):
+            letters = re.findall("[A-Za-z]", path)
+            assert ("M", "L") not in itertools.pairwise(letters) and ("L", "L") not in itertools.pairwise(letters)
+
+
+def test_files_are_xml_with_all_shapes_cut_at_their_axes(by_matplotlib):
     """As many shapes as Matplotlib draws, each in the same clip path."""
-    for name, figure in {**drawn, "hands": in_hands}.items():
+    for name, figure in by_matplotlib.items():
         stream = BytesIO()
         with rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
             figure.savefig(stream, format="svg", dpi=150)
         raw, made = ElementTree.fromstring(stream.getvalue()), ElementTree.fromstring(svg(figure, name).encode())
         for kind in ("path", "use", "text", "clipPath"):
-            there, here = ([*each.iter(f"{{http://www.w3.org/2000/svg}}{kind}")] for each in (raw, made))
+            there, here = ([*each.iter(f"{SVG}{kind}")] for each in (raw, made))
             assert len(here) == len(there), (name, kind)
             assert [each.get("clip-path") for each in here] == [each.get("clip-path") for each in there]
         cut = {each.get("clip-path")[5:-1] for each in made.iter() if each.get("clip-path")}
-        assert cut <= {each.get("id") for each in made.iter("{http://www.w3.org/2000/svg}clipPath")}
+        assert cut <= {each.get("id") for each in made.iter(f"{SVG}clipPath")}
 
 
 def test_letters_of_lines_after_curves_stay():
@@ -204,7 +273,7 @@ def test_letters_of_lines_after_curves_stay():
 
 
 @given(st.lists(st.tuples(st.floats(-500, 500), st.floats(-500, 500)), min_size=2, max_size=40))
-def test_the_steps_of_a_curve_lead_where_its_points_are(points):
+def test_the_steps_of_a_curve_of_matplotlib_lead_where_its_points_are(points):
     """To half a tenth of a point at every place, however long the curve; what is left out does not move."""
     text = "M " + "L ".join(f"{x:.6f} {y:.6f} \n" for x, y in points)
     drawn = _shortened(re.match(".*", f'd="{text}"', re.DOTALL))
@@ -219,12 +288,3 @@ def test_no_two_figures_of_a_page_share_a_class():
     """The names of classes are the ends of the figures' names and a number."""
     for names in (READINGS, IDENTIFICATION_READINGS):
         assert len({name[0] + name[-1] for name in names}) == len(names)
-
-
-def test_nothing_of_a_figure_is_beyond_its_edge(drawn, in_hands):
-    """Tick labels as wide as they come included, and the longest legends."""
-    for name, figure in {**drawn, "hands": in_hands}.items():
-        drawn_box = figure.get_tightbbox()
-        width, height = figure.get_size_inches()
-        assert drawn_box.x0 >= 0 and drawn_box.x1 <= width, name
-        assert drawn_box.y0 >= 0 and drawn_box.y1 <= height, name

@@ -7,6 +7,7 @@ import re
 from functools import cache
 from html import escape
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -29,6 +30,7 @@ from vctune.report.figures.diagram import loop_figure
 from vctune.report.page.summary import LITTLE_USE
 from vctune.report.typography import THIN, html
 
+SVG = "{http://www.w3.org/2000/svg}"
 LAG = 'hold = "lag"\n[stability]\ncriterion = "passive"\nband_hz = [0.0, inf]\n'
 HELD = "[coupling]\ndrag = { min = 0.0, max = 50.0 }\n[operator]\ndamping = 0.5\n"
 DRAG = "drag = 3.0\n"
@@ -163,11 +165,11 @@ def test_a_block_for_each_part_that_there_is():
     gains, coupling = Gains(60.0, 1000.0), Coupling(100.0, 0.3, 0.0)
     said = {}
     for name, text in (("ideal", DEVICE), ("real", DEVICE + PARTS)):
-        figure = loop_figure(parse_problem(text, "x", "x").device, gains, coupling)
-        said[name] = {each.get_text() for each in figure.axes[0].texts}
+        drawn = loop_figure(parse_problem(text, "x", "x").device, gains, coupling).svg("loop")
+        said[name] = {"".join(each.itertext()) for each in ElementTree.fromstring(drawn.encode()).iter(f"{SVG}text")}
     parts = {"force sensor", "actuator", "difference", "handle", "motor", "hold and delay"}
     parts |= {f"400{THIN}Hz", f"delay 300{THIN}µs"}
-    assert not parts & said["ideal"] and {"hold", "mechanism", "f_h", "v_e", "u", "v, x"} <= said["ideal"]
+    assert not parts & said["ideal"] and {"hold", "mechanism", "fh", "ve", "u", "v, x"} <= said["ideal"]
     assert parts <= said["real"] and "mechanism" not in said["real"]
 
 

@@ -218,7 +218,7 @@ def test_a_slider_moves_curves_and_numbers_and_proves_nothing(browser, paths):
 
 @pytest.mark.slow
 def test_tried_curves_lie_where_the_shipped_ones_are_drawn(browser, paths):
-    """A thousandth beside the shipped gains the script draws within a point of Matplotlib's curve."""
+    """A thousandth beside the shipped gains the script draws within a point of the drawn curve."""
     page = opened(browser, paths("any hand, peak"))
     page.locator("#try input[type=range]").first.press("ArrowRight")
     found = page.evaluate(

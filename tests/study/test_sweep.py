@@ -111,6 +111,21 @@ def test_a_row_is_what_solve_says_of_the_point(tmp_path):
     }  # fmt: skip
 
 
+def test_each_point_tells_what_is_known_so_far(tmp_path):
+    """Counts by status and the best error, with the rows of an earlier run."""
+    plan, said = read_study(write_study(tmp_path, FEW, FIXED)), []
+    for _ in range(2):
+        with worker_pool("serial", 1) as pool, open_rows(tmp_path / "rows.jsonl", plan, restart=False) as rows:
+            table = table_of(plan, rows, sweep(plan, rows, pool, said.append))
+    counts = {status: table.status.count(status) for status in table.status}
+    assert len(said) == 12 and said[5] == said[11] and said[0] != said[1]
+    assert {f"{count} {status}" for status, count in counts.items()} == set(said[5].partition(";")[0].split(", "))
+    errors = [
+        error for error, status in zip(table.numbers["error"], table.status, strict=True) if status == "certified"
+    ]
+    assert said[5].endswith(f"; best error {min(errors):.4g}" if errors else "")
+
+
 def test_an_infeasible_point_is_a_row_with_its_reason(tmp_path):
     narrow = "[gains]\nvelocity = 50.0\nposition = 3000.0\n[coupling]\ndamping = { min = 1e-3, max = 5.0 }\n"
     (tmp_path / "device.toml").write_text(FREE + narrow)

@@ -170,7 +170,7 @@ def write_lost(checked: Checked, again: Recheck, folder: Path) -> None:
         If the folder cannot be written.
     """
     from vctune.report.figures.region_figure import lost_figure
-    from vctune.report.page.page import figure_file
+    from vctune.report.figures.with_matplotlib import figure_file
 
     make_folder(folder)
     record = json.dumps(checked.finding.record() if checked.finding else None, indent=2, allow_nan=False)

@@ -255,14 +255,15 @@ def write_region(found: AdmissibleGains, folder: Path) -> tuple[Path | None, boo
 def _picture(found: AdmissibleGains, folder: Path) -> dict[Path, str]:
     if seconds_left() < LOADING:
         raise OutOfTimeError
-    from vctune.report.figures.region_figure import region_figure, world_figure
-    from vctune.report.page.page import svg
-
-    if found.design is None:
-        figure = region_figure(found.file.problem, found.region, found.designs, found.marked)
-    else:
-        figure = world_figure(found.file.problem, found.region)
     name = (REGION_FILES if found.design is None else WORLD_FILES)[1]
+    if found.design is not None:
+        from vctune.report.figures.world_figure import world_figure
+
+        return {folder / name: world_figure(found.file.problem, found.region).svg(Path(name).stem)}
+    from vctune.report.figures.region_figure import region_figure
+    from vctune.report.figures.with_matplotlib import svg
+
+    figure = region_figure(found.file.problem, found.region, found.designs, found.marked)
     return {folder / name: svg(figure, Path(name).stem)}
 
 

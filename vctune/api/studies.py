@@ -107,7 +107,7 @@ def sweep(
     executor: str = "serial",
     restart: bool = False,
     time_limit: float = inf,
-    on_done: OnDone = lambda: None,
+    on_done: OnDone = lambda known: None,
 ) -> Swept:
     """Solve a problem at many points.
 
@@ -124,7 +124,7 @@ def sweep(
         `if __name__ == "__main__":`; or "dask" or "dask:ADDRESS"
     restart : whether to begin again instead of resuming
     time_limit : seconds for each point; the row of a point that needs more is undecided
-    on_done : function that is called after each point
+    on_done : function that is called after each point with what is known so far
 
     Returns
     -------
@@ -151,7 +151,7 @@ def front(
     jobs: int | None = None,
     executor: str = "serial",
     time_limit: float = inf,
-    bar: Bar = lambda name, points: nullcontext(lambda: None),
+    bar: Bar = lambda name, points: nullcontext(lambda known: None),
 ) -> Fronts:
     """Find two Pareto fronts of a problem: one between the three terms of the error, one between error and band.
 
@@ -218,7 +218,7 @@ def _swept(study: Study, path: Path, pool: WorkerPool, on_done: OnDone, *, resta
 def _write(swept: Swept, folder: Path) -> None:
     """Write the table of a sweep and, for one or two axes, its picture."""
     from vctune.report.figures.sweep_figures import sweep_figure
-    from vctune.report.page.page import figure_file
+    from vctune.report.figures.with_matplotlib import figure_file
 
     figure = sweep_figure(swept.table, grid=swept.study.sample.kind == "grid")
     pictures = figure_file(figure, folder, "error") if figure else {}
@@ -232,7 +232,7 @@ def _write_fronts(fronts: Fronts, edge: float, folder: Path) -> None:
     The picture of error and band marks the upper edge of the transparency band, Hz.
     """
     from vctune.report.figures.sweep_figures import band_figure, terms_figure
-    from vctune.report.page.page import figure_file
+    from vctune.report.figures.with_matplotlib import figure_file
 
     files = {**table_files(fronts.terms, folder, "terms"), **figure_file(terms_figure(fronts.terms), folder, "terms")}
     stale = [folder / name for name in ("band.csv", "band.parquet", "band.svg")] if fronts.band is None else []

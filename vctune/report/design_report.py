@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from matplotlib.figure import Figure
-
 from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand, least_ratios
 from vctune.document.reading import parse_problem
 from vctune.document.records.design_json import DesignRecord
@@ -14,8 +12,9 @@ from vctune.document.text.output_files import write_together
 from vctune.report.figures.design_figures import Design, figures
 from vctune.report.figures.experiment_figures import simulation_figure
 from vctune.report.page.contents import REPORT, report_paths
-from vctune.report.page.page import figure_file, page, svg
+from vctune.report.page.page import page
 from vctune.report.page.sliders import overlays
+from vctune.report.svg.drawing import Drawing
 
 
 def write_report(record: DesignRecord, folder: Path, simulation: SimulationRecord | None = None) -> None:
@@ -56,14 +55,14 @@ def report_files(record: DesignRecord, folder: Path, simulation: SimulationRecor
         If the record's problem cannot be read.
     """
     problem = parse_problem(record.problem.text, record.problem.name, record.problem.name)
-    drawn: dict[str, Figure] = {}
+    drawn: dict[str, Drawing] = {}
     least: list[RatioInHand | RatioInAnyHand] = []
     if record.design is not None:
         least = least_ratios(problem, *record.design)
         drawn = figures(Design(problem, *record.design, record, least))
     if simulation is not None:
         drawn["simulation"] = simulation_figure(simulation)
-    pictures = {name: svg(figure, name) for name, figure in drawn.items()}
+    pictures = {name: drawing.svg(name) for name, drawing in drawn.items()}
     files = {folder / f"{name}.svg": text for name, text in pictures.items()}
     return {**files, folder / REPORT: page(record, problem, pictures, overlays(drawn), simulation, least)}
 
@@ -81,4 +80,4 @@ def simulation_files(simulation: SimulationRecord, folder: Path) -> dict[Path, s
     dict
         The SVG text by its path.
     """
-    return figure_file(simulation_figure(simulation), folder, "simulation")
+    return {folder / "simulation.svg": simulation_figure(simulation).svg("simulation")}

@@ -9,8 +9,9 @@ from pathlib import Path
 from vctune.document.records.identification_json import IdentificationRecord, device_text
 from vctune.identification.identify import Identified
 from vctune.report.figures.identification_figures import identification_figures
+from vctune.report.figures.with_matplotlib import svg
 from vctune.report.page.contents import IDENTIFICATION_READINGS, REPORT
-from vctune.report.page.page import inline, svg
+from vctune.report.page.page import inline
 from vctune.report.page.templates import templates
 from vctune.report.typography import span
 

@@ -161,11 +161,19 @@ def svg_texts(svg: str) -> str:
     svg : a figure's file, whose texts are elements
     """
 
-    def set_text(found: re.Match[str]) -> str:
-        words = _with_symbols(escape(plain(unescape(found[2])), quote=False), _lowered)
-        return found[1] + words.removesuffix(RAISED) + found[3]
+    return re.sub(
+        r"(<text[^>]*>)([^<]*)(</text>)", lambda found: found[1] + svg_text(unescape(found[2])) + found[3], svg
+    )
 
-    return re.sub(r"(<text[^>]*>)([^<]*)(</text>)", set_text, svg)
+
+def svg_text(words: str) -> str:
+    """Return a text as the content of an element of SVG, set.
+
+    Parameters
+    ----------
+    words : as of `plain`
+    """
+    return _with_symbols(escape(plain(words), quote=False), _lowered).removesuffix(RAISED)
 
 
 RAISED = '<tspan dy="-.18em">\u200b</tspan>'

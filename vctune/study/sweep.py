@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field
 from math import inf, isfinite
 from typing import Any
 
+from vctune.design.verdict.judge import Status
 from vctune.document.records.rows_json import RowRecord
 from vctune.document.schema.validation import dotted
 from vctune.document.study_file import Study
@@ -22,7 +24,8 @@ INVALID = "invalid"
 """Status of a point at which the numbers do not form a valid problem."""
 DIED = "its worker died, and so did the one that tried it again, alone"
 
-OnDone = Callable[[], None]
+OnDone = Callable[[str], None]
+"""Type of a function that receives what is known so far: the points by status, and the best error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +44,8 @@ class _Sweep:
     Attributes
     ----------
     time_limit : time limit of a point, s
+    statuses : number of finished points by status
+    best : least error of a certified point
     pending : points at the workers
     retries : points to try again, each alone, because their worker or another worker of the pool died
     """
@@ -50,12 +55,14 @@ class _Sweep:
     pool: WorkerPool
     on_done: OnDone
     time_limit: float
+    statuses: Counter[str] = field(default_factory=Counter)
+    best: float = inf
     pending: dict[Future[dict[str, Any]], Task] = field(default_factory=dict)
     retries: list[Task] = field(default_factory=list)
 
 
 def sweep(
-    study: Study, rows: Rows, pool: WorkerPool, on_done: OnDone = lambda: None, time_limit: float = inf
+    study: Study, rows: Rows, pool: WorkerPool, on_done: OnDone = lambda known: None, time_limit: float = inf
 ) -> list[str]:
     """Solve every point of a study that has no row yet. Return the key of each point's row, in the study's order.
 
@@ -64,7 +71,7 @@ def sweep(
     study : the study to solve
     rows : existing rows; the function appends the new rows to them
     pool : the workers
-    on_done : function that is called after each point
+    on_done : function that is called after each point with what is known so far
     time_limit : time limit of a point, s
 
     Raises
@@ -80,7 +87,7 @@ def sweep(
             if key not in rows:
                 reason = "; ".join(f"{dotted(fault.path)}: {fault.message}" for fault in faults)
                 rows.append(_row(study, key, values, row_without_design(INVALID, reason)))
-            on_done()
+            _tell(state, {"status": INVALID})
         else:
             key = key_of(problem)
             _submit(state, Task(key, values, problem))
@@ -97,7 +104,7 @@ def _row(study: Study, key: str, values: Values, content: dict[str, Any]) -> dic
 def _submit(state: _Sweep, task: Task) -> None:
     """Hand a point to the workers, unless the point has a row or a worker is already solving it."""
     if task.key in state.rows or any(task.key == other.key for other in state.pending.values()):
-        state.on_done()
+        _tell(state, next(state.rows.read([task.key]), {}) if task.key in state.rows else {})
         return
     _collect(state, state.pool.max_pending - 1)
     try:
@@ -140,4 +147,14 @@ def _content(pool: WorkerPool, future: Future[dict[str, Any]]) -> dict[str, Any]
 
 def _finish(state: _Sweep, task: Task, content: dict[str, Any]) -> None:
     state.rows.append(_row(state.study, task.key, task.values, content))
-    state.on_done()
+    _tell(state, content)
+
+
+def _tell(state: _Sweep, content: dict[str, Any]) -> None:
+    """Report what is known with a further point."""
+    state.statuses[content.get("status", "repeated")] += 1
+    if content.get("status") == Status.CERTIFIED.value:
+        state.best = min(state.best, content["error"])
+    counts = sorted(state.statuses.items(), key=lambda each: (-each[1], each[0]))
+    known = ", ".join(f"{count} {status}" for status, count in counts)
+    state.on_done(known + (f"; best error {state.best:.4g}" if state.best < inf else ""))

@@ -42,7 +42,7 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str, time_limit:
     folder = design_folder(file, out) / "front"
     warn_of_doubts(file, quiet=quiet)
 
-    def bar(name: str, points: int) -> AbstractContextManager[Callable[[], None]]:
+    def bar(name: str, points: int) -> AbstractContextManager[Callable[[str], None]]:
         return bar_on_stderr(f"vctune front: {name}", points, shown=not quiet)
 
     with resumable():

@@ -49,8 +49,8 @@ def progress_on_stderr(title: str, *, shown: bool) -> Iterator[Callable[[str], N
 
 
 @contextmanager
-def bar_on_stderr(title: str, total: int, *, shown: bool) -> Iterator[Callable[[], None]]:
-    """Show a bar with the rate and the remaining time, and yield a function that adds one finished item.
+def bar_on_stderr(title: str, total: int, *, shown: bool) -> Iterator[Callable[[str], None]]:
+    """Show a bar with rate, remaining time and result so far, and yield a function that adds a finished item.
 
     Parameters
     ----------
@@ -61,12 +61,13 @@ def bar_on_stderr(title: str, total: int, *, shown: bool) -> Iterator[Callable[[
     Returns
     -------
     context manager
-        Yields the function, which takes no arguments.
+        Yields the function, which receives the result so far.
     """
     if not (shown and sys.stderr.isatty()):
-        yield lambda: None
+        yield lambda known: None
         return
     from rich.console import Console
+    from rich.markup import escape
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (
@@ -75,11 +76,12 @@ def bar_on_stderr(title: str, total: int, *, shown: bool) -> Iterator[Callable[[
         MofNCompleteColumn(),
         TextColumn("{task.fields[rate]}"),
         TimeRemainingColumn(),
+        TextColumn("{task.fields[known]}"),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(title, total=total, rate="")
+        task = progress.add_task(title, total=total, rate="", known="")
 
-        def advance() -> None:
-            progress.update(task, advance=1, rate=f"{progress.tasks[0].speed or 0:.1f}/s")
+        def advance(known: str) -> None:
+            progress.update(task, advance=1, rate=f"{progress.tasks[0].speed or 0:.1f}/s", known=escape(known))
 
         yield advance

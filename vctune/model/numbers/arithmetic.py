@@ -208,7 +208,11 @@ class _FloatArithmetic:
 
     @staticmethod
     def stacked(numbers: Sequence[Number]) -> Number:
-        return np.stack(np.broadcast_arrays(*numbers))
+        shape = np.broadcast_shapes(*(np.shape(x) for x in numbers))
+        found = np.empty((len(numbers), *shape))
+        for place, x in enumerate(numbers):
+            found[place] = x
+        return found
 
     @staticmethod
     def matmul(a: Number, b: Number) -> Number:

@@ -5,51 +5,57 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from vctune.document.records.simulation_json import ExperimentRecord, RunRecord, SimulationRecord
 from vctune.model.numbers.units import Units
-from vctune.report.figures.style import BLUE, GREY, ORANGE, RED, STYLE, WIDTH, canvas
+from vctune.report.figures.style import WIDTH
+from vctune.report.svg.drawing import Drawing
+from vctune.report.svg.elements import BLUE, GREY, ORANGE, RED, text
+from vctune.report.svg.panel import Panel
+from vctune.report.svg.scales import round_numbers
 
 HEADINGS = ("experiment", "controller", "felt", "off by", "non-overlap", "residual", "ripple", "motor", "loop")
 
 
-def simulation_figure(simulation: SimulationRecord) -> Figure:
+def simulation_figure(simulation: SimulationRecord) -> Drawing:
     """Return the figure: an experiment in each row, a regular PID on the left and the design on the right."""
-    with rc_context(STYLE):
-        count, units = len(simulation.experiments), simulation.units
-        figure = canvas(WIDTH, 1.95 * count + 0.2, left=0.72, right=0.12, top=0.3, gaps=(0.12, 0.62))
-        rows = figure.subplots(count, 2, squeeze=False, sharey="row", sharex="row")
-        for (left, right), experiment in zip(rows, simulation.experiments, strict=True):
-            _draw(left, experiment, experiment.baseline, "regular PID", ORANGE, units)
-            _draw(right, experiment, experiment.design, simulation.controller or "this design", BLUE, units)
-            left.set_ylabel(f"{units.force_name}, {units.force}")
-    return figure
+    count, units = len(simulation.experiments), simulation.units
+    drawing = Drawing(WIDTH, 1.95 * count + 0.2, left=0.72, right=0.12, top=0.3)
+    panels = drawing.divide(count, 2, (0.12, 0.62))
+    for left, right, experiment in zip(panels[::2], panels[1::2], simulation.experiments, strict=True):
+        _draw(left, experiment, experiment.baseline, "regular PID", ORANGE, units)
+        _draw(right, experiment, experiment.design, simulation.controller or "this design", BLUE, units)
+        left.set(ylabel=f"{units.force_name}, {units.force}")
+        for panel in (left, right):
+            panel.x.limits, panel.y.limits = (
+                (min(low for low, _ in ends), max(high for _, high in ends))
+                for ends in ((left.get_xlim(), right.get_xlim()), (left.get_ylim(), right.get_ylim()))
+            )
+            panel.set_xticks(round_numbers(*panel.get_xlim(), 3))
+            panel.set_yticks(round_numbers(*panel.get_ylim(), 5))
+        right.y.words = [""] * len(right.y.ticks or ())
+    return drawing
 
 
 def _draw(
-    axes: Axes, experiment: ExperimentRecord, run: RunRecord | None, title: str, colour: str, units: Units
+    panel: Panel, experiment: ExperimentRecord, run: RunRecord | None, title: str, colour: str, units: Units
 ) -> None:
-    axes.set_title(f"{experiment.name}: {title}", fontsize=8)
-    axes.set_xlabel(
-        {"position": f"position, {units.position}", "velocity": f"velocity, {units.speed}"}[experiment.axis]
-    )
+    named = {"position": f"position, {units.position}", "velocity": f"velocity, {units.speed}"}
+    panel.set(title=f"{experiment.name}: {title}", xlabel=named[experiment.axis])
+    left, top, width, height = panel.box
     if run is None:
-        axes.text(0.5, 0.5, "no baseline in the file", transform=axes.transAxes, ha="center", color=GREY)
+        words = "no baseline in the file"
+        panel.over.append(text(left + width / 2, top + height / 2, words, ha="center", colour=GREY))
         return
     curve = np.array(run.curve)
-    axes.plot(curve[:, 0], curve[:, 1], color=colour, linewidth=1.0)
+    panel.plot(curve[:, 0], curve[:, 1], color=colour, linewidth=1.0)
     ends = np.linspace(curve[:, 0].min(), curve[:, 0].max(), 401)
     asked = _asked(experiment, ends)
     reached = (asked >= curve[:, 1].min()) & (asked <= curve[:, 1].max())
-    axes.plot(ends[reached], asked[reached], color=RED, linewidth=1, linestyle="--")
-    axes.locator_params(axis="x", nbins=3)
-    axes.locator_params(axis="y", nbins=5)
+    panel.plot(ends[reached], asked[reached], color=RED, linewidth=1, linestyle="--")
     if run.diverged_s is not None:
         note = f"diverged from {run.diverged_s:.4g} s on"
-        axes.text(0.5, 0.9, note, transform=axes.transAxes, ha="center", color=RED)
+        panel.over.append(text(left + width / 2, top + 0.1 * height, note, ha="center", colour=RED))
 
 
 def _asked(experiment: ExperimentRecord, at: np.ndarray[Any, Any]) -> Any:

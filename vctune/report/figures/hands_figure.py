@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from math import pi
+from itertools import pairwise
+from math import nan, pi
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from contourpy import FillType, contour_generator
 
 from vctune.analysis.extrema import Floats
 from vctune.analysis.in_hands import RatioInHand, least_ratios_in_any_hand, least_ratios_in_hands
@@ -21,20 +21,11 @@ from vctune.model.numbers.units import UNITS
 from vctune.model.problem import Problem
 from vctune.model.sampled.hand_loop import loop_in_hand, offered, required_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
-from vctune.report.figures.labels import label_curves
-from vctune.report.figures.style import (
-    BLUE,
-    GREY,
-    INK,
-    ORANGE,
-    PAPER,
-    RED,
-    WIDTH,
-    around_one,
-    canvas,
-    decades,
-    frequency_axis,
-)
+from vctune.report.figures.style import WIDTH, around_one, decades, frequency_axis
+from vctune.report.svg.drawing import Drawing
+from vctune.report.svg.elements import BLUE, GREY, INK, ORANGE, PAPER, RED, path, text
+from vctune.report.svg.labels import label_curves
+from vctune.report.svg.panel import Axes, Panel
 
 CURVES = 40
 """Angles per decade of the curves. Half shows corners; twice makes the file twice as long."""
@@ -45,8 +36,10 @@ LOWEST, MAPPED = 1e-3, 24
 """Least angle and angles per decade of the map. Half as many are 2 % off at the steepest place, twice as many 0.1 %."""
 LEVELS = (0, 20, 40, 60, 70, 80, 90, 95, 100, 120)
 """Levels of the map, %: closer where it is tight. Half or twice as many read no better."""
-POWERS = (-3, 5)
-"""Powers of ten from which on, and up to which, an axis of the map is in plain decimals."""
+COLOURS = "#003170", "#434e6c", "#6a6c71", "#868379", "#9b9476", "#b0a571", "#c1b26a", "#cdbb63", "#e9d34e"
+"""Of cividis, which is read by every kind of sight and in grey."""
+SCALE_WIDTH = 62.0
+"""Room for what the colours mean, to the right of the map, points."""
 SHALLOW = 1e-9
 """Share of the greatest R that is shown at least; at Nyquist R may vanish. Half and twice it: as many decades."""
 WORST = 3
@@ -98,7 +91,7 @@ def met_in_hands(
 
 def hands_figure(
     problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling, least: list[RatioInHand] | None = None
-) -> Figure:
+) -> Drawing:
     """Draw Re Z_c against the R of the worst hands, and a map of the share that they need over mass and stiffness.
 
     Parameters
@@ -110,18 +103,18 @@ def hands_figure(
 
     Returns
     -------
-    Figure
+    Drawing
     """
-    figure = canvas(WIDTH, 5.55, left=0.8, top=0.45, gaps=(0, 0.45))
-    curves, ratio, plane = figure.subplots(3, 1, height_ratios=(5, 4, 4))
+    drawing = Drawing(WIDTH, 5.55, left=0.8, top=0.45)
+    curves, ratio, plane = drawing.divide(3, 1, (0, 0.45), (5, 4, 4))
     met = met_in_hands(problem, gains, coupling, hands, least)
     draw_required_in_hands(curves, problem, gains, coupling, met)
-    curves.set_xlabel("")
+    curves.set(xlabel="")
     draw_ratio_in_hands(ratio, problem, gains, coupling, met)
     label_curves(ratio)
     label_curves(curves, 1)
-    _map(figure, plane, problem, hands, gains, coupling, met.least[0].hand)
-    return figure
+    _map(plane, problem, hands, gains, coupling, met.least[0].hand)
+    return drawing
 
 
 def draw_required_in_hands(
@@ -131,7 +124,7 @@ def draw_required_in_hands(
 
     Parameters
     ----------
-    axes : Matplotlib's
+    axes : Matplotlib's, or a panel
     problem : the device and its hands
     gains, coupling : the design
     met : its curves (`met_in_hands`); None to work them out
@@ -153,10 +146,10 @@ def draw_required_in_hands(
             colour, line = ((RED, "--"), (INK, ":"), (GREY, "-."))[len(shown) - 1]
             label = worst.hand.in_words(problem.units)
             axes.semilogy(met.hz, scale * _positive(one), linewidth=0.9, color=colour, linestyle=line, label=label)
-    axes.set_ylabel(_axis(device))
+    axes.set(ylabel=_axis(device))
     frequency_axis(axes, met.hz[0], met.hz[-1])
     low, high = axes.get_ylim()
-    axes.set_ylim(max(low, SHALLOW * high), high)
+    axes.set(ylim=(max(low, SHALLOW * high), high))
     decades(axes)
     return axes
 
@@ -168,7 +161,7 @@ def draw_ratio_in_hands(
 
     Parameters
     ----------
-    axes : Matplotlib's
+    axes : Matplotlib's, or a panel
     problem : the device and its hands
     gains, coupling : the design
     met : its curves (`met_in_hands`); None to work them out
@@ -187,9 +180,7 @@ def draw_ratio_in_hands(
     return axes
 
 
-def _map(
-    figure: Figure, axes: Axes, problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling, worst: Hand
-) -> None:
+def _map(panel: Panel, problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling, worst: Hand) -> None:
     """Draw the greatest R/Re Z_c over angle and damping, as a share, and mark the worst hand."""
     device, units, shares = problem.device, problem.units, np.linspace(0.0, 1.0, PLACES) ** 2
     places = {"mass": shares, "damping": np.array(DAMPINGS), "stiffness": shares}
@@ -201,16 +192,33 @@ def _map(
     required = required_in_hand(loop, gains)
     Z_c = offered(coupling, device, theta, FLOATS)
     need = (required.lost / required.size / np.maximum(Z_c, 1e-300)).max(axis=(1, 3)).T
-    drawn = axes.contourf(mass, stiffness, 100 * np.clip(need, 0.0, 1.2), levels=LEVELS, cmap="cividis")
-    figure.colorbar(drawn, ax=axes, label=f"R, % of {_name(device)}", ticks=LEVELS[::2])
-    axes.plot(worst.mass, worst.stiffness, "o", color=RED, markeredgecolor=PAPER, markersize=7, clip_on=False, zorder=5)
-    axes.set(
+    left, top, width, height = panel.box
+    panel.box, panel.grid = (left, top, width - SCALE_WIDTH, height), False
+    panel.set(xlim=(mass[0], mass[-1]), ylim=(stiffness[0], stiffness[-1]))
+    lines = contour_generator(mass, stiffness, 100 * np.clip(need, 0.0, 1.2), fill_type=FillType.OuterOffset)
+    for level, colour in zip(LEVELS, COLOURS, strict=False):
+        for corners, starts in zip(*lines.filled(level, np.inf), strict=True):
+            x, y = np.concatenate([(*part, (nan, nan)) for part in np.split(corners, starts[1:-1])]).T
+            panel.fill(x, y, facecolor=colour, linewidth=0)
+    _scale(panel, f"R, % of {_name(device)}")
+    panel.plot(worst.mass, worst.stiffness, "o", color=RED, markeredgecolor=PAPER, markersize=7, clip_on=False)
+    panel.set(
         xlabel=f"{units.mass_name} of the hand, {units.mass}; dot: the worst", ylabel=f"stiffness, {units.stiffness}"
     )
-    axes.ticklabel_format(style="sci", scilimits=POWERS)
 
 
-def any_hand_figure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Figure:
+def _scale(panel: Panel, label: str) -> None:
+    """Draw what the colours of the map mean, to the right of it."""
+    left, top, width, height = panel.box
+    x, wide = left + width + 12, 9.0
+    y = np.linspace(top + height, top, len(LEVELS))
+    for (low, high), colour in zip(pairwise(y), COLOURS, strict=True):
+        panel.over.append(path(f"M{x} {low:.1f}h{wide}V{high:.1f}h-{wide}z", fill=colour))
+    panel.over += [text(x + wide + 4, at, str(level), va="center") for at, level in [*zip(y, LEVELS, strict=True)][::2]]
+    panel.over.append(text(x + wide + 32, top + height / 2, label, ha="center", va="center", rotation=90))
+
+
+def any_hand_figure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Drawing:
     """Draw Re 1/Z_c of an impedance display against the R of any passive hand, and their ratio, up to Nyquist.
 
     Parameters
@@ -220,7 +228,7 @@ def any_hand_figure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Fi
 
     Returns
     -------
-    Figure
+    Drawing
     """
     device = problem.device
     where = loops_in_any_hand(device, CURVES)
@@ -228,21 +236,21 @@ def any_hand_figure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Fi
     theta = where.theta[some]
     hz, required = theta / (2 * pi * device.sample_time), where.required(gains)[0, some]
     given, scale = offered(coupling, device, theta, FLOATS), _shown_as(device, theta)
-    figure = canvas(WIDTH, 4.6, left=0.8, top=0.35, gaps=(0, 0.42))
-    upper, lower = figure.subplots(2, 1, height_ratios=(3, 2))
-    upper.loglog(hz, scale * given, color=BLUE, label=f"coupling, {_name(device)}")
-    upper.loglog(hz, scale * _positive(required), "--", color=ORANGE, label="required, R")
-    upper.set_ylabel(_axis(device))
+    drawing = Drawing(WIDTH, 4.6, left=0.8, top=0.35)
+    upper, lower = drawing.divide(2, 1, (0, 0.42), (3, 2))
+    upper.semilogy(hz, scale * given, color=BLUE, label=f"coupling, {_name(device)}")
+    upper.semilogy(hz, scale * _positive(required), "--", color=ORANGE, label="required, R")
+    upper.set(ylabel=_axis(device))
     lower.plot(hz, given / _positive(required), color=BLUE, label=f"{_name(device)} / R")
     least = least_ratios_in_any_hand(device, gains, coupling)[0]
     around_one(lower, problem.stability.safety_factor, least.ratio, hertz(least.omega))
     for each in (upper, lower):
         frequency_axis(each, hz[0], hz[-1])
-    upper.set_xlabel("")
+    upper.set(xlabel="")
     decades(upper)
     label_curves(upper)
     label_curves(lower)
-    return figure
+    return drawing
 
 
 def _shown_as(device: Device, theta: Floats) -> Floats | float:

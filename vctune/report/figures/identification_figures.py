@@ -18,19 +18,9 @@ from vctune.identification.response.periodic_study import PeriodicStudy, behind_
 from vctune.identification.response.unmodelled import covered
 from vctune.model.numbers.units import Units
 from vctune.report.figures.servo_figures import following, servo_response
-from vctune.report.figures.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    STYLE,
-    WIDTH,
-    canvas,
-    decades,
-    frequency_axis,
-    in_prefixed,
-    legend_above,
-)
+from vctune.report.figures.style import WIDTH, decades, frequency_axis, in_prefixed
+from vctune.report.figures.with_matplotlib import STYLE, canvas, legend_above
+from vctune.report.svg.elements import BLUE, GREEN, GREY, ORANGE
 
 WINDOW = 2.0
 """How long the part of the log is that is shown closely, s."""

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from math import cos, degrees, inf, log10, pi, sin
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from vctune.analysis.feel import NO_LOOP, impedance_at_handle
 from vctune.analysis.margins import loop_margins
@@ -16,17 +15,9 @@ from vctune.model.gains import AnyCoupling, Coupling, Gains, series_coupling
 from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.problem import Problem
 from vctune.report.figures.curves import Llewellyn, Transparency, handle_impedance, llewellyn, transparency
-from vctune.report.figures.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    RED,
-    around_one,
-    decades,
-    frequency_axis,
-    shade,
-)
+from vctune.report.figures.style import around_one, decades, frequency_axis, shade
+from vctune.report.svg.elements import BLUE, GREEN, GREY, ORANGE, RED
+from vctune.report.svg.panel import Axes
 from vctune.report.typography import quantity
 
 
@@ -68,7 +59,7 @@ def draw_required(
 
     Parameters
     ----------
-    axes : Matplotlib's
+    axes : Matplotlib's, or a panel
     problem : of an admittance display
     gains, coupling : the design
     curves : of both (`demanded`); None to work them out
@@ -82,7 +73,7 @@ def draw_required(
     own = curves.own
     axes.semilogy(own.hz, own.coupling, color=BLUE, label="coupling, Re Z_c")
     axes.semilogy(own.hz, own.required, "--", color=ORANGE, label="required, R")
-    axes.set_ylabel(f"resistance, {problem.units.damping}")
+    axes.set(ylabel=f"resistance, {problem.units.damping}")
     if curves.bare is not None:
         axes.semilogy(curves.bare.hz, curves.bare.required, ":", color=ORANGE, label="R without operator")
     for number, there in enumerate(curves.others):
@@ -106,7 +97,7 @@ def draw_ratio(
 
     Parameters
     ----------
-    axes : Matplotlib's
+    axes : Matplotlib's, or a panel
     problem : of an admittance display
     gains, coupling : the design
     least : the least ratio and where it is, Hz, to be marked; None for no mark
@@ -159,7 +150,7 @@ def draw_nyquist(axes: Axes, problem: Problem, gains: Gains) -> Axes:
 
     Parameters
     ----------
-    axes : Matplotlib's
+    axes : Matplotlib's, or a panel
     problem : with a velocity loop, of no servo
     gains : of the loop
 
@@ -195,7 +186,7 @@ def draw_error(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling
 
     Parameters
     ----------
-    axes : Matplotlib's
+    axes : Matplotlib's, or a panel
     problem : the device and its band
     gains, coupling : the design
     part : "error", or a term: "admittance", "tracking" or "coupling"
@@ -206,7 +197,7 @@ def draw_error(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling
         The same.
     """
     draw_part(axes, problem, compared(problem, gains, coupling), part)
-    axes.set_ylabel("transparency error" if part == "error" else f"term of the error: {part}")
+    axes.set(ylabel="transparency error" if part == "error" else f"term of the error: {part}")
     return axes
 
 
@@ -237,7 +228,7 @@ def draw_part(axes: Axes, problem: Problem, cases: Cases, part: str) -> None:
 
     Parameters
     ----------
-    axes : Matplotlib's
+    axes : Matplotlib's, or a panel
     problem : whose band is shaded
     cases : curves to be drawn
     part : name of the part
@@ -256,7 +247,7 @@ def draw_impedance(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoup
 
     Parameters
     ----------
-    axes : Matplotlib's
+    axes : Matplotlib's, or a panel
     problem : the device and its bands
     gains, coupling : the design
 
@@ -277,5 +268,5 @@ def draw_impedance(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoup
         bare = np.abs(impedance_at_handle(problem.device, NO_LOOP[0], 2 * pi * hz, None))
         axes.semilogy(hz, bare, ":", color=GREY, linewidth=1.2, label="bare device")
     frequency_axis(axes, hz[0], hz[-1])
-    axes.set_ylabel(f"impedance at the handle, {problem.units.damping}")
+    axes.set(ylabel=f"impedance at the handle, {problem.units.damping}")
     return axes

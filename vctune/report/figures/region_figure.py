@@ -9,13 +9,11 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch, Rectangle
+from matplotlib.patches import PathPatch
 from matplotlib.path import Path
-from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
 
 from vctune.analysis.demands import transparency_error
-from vctune.analysis.extrema import Floats
 from vctune.analysis.tracking import tracking_terms
 from vctune.design.prepared import prepare
 from vctune.design.search.grid import least_errors
@@ -25,22 +23,16 @@ from vctune.model.gains import Gains
 from vctune.model.numbers.keys import labelled
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
-from vctune.report.figures.style import INK, ORANGE, PAPER, RED, STYLE, WIDTH, canvas, legend_above
+from vctune.report.figures.with_matplotlib import STYLE, canvas
+from vctune.report.figures.world_figure import BAD, FILLS, GOOD, INTERRUPTED, LABELS, cells, lowest, marks, place, spot
+from vctune.report.svg.elements import INK, ORANGE, PAPER, RED
+from vctune.report.typography import tick
 from vctune.running import check_time
 from vctune.study.plane import Plane, Squares
 from vctune.study.region import Kind, Region
 from vctune.study.region_check import Recheck
 from vctune.study.region_record import Design
 
-GOOD, BAD, OPEN = ("#b5d9f2", ""), ("#e58b2a", "///"), ("#6e6e78", "--")
-"""Colour and hatching, apart for every kind of sight and in grey."""
-FILLS = {Kind.FEASIBLE: GOOD, Kind.INFEASIBLE: BAD, Kind.UNDECIDED: OPEN}
-LABELS = {kind: f"proved {kind.name.lower()}" for kind in FILLS} | {Kind.UNDECIDED: "undecided"}
-WORLD_LABELS = {Kind.FEASIBLE: "may be rendered", Kind.INFEASIBLE: "refused in some hand", Kind.UNDECIDED: "undecided"}
-STRIP, GAP = 0.03, 0.008
-"""Height of the strip for the line K_p = 0, and its distance from the plane."""
-APART = (0.07, 0.035)
-"""Least distance of the marks on x and y."""
 MESH = 48
 
 
@@ -57,7 +49,7 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design], m
     """
     plane = region.plane
     with rc_context(STYLE):
-        interrupted = "interrupted: some of what is undecided was not looked at" * region.interrupted
+        interrupted = INTERRUPTED * region.interrupted
         figure, axes = _frame(plane, problem.units, interrupted)
         for kind, fill in FILLS.items():
             _fill(axes, plane, region.squares[:, region.kinds == kind], fill, LABELS[kind])
@@ -71,30 +63,6 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design], m
             if problem.passive:
                 _limit(axes, problem, plane)
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
-    return figure
-
-
-def world_figure(problem: Problem, region: Region) -> Figure:
-    """Return which environments given gains bear, the Z-width of the device with them.
-
-    Parameters
-    ----------
-    problem : its box of environments is drawn, if it states one
-    region : cells of environments
-    """
-    plane = region.plane
-    with rc_context(STYLE):
-        interrupted = "interrupted: some of what is undecided was not looked at" * region.interrupted
-        figure, axes = _frame(plane, problem.units, interrupted, canvas(WIDTH, 3.8, left=0.78, top=0.6))
-        for kind, fill in FILLS.items():
-            _fill(axes, plane, region.squares[:, region.kinds == kind], fill, WORLD_LABELS[kind])
-        if problem.worlds is not None:
-            names = [plane.keys[axis].partition(".")[2] for axis in plane.axes]
-            ends = [[getattr(end, name) for name in names] for end in (problem.worlds.low, problem.worlds.high)]
-            (x, y), (X, Y) = ([_spot(plane, k, min(each[k], plane.edges[k][-1])) for k in (0, 1)] for each in ends)
-            outline = Rectangle((x, y), X - x, Y - y, fill=False, edgecolor=INK, linewidth=1.6, label="[environment]")
-            axes.add_patch(outline)
-        legend_above(axes, 2)
     return figure
 
 
@@ -115,91 +83,31 @@ def lost_figure(again: Recheck) -> Figure:
     return figure
 
 
-def _frame(plane: Plane, units: Units, title: str = "", figure: Figure | None = None) -> tuple[Figure, Axes]:
-    figure = figure or canvas(8.6, 5.2, left=0.95, right=2.1, top=0.35 if title else 0.15)
+def _frame(plane: Plane, units: Units, title: str = "") -> tuple[Figure, Axes]:
+    figure = canvas(8.6, 5.2, left=0.95, right=2.1, top=0.35 if title else 0.15)
     axes = figure.subplots()
-    axes.set_title(title, loc="left", pad=None if figure.get_figwidth() > WIDTH else 32)
+    axes.set_title(title, loc="left")
     axes.grid(visible=False)
-    for place, axis in enumerate(plane.axes):
-        values, at = _marks(plane, place)
-        low = -STRIP if plane.has_line(place) else 0.0
-        keywords: Any = {
-            "xy"[place] + part: value
-            for part, value in (("lim", (low, 1)), ("label", labelled(plane.keys[axis], units)))
-        }
+    for k, axis in enumerate(plane.axes):
+        values, at = marks(plane, k)
+        keywords: Any = {"xy"[k] + "lim": (lowest(plane, k), 1), "xy"[k] + "label": labelled(plane.keys[axis], units)}
         axes.set(**keywords)
-        (axes.set_xticks, axes.set_yticks)[place](at, [_number(value) for value in values])
+        (axes.set_xticks, axes.set_yticks)[k](at, [tick(value) for value in values])
     return figure, axes
 
 
-def _marks(plane: Plane, k: int) -> tuple[Floats, Floats]:
-    """Return values to mark on an axis, and where: powers of ten, or round numbers where those are few; and 0."""
-    edges = plane.edges[k]
-    low = edges[edges > 0][0]
-    values = 10.0 ** np.arange(np.ceil(np.log10(low)), np.floor(np.log10(edges[-1])) + 1)
-    if len(values) < 3:
-        values = np.array(LogLocator(subs=(1, 2, 5)).tick_values(low, edges[-1]))
-    if edges[-1] < 3 * low:
-        values = np.array(MaxNLocator(6).tick_values(low, edges[-1]))
-    values = values[(values >= low) & (values <= edges[-1])]
-    at = _place(plane, k, values)
-    zero = [] if edges[0] > 0 else [-(STRIP + GAP) / 2 if plane.has_line(k) else 0.0]
-    kept: list[int] = []
-    for i in np.flatnonzero(np.isfinite(at)).tolist()[::-1]:  # from the top, where the marks are furthest apart
-        nearest = min((abs(at[i] - other) for other in [*zero, *at[kept[-1:]]]), default=1.0)
-        kept += [i] if nearest >= APART[k] else []
-    return np.concatenate((np.zeros(len(zero)), values[kept])), np.concatenate((zero, at[kept]))
-
-
-def _number(value: float) -> str:
-    exponent = round(np.log10(value)) if value > 0 else 0
-    plain = -4 <= exponent <= 5 or not np.isclose(value, 10.0**exponent)
-    return f"{value:g}" if plain else f"$10^{{{exponent}}}$"
-
-
-def _place(plane: Plane, k: int, values: Floats) -> Floats:
-    """Return where values of an axis lie between 0 and 1; nan outside."""
-    edges = plane.edges[k]
-    return np.interp(values, edges, np.linspace(0, 1, len(edges)), left=np.nan, right=np.nan)
-
-
-def _spot(plane: Plane, k: int, value: float) -> float:
-    """Return where a design lies on an axis, K_p = 0 on the strip."""
-    on_line = value == 0 and plane.has_line(k)
-    return -(STRIP + GAP) / 2 if on_line else float(_place(plane, k, np.array([value]))[0])
-
-
 def _fill(axes: Axes, plane: Plane, squares: Squares, fill: tuple[str, str], label: str) -> None:
-    """Draw cells as one path, without seams; those of the line K_p = 0 on the strip."""
+    """Draw cells as one path."""
     colour, hatch = fill
-    lines = (squares[[0, 2]] == squares[[1, 3]]).any(axis=0)
-    squares = np.concatenate([_joined(_joined(part, 1), 0) for part in (squares[:, lines], squares[:, ~lines])], axis=1)
-    low, high = squares[[0, 2]] / (len(plane.edges[0]) - 1), squares[[1, 3]] / (len(plane.edges[0]) - 1)
-    on_line = low == high
-    (x0, y0), (x1, y1) = np.where(on_line, -STRIP, low), np.where(on_line, -GAP, high)
-    corners = np.stack(
-        [np.stack((x, y), axis=1) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))], axis=1
-    )
+    corners = cells(plane, squares)
     codes = [Path.MOVETO, *[Path.LINETO] * 3, Path.CLOSEPOLY] * len(corners)
-    cells = Path(corners.reshape(-1, 2), codes) if codes else Path(np.zeros((1, 2)))
-    axes.add_patch(PathPatch(cells, facecolor=colour, hatch=hatch, linewidth=0, label=label))
-
-
-def _joined(squares: Squares, along: int) -> Squares:
-    """Join cells that touch along an axis, 0 or 1, and reach equally far across it."""
-    low, high = 2 * along, 2 * along + 1
-    start, end = 2 - low, 3 - low
-    ordered = squares[:, np.lexsort(squares[[low, end, start]])]
-    apart = (ordered[low, 1:] != ordered[high, :-1]) | (np.diff(ordered[[start, end]]) != 0).any(axis=0)
-    first = np.flatnonzero(np.append(True, apart))[: ordered.shape[1]]
-    joined = ordered[:, first]
-    joined[high] = ordered[high, np.append(first[1:] - 1, -1)[: len(first)]]
-    return joined
+    drawn = Path(corners.reshape(-1, 2), codes) if codes else Path(np.zeros((1, 2)))
+    axes.add_patch(PathPatch(drawn, facecolor=colour, hatch=hatch, linewidth=0, label=label))
 
 
 def _marked(axes: Axes, plane: Plane, designs: Sequence[Design], mark: str, colour: str, label: str) -> None:
     spots = np.array(
-        [[_spot(plane, k, point(*design)[axis]) for design in designs] for k, axis in enumerate(plane.axes)]
+        [[spot(plane, k, point(*design)[axis]) for design in designs] for k, axis in enumerate(plane.axes)]
     )
     if designs and np.isfinite(spots).all(axis=0).any():
         x, y = spots
@@ -262,6 +170,6 @@ def _limit(axes: Axes, problem: Problem, plane: Plane) -> None:
     K_v = plane.edges[1 if swapped else 0]
     K_p = (device.damping + K_v) / device.loop_lag
     x, y = (K_p, K_v) if swapped else (K_v, K_p)
-    at = _place(plane, 0, x), _place(plane, 1, y)
+    at = place(plane, 0, x), place(plane, 1, y)
     if np.isfinite(sum(at)).any():
         axes.plot(*at, "--", color=INK, linewidth=1.4, label="τ K_p = b + K_v")

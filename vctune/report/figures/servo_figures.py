@@ -14,18 +14,9 @@ from vctune.identification.servo.servo_motion import Complex, positions
 from vctune.identification.servo.servo_study import ServoStudy
 from vctune.identification.servo.servo_unmodelled import response_of, tried
 from vctune.model.numbers.units import Units
-from vctune.report.figures.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    WIDTH,
-    canvas,
-    decades,
-    frequency_axis,
-    in_prefixed,
-    legend_above,
-)
+from vctune.report.figures.style import WIDTH, decades, frequency_axis, in_prefixed
+from vctune.report.figures.with_matplotlib import canvas, legend_above
+from vctune.report.svg.elements import BLUE, GREEN, GREY, ORANGE
 
 WINDOW = 200
 """Rows of the part of a log that is shown closely."""

@@ -1,98 +1,24 @@
-"""The common style of all figures: inks, a layout that no text can move, and bands."""
+"""The common style of all figures: scales of frequency and of ratios, bands and stamps, on any axes."""
 
 from __future__ import annotations
 
 from math import ceil, floor, log10, pi
-from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.markers import TICKDOWN
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from vctune.analysis.extrema import Floats
 from vctune.model.problem import Band
+from vctune.report.svg.drawing import Drawing
+from vctune.report.svg.elements import INK, RED, text
+from vctune.report.svg.panel import Axes
+from vctune.report.svg.scales import decades_between
 from vctune.report.typography import prefixed, quantity, tick
 
-INK, PAPER = "#010203", "#fefdfc"
-"""Text and ground; a page replaces both by its own."""
-BLUE, ORANGE, GREEN, RED, GREY = "#3b82d0", "#e08a1e", "#2f9e62", "#d6453d", "#8a8f98"
-"""Never the only difference between two curves: line style or marker differs too."""
-PLAIN = FuncFormatter(lambda value, _: tick(value))
 LEAST_SPAN = 0.1
 """Ratios nearer to one another than this share one view."""
-FEW_DECADES = 100.0
 WIDTH = 4.2
 """Width of a figure of a design, inches: two stand side by side on a desk, one can be read on a telephone and in a
 column of 8 cm."""
-STYLE: Any = {
-    "svg.fonttype": "none",
-    "font.family": "sans-serif",
-    "font.size": 9,
-    "text.color": INK,
-    "axes.edgecolor": INK,
-    "axes.labelcolor": INK,
-    "axes.facecolor": "none",
-    "axes.titlesize": 9,
-    "axes.titley": 1.0,
-    "figure.facecolor": PAPER,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "axes.grid": True,
-    "grid.color": GREY,
-    "grid.alpha": 0.3,
-    "grid.linewidth": 0.6,
-    "hatch.linewidth": 0.6,
-    "legend.frameon": False,
-    "legend.labelcolor": INK,
-    "lines.linewidth": 1.6,
-    "path.simplify_threshold": 0.25,
-}
-
-
-def canvas(
-    width: float,
-    height: float,
-    *,
-    left: float = 0.85,
-    right: float = 0.15,
-    bottom: float = 0.5,
-    top: float = 0.15,
-    gaps: tuple[float, float] = (0.0, 0.0),
-) -> Figure:
-    """Return a figure whose axes keep their place beside any text.
-
-    Parameters
-    ----------
-    width, height : inches
-    left, right, bottom, top : margins, inches
-    gaps : between columns and between rows, shares of the axes' size
-    """
-    figure = Figure(figsize=(width, height))
-    figure.subplots_adjust(
-        left / width, bottom / height, 1 - right / width, 1 - top / height, wspace=gaps[0], hspace=gaps[1]
-    )
-    return figure
-
-
-def legend_above(axes: Axes, columns: int, **options: Any) -> None:
-    """Put the legend above the axes, where it covers no curve.
-
-    Parameters
-    ----------
-    axes : axes with labelled lines
-    columns : columns of the legend
-    options : options of `Axes.legend`
-    """
-    close: dict[str, Any] = {
-        "borderaxespad": 0.2,
-        "columnspacing": 1.1,
-        "handlelength": 1.7,
-        "handletextpad": 0.5,
-        "fontsize": 8,
-    } | options
-    axes.legend(loc="lower left", bbox_to_anchor=(-0.03, 1.0), ncols=columns, **close)
 
 
 def frequency_axis(axes: Axes, low: float, high: float) -> None:
@@ -104,22 +30,11 @@ def frequency_axis(axes: Axes, low: float, high: float) -> None:
     low, high : ends, Hz
     """
     axes.set(xscale="log", xlim=(low, high), xlabel="frequency, Hz")
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if high > FEW_DECADES * low else (1.0, 2.0, 5.0)))
-    axes.xaxis.set_major_formatter(PLAIN)
-    axes.xaxis.set_minor_locator(NullLocator())
+    marked = decades_between(low, high)
+    axes.set_xticks(marked, [tick(value) for value in marked])
     between = [step * 10.0**k for k in range(floor(log10(low)), ceil(log10(high))) for step in (2, 5)]
-    inside = [hz for hz in between if low < hz < high]  # one artist: a tenth of the time of Matplotlib's minor ticks
-    foot = axes.get_xaxis_transform()
-    axes.plot(
-        inside,
-        [0.0] * len(inside),
-        marker=TICKDOWN,
-        linestyle="none",
-        markersize=2,
-        color=INK,
-        transform=foot,
-        clip_on=False,
-    )
+    inside = [hz for hz in between if low < hz < high]
+    axes.set_xticks(inside, [""] * len(inside), minor=True)
 
 
 def in_prefixed(values: Floats, unit: str) -> tuple[Floats, str]:
@@ -136,11 +51,10 @@ def in_prefixed(values: Floats, unit: str) -> tuple[Floats, str]:
 
 def decades(axes: Axes) -> None:
     """Make the y axis logarithmic, marked at the powers of ten, or between them too where those are few."""
-    axes.set_yscale("log")
-    low, high = axes.get_ylim()
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0,) if high > FEW_DECADES * low else (1.0, 2.0, 5.0)))
-    axes.yaxis.set_minor_locator(NullLocator())
-    axes.yaxis.set_major_formatter(PLAIN)
+    axes.set(yscale="log")
+    marked = decades_between(*axes.get_ylim())
+    axes.set_yticks(marked, [tick(value) for value in marked])
+    axes.set_yticks([], minor=True)
 
 
 def around_one(axes: Axes, factor: float, least: float | None, worst_hz: float | None, where: str = "") -> None:
@@ -163,20 +77,20 @@ def around_one(axes: Axes, factor: float, least: float | None, worst_hz: float |
     axes.set(ylim=(max(low - 0.9 * span, 0.0), max(marks) + 2.6 * span), ylabel="coupling / required")
 
 
-def stamp(figure: Figure, words: str) -> None:
+def stamp(drawing: Drawing, words: str) -> None:
     """Write across a figure why its design is not for use, also visible in print and in grey.
 
     Parameters
     ----------
-    figure : figure with these axes
+    drawing : figure with these panels
     words : the text; its size falls with its length
     """
-    style: dict[str, Any] = {"ha": "center", "va": "center", "rotation": 20, "fontweight": "bold"}
-    for axes in figure.axes:
-        if axes.get_label() != "<colorbar>":
-            width = 72 * figure.get_figwidth() * axes.get_position().width
-            size = min(21.0, 1.6 * width / len(words))
-            axes.text(0.5, 0.5, words, transform=axes.transAxes, color=RED, alpha=0.45, fontsize=size, **style)
+    for panel in drawing.panels:
+        left, top, width, height = panel.box
+        place, size = (left + width / 2, top + height / 2), min(21.0, 1.6 * width / len(words))
+        panel.over.append(
+            text(*place, words, size=size, ha="center", va="center", colour=RED, rotation=20, bold=True, opacity=0.45)
+        )
 
 
 def shade(axes: Axes, band: Band, colour: str, label: str, hatch: str = "") -> None:

@@ -11,7 +11,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from vctune.analysis.extrema import Floats
-from vctune.report.figures.style import BLUE, GREY, RED, STYLE, canvas
+from vctune.report.figures.with_matplotlib import STYLE, canvas
+from vctune.report.svg.elements import BLUE, GREY, RED
 from vctune.study.study_table import Table
 
 WIDE = 10.0

@@ -4,16 +4,9 @@ from __future__ import annotations
 
 import json
 import re
-from collections import Counter
 from collections.abc import Sequence
 from html import escape
-from io import BytesIO
-from itertools import pairwise
-from pathlib import Path
 from typing import Any
-
-from matplotlib import rc_context
-from matplotlib.figure import Figure
 
 from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand
 from vctune.document.records.design_json import DesignRecord
@@ -21,7 +14,6 @@ from vctune.document.records.part import Row
 from vctune.document.records.simulation_json import SimulationRecord
 from vctune.model.problem import Problem
 from vctune.report.figures.experiment_figures import HEADINGS, dwell_line, measured_rows, simulation_finding
-from vctune.report.figures.style import INK, PAPER
 from vctune.report.page.changing_lines import changing_lines
 from vctune.report.page.contents import IN_WORDS, READINGS, reading
 from vctune.report.page.findings import findings, limits
@@ -30,17 +22,8 @@ from vctune.report.page.sliders import sliders
 from vctune.report.page.summary import summary
 from vctune.report.page.tables import asked, assumptions, claim_lines, feel_lines
 from vctune.report.page.templates import templates
-from vctune.report.typography import plain, quantity, svg_texts
-from vctune.running import check_time
-
-IDLE = {
-    r"<metadata>.*?</metadata>\n": "",
-    r"; font-family: [^;\"]*": "",
-    r"<svg ": '<svg font-family="sans-serif" ',
-    r'<g id="[^"]*">': "<g>",
-    r' transform="rotate\(-0 [^"]*\)"': "",
-}
-"""Superfluous text in Matplotlib's SVG files, and its replacement."""
+from vctune.report.svg.elements import INK, PAPER
+from vctune.report.typography import plain, quantity
 
 
 def page(
@@ -158,86 +141,3 @@ def inline(text: str, said: str) -> str:
     text = re.sub(r"^.*?(?=<svg)", "", text, flags=re.DOTALL)
     text = text.replace("<svg ", f'<svg role="img" aria-label="{escape(plain(said))}" ', 1)
     return text.replace("xlink:href", "href").replace(INK, "currentColor").replace(PAPER, "none")
-
-
-def svg(figure: Figure, name: str) -> str:
-    """Return a figure as SVG.
-
-    The same figure always gives the same bytes. The function rounds coordinates to a hundredth of a point, and removes
-    superfluous text and groups.
-
-    Parameters
-    ----------
-    figure : drawn
-    name : salt of the identifiers in the file, so that figures of several names go on one page
-    """
-    check_time()
-    stream = BytesIO()
-    with rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
-        figure.savefig(stream, format="svg", dpi=150, metadata={"Date": None, "Creator": None})
-    text = re.sub(r"\n +", "\n", stream.getvalue().decode())
-    for long, short in IDLE.items():
-        text = re.sub(long, short, text, flags=re.DOTALL)
-    text = re.sub(r'(?<=[ \n])(d|x|y|transform)="[^"]*"', _shortened, text)
-    return svg_texts(_ungrouped(_classed(text, name)))
-
-
-def _classed(text: str, name: str) -> str:
-    """Return an SVG with its repeated styles as classes, whose names no other figure of a page has."""
-    styles = Counter(re.findall(r' style="([^"]*)"', text))
-    names = {style: f"{name[0]}{name[-1]}{k}" for k, (style, count) in enumerate(styles.items()) if count > 1}
-    rules = "".join(f".{named}{{{style}}}\n" for style, named in names.items())
-
-    def put(found: re.Match[str]) -> str:
-        return f' class="{names[found[1]]}"' if found[1] in names else found[0]
-
-    return re.sub(r' style="([^"]*)"', put, text).replace("</style>", f"{rules}</style>", 1)
-
-
-def _ungrouped(text: str) -> str:
-    """Return an SVG without groups that have no attribute or are empty."""
-    kept, opened = [], list[bool]()
-    for line in text.split("\n"):
-        if line.startswith("<g") and line.endswith("/>"):
-            continue
-        if line.startswith("<g"):
-            opened.append(line != "<g>")
-        useful = opened[-1] if line.startswith("<g") else opened.pop() if line == "</g>" else True
-        kept += [line] if useful else []
-    return "\n".join(kept)
-
-
-def _shortened(attribute: re.Match[str]) -> str:
-    """Return an attribute with its places to a hundredth, and each run of lines as steps of tenths."""
-    text = re.sub(r"M [^A-Za-z\"]+(L [^A-Za-z\"]+)+", _as_steps, attribute[0])
-    return re.sub(r"-?\d*\.\d+(e-?\d+)?", lambda number: _rounded(float(number[0]), 2), text).replace(" \n", "\n")
-
-
-def _as_steps(run: re.Match[str]) -> str:
-    """Return a run of lines as its start and the steps from one rounded place to the next."""
-    places = [[round(10 * float(each)) for each in place.split()] for place in re.split("[ML]", run[0])[1:]]
-    steps = [(x_end - x, y_end - y) for (x, y), (x_end, y_end) in pairwise(places)]
-    seen = [step for step in steps if step != (0, 0)] or steps[:1]
-    start, *along = (" ".join(_rounded(each / 10, 1) for each in place) for place in (places[0], *seen))
-    return f"M {start}\nl {' '.join(along)}\n".replace(" -", "-")
-
-
-def _rounded(value: float, decimals: int) -> str:
-    return re.sub(r"^(-?)0(?=\.)", r"\1", f"{value:.{decimals}f}".rstrip("0").rstrip("."))
-
-
-def figure_file(figure: Figure, folder: Path, stem: str) -> dict[Path, str]:
-    """Return a figure as an SVG file.
-
-    Parameters
-    ----------
-    figure : drawn
-    folder : folder for the file
-    stem : stem of its name
-
-    Returns
-    -------
-    dict
-        The file's text by its path.
-    """
-    return {folder / f"{stem}.svg": svg(figure, stem)}

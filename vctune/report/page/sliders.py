@@ -7,15 +7,14 @@ from dataclasses import astuple
 from math import inf
 from typing import Any
 
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-
 from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand
 from vctune.document.records.design_json import DesignRecord
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.hands import Hand
 from vctune.model.problem import Problem, Range
 from vctune.report.page.constants import frequency_model, in_hands, numbered, sampled_loop
+from vctune.report.svg.drawing import Drawing
+from vctune.report.svg.panel import Panel
 
 REACH = 10.0
 """Factor between a slider's ends and the shipped value."""
@@ -81,34 +80,27 @@ def _hands(problem: Problem, worst: Sequence[RatioInHand | RatioInAnyHand]) -> l
     return list(dict.fromkeys([*corners, *(each.hand for each in worst)]))
 
 
-def overlays(drawn: dict[str, Figure]) -> dict[str, list[dict[str, Any]]]:
-    """Return where on each figure, in its own points, the axes are in which tried curves are drawn.
+def overlays(drawn: dict[str, Drawing]) -> dict[str, list[dict[str, Any]]]:
+    """Return where in each figure, in its own points, the panels are in which tried curves are drawn.
 
     Parameters
     ----------
-    drawn : figures that have been written, so that their axes have their places
+    drawn : figures
     """
-    labelled = {name: tuple(map(_label, drawn[name].axes)) for name in ("transparency",) if name in drawn}
+    named = {name: tuple(panel.name for panel in drawn[name].panels) for name in ("transparency",) if name in drawn}
     return {
-        name: [_axes(drawn[name], axes, curve) for curve, axes in zip(curves, drawn[name].axes, strict=False)]
-        for name, curves in (PANELS_OF | labelled).items()
+        name: [_panel(panel, curve) for curve, panel in zip(curves, drawn[name].panels, strict=False)]
+        for name, curves in (PANELS_OF | named).items()
         if name in drawn
     }
 
 
-def _label(axes: Axes) -> str:
-    return str(axes.get_label())
-
-
-def _axes(figure: Figure, axes: Axes, curve: str) -> dict[str, Any]:
-    width, height = (72 * inches for inches in figure.get_size_inches())
-    place = axes.get_position()
-    box = place.x0 * width, height * (1 - place.y1), place.width * width, place.height * height
+def _panel(panel: Panel, curve: str) -> dict[str, Any]:
     return {
         "curve": curve,
-        "box": [round(each, 2) for each in box],
-        "x": [*map(float, axes.get_xlim()), axes.get_xscale() == "log"],
-        "y": [*map(float, axes.get_ylim()), axes.get_yscale() == "log"],
+        "box": [round(each, 2) for each in panel.box],
+        "x": [*map(float, panel.get_xlim()), panel.x.logarithmic],
+        "y": [*map(float, panel.get_ylim()), panel.y.logarithmic],
     }
 
 

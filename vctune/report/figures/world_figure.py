@@ -1,0 +1,155 @@
+"""The picture of which environments a design bears, and where the cells of a plane lie in it."""
+
+from __future__ import annotations
+
+from math import nan
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.model.numbers.keys import labelled
+from vctune.model.problem import Problem
+from vctune.report.figures.style import WIDTH
+from vctune.report.svg.drawing import Drawing
+from vctune.report.svg.elements import INK, text
+from vctune.report.svg.labels import legend
+from vctune.report.svg.scales import decades_between, round_numbers
+from vctune.report.typography import tick
+from vctune.study.plane import Plane, Squares
+from vctune.study.region import Kind, Region
+
+GOOD, BAD, OPEN = ("#b5d9f2", ""), ("#e58b2a", "///"), ("#6e6e78", "--")
+"""Colour and hatching, apart for every kind of sight and in grey."""
+FILLS = {Kind.FEASIBLE: GOOD, Kind.INFEASIBLE: BAD, Kind.UNDECIDED: OPEN}
+LABELS = {kind: f"proved {kind.name.lower()}" for kind in FILLS} | {Kind.UNDECIDED: "undecided"}
+WORLD_LABELS = {Kind.FEASIBLE: "may be rendered", Kind.INFEASIBLE: "refused in some hand", Kind.UNDECIDED: "undecided"}
+STRIP, GAP = 0.03, 0.008
+"""Height of the strip for the line K_p = 0, and its distance from the plane."""
+INTERRUPTED = "interrupted: some of what is undecided was not looked at"
+APART = (0.07, 0.035)
+"""Least distance of the marks on x and y."""
+
+
+def world_figure(problem: Problem, region: Region) -> Drawing:
+    """Return which environments given gains bear, the Z-width of the device with them.
+
+    Parameters
+    ----------
+    problem : its box of environments is drawn, if it states one
+    region : cells of environments
+    """
+    plane, drawing = region.plane, Drawing(WIDTH, 3.8, left=0.78, top=0.6)
+    (panel,) = drawing.divide()
+    panel.grid = False
+    for k, scale in enumerate((panel.x, panel.y)):
+        values, at = marks(plane, k)
+        scale.limits, scale.label = (lowest(plane, k), 1.0), labelled(plane.keys[plane.axes[k]], problem.units)
+        scale.ticks, scale.words = at.tolist(), [tick(value) for value in values]
+    for kind, (colour, hatch) in FILLS.items():
+        corners = cells(plane, region.squares[:, region.kinds == kind])
+        x, y = np.concatenate((corners, np.full((len(corners), 1, 2), nan)), axis=1).reshape(-1, 2).T
+        edge = INK if hatch else colour
+        panel.fill(x, y, facecolor=colour, hatch=hatch, edgecolor=edge, linewidth=0, label=WORLD_LABELS[kind])
+    if problem.worlds is not None:
+        names = [plane.keys[axis].partition(".")[2] for axis in plane.axes]
+        ends = [[getattr(end, name) for name in names] for end in (problem.worlds.low, problem.worlds.high)]
+        low, top = ([spot(plane, k, min(each[k], plane.edges[k][-1])) for k in (0, 1)] for each in ends)
+        across, up = ([low[k], top[k]] for k in (0, 1))
+        panel.plot([across[k] for k in (0, 1, 1, 0, 0)], [up[k] for k in (0, 0, 1, 1, 0)], label="[environment]")
+    words, _, high = legend(panel.marks, 2)
+    panel.over.append(f'<g transform="translate({panel.box[0]:.1f} {panel.box[1] - high - 4:.1f})">{words}</g>')
+    if region.interrupted:
+        drawing.over.append(text(panel.box[0], 12.0, INTERRUPTED, size=8))
+    return drawing
+
+
+def marks(plane: Plane, k: int) -> tuple[Floats, Floats]:
+    """Return values to mark on an axis, and where: powers of ten, or round numbers where those are few; and 0.
+
+    Parameters
+    ----------
+    plane : the plane
+    k : 0 for x, 1 for y
+    """
+    edges = plane.edges[k]
+    low = edges[edges > 0][0]
+    values = 10.0 ** np.arange(np.ceil(np.log10(low)), np.floor(np.log10(edges[-1])) + 1)
+    if len(values) < 3:
+        values = np.array(decades_between(low, edges[-1]))
+    if edges[-1] < 3 * low:
+        values = np.array(round_numbers(low, edges[-1], 6))
+    values = values[(values >= low) & (values <= edges[-1])]
+    at = place(plane, k, values)
+    zero = [] if edges[0] > 0 else [-(STRIP + GAP) / 2 if plane.has_line(k) else 0.0]
+    kept: list[int] = []
+    for i in np.flatnonzero(np.isfinite(at)).tolist()[::-1]:  # from the top, where the marks are furthest apart
+        nearest = min((abs(at[i] - other) for other in [*zero, *at[kept[-1:]]]), default=1.0)
+        kept += [i] if nearest >= APART[k] else []
+    return np.concatenate((np.zeros(len(zero)), values[kept])), np.concatenate((zero, at[kept]))
+
+
+def lowest(plane: Plane, k: int) -> float:
+    """Return the lower end of an axis: that of the strip, where there is one.
+
+    Parameters
+    ----------
+    plane : the plane
+    k : 0 for x, 1 for y
+    """
+    return -STRIP if plane.has_line(k) else 0.0
+
+
+def place(plane: Plane, k: int, values: Floats) -> Floats:
+    """Return where values of an axis lie between 0 and 1; nan outside.
+
+    Parameters
+    ----------
+    plane : the plane
+    k : 0 for x, 1 for y
+    values : in units of the axis
+    """
+    edges = plane.edges[k]
+    return np.interp(values, edges, np.linspace(0, 1, len(edges)), left=np.nan, right=np.nan)
+
+
+def spot(plane: Plane, k: int, value: float) -> float:
+    """Return where a design lies on an axis, K_p = 0 on the strip.
+
+    Parameters
+    ----------
+    plane : the plane
+    k : 0 for x, 1 for y
+    value : its number
+    """
+    on_line = value == 0 and plane.has_line(k)
+    return -(STRIP + GAP) / 2 if on_line else float(place(plane, k, np.array([value]))[0])
+
+
+def _joined(squares: Squares, along: int) -> Squares:
+    """Join cells that touch along an axis, 0 or 1, and reach equally far across it."""
+    low, high = 2 * along, 2 * along + 1
+    start, end = 2 - low, 3 - low
+    ordered = squares[:, np.lexsort(squares[[low, end, start]])]
+    apart = (ordered[low, 1:] != ordered[high, :-1]) | (np.diff(ordered[[start, end]]) != 0).any(axis=0)
+    first = np.flatnonzero(np.append(True, apart))[: ordered.shape[1]]
+    joined = ordered[:, first]
+    joined[high] = ordered[high, np.append(first[1:] - 1, -1)[: len(first)]]
+    return joined
+
+
+def cells(plane: Plane, squares: Squares) -> Floats:
+    """Return the corners of cells, first and last the same, joined without seams; shape (cells, 5, 2).
+
+    Those of the line K_p = 0 are on the strip.
+
+    Parameters
+    ----------
+    plane : the plane
+    squares : indices of the edges of each cell
+    """
+    lines = (squares[[0, 2]] == squares[[1, 3]]).any(axis=0)
+    squares = np.concatenate([_joined(_joined(part, 1), 0) for part in (squares[:, lines], squares[:, ~lines])], axis=1)
+    low, high = squares[[0, 2]] / (len(plane.edges[0]) - 1), squares[[1, 3]] / (len(plane.edges[0]) - 1)
+    on_line = low == high
+    (x0, y0), (x1, y1) = np.where(on_line, -STRIP, low), np.where(on_line, -GAP, high)
+    return np.stack([np.stack((x, y), axis=1) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))], axis=1)

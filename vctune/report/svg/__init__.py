@@ -1,0 +1,1 @@
+"""Drawings that write their own SVG, in milliseconds: panels, scales, marks, labels."""

@@ -1,0 +1,116 @@
+"""Marks of a panel: lines, points and areas, and how they are drawn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.report.svg.elements import number, path
+
+MARKERS = {
+    "o": "m-{r} 0a{r} {r} 0 1 0 {d} 0a{r} {r} 0 1 0-{d} 0z",
+    "s": "m-{r}-{r}h{d}v{d}h-{d}z",
+    "^": "m0-{r}l{r} {d}h-{d}z",
+    "D": "m0-{r}l{r} {r}l-{r} {r}l-{r}-{r}z",
+    "+": "m-{r} 0h{d}m-{r}-{r}v{d}",
+}
+MARKER = 6.0
+"""Points across a marker."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A line, points or an area.
+
+    Attributes
+    ----------
+    x, y : its points; an infinite one is at the edge, if it reaches there
+    label : its name; "" or one that begins with _ is not shown
+    colour, width, dashes : of its line; a width of 0 for none
+    marker, across, every : its marker, "" for none, its size, and from where and how often it is drawn, shares of the
+        panel's diagonal
+    ground : fill of an area, or of a marker's edge
+    opacity : of a fill
+    hatch : of an area, as Matplotlib's: "/" or "-", "" for none
+    edges : whether it reaches the panel's edges
+    closed : whether it is an area
+    clipped : whether it ends at the panel's edges
+    """
+
+    x: Floats
+    y: Floats
+    label: str
+    colour: str
+    width: float = 1.6
+    dashes: tuple[float, ...] = ()
+    marker: str = ""
+    across: float = MARKER
+    every: tuple[float, float] | None = None
+    ground: str = "none"
+    opacity: float = 1.0
+    hatch: str = ""
+    edges: bool = False
+    closed: bool = False
+    clipped: bool = True
+
+    @property
+    def alone(self) -> bool:
+        """Whether it is one point."""
+        return len(self.x) == 1
+
+    @property
+    def named(self) -> bool:
+        """Whether its label is shown."""
+        return bool(self.label) and not self.label.startswith("_")
+
+
+def marked(points: Floats, mark: Mark) -> str:
+    """Return the markers at points.
+
+    Parameters
+    ----------
+    points : places in the drawing
+    mark : its marker and colours
+    """
+    half = mark.across / 2
+    one = MARKERS[mark.marker].format(r=number(half), d=number(2 * half))
+    data = "".join(f"M{number(x)} {number(y)}{one}" for x, y in points)
+    if mark.marker == "+":
+        return path(data, stroke=mark.colour, width=1)
+    return path(data, fill=mark.colour, stroke=mark.colour if mark.ground == "none" else mark.ground)
+
+
+def area(data: str, mark: Mark, name: str) -> str:
+    """Return an area, filled and hatched.
+
+    Parameters
+    ----------
+    data : its outline
+    mark : its style
+    name : identifier of its hatching
+    """
+    filled = path(
+        data, stroke=mark.colour if mark.width else "", width=mark.width, fill=mark.ground, fill_opacity=mark.opacity
+    )
+    drawn = filled if mark.ground != "none" or mark.width else ""
+    if not mark.hatch:
+        return drawn
+    strokes = "M0 3H11M0 8.5H11" if "-" in mark.hatch else "M-1 6.5 6.5-1M4.5 12 12 4.5"
+    lines = path(strokes, stroke=mark.colour, width=0.6)
+    size = 'width="11" height="11" viewBox="0 0 11 11" patternUnits="userSpaceOnUse"'
+    return f'<pattern id="{name}" {size}>{lines}</pattern>{drawn}{path(data, fill=f"url(#{name})")}'
+
+
+def spread(points: Floats, every: tuple[float, float], diagonal: float) -> list[int]:
+    """Return which points of a curve are nearest to places at equal distances along it.
+
+    Parameters
+    ----------
+    points : the curve in the drawing
+    every : first place, and distance from one to the next, shares of the diagonal
+    diagonal : that of the panel
+    """
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))]) / diagonal
+    return sorted({int(np.abs(along - at).argmin()) for at in np.arange(every[0], along[-1], every[1])})
