@@ -12,7 +12,7 @@ from vctune.model.parts import DELAYS
 from vctune.model.sampled.plant_in_hand import Delays, delays_of
 from vctune.model.sampled.velocity_loop import SNAP
 from vctune.proof.enclosures.array_intervals import Floats
-from vctune.proof.engine.boxes import Boxes
+from vctune.proof.engine.boxes import SAMPLES_BEFORE, Boxes
 from vctune.proof.engine.branching import Decided, Test
 
 Ends = dict[str, tuple[Floats, Floats]]
@@ -21,35 +21,40 @@ Ends = dict[str, tuple[Floats, Floats]]
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """The devices and hands of a box whose delays have the same number of whole samples.
+    """The devices and hands of a box whose delays have the same number of whole samples, or have them as a row.
 
     Attributes
     ----------
+    names : names of the rows except the angle
     low, high : ends of the numbers, shape (rows, 1), or (rows, n) for n parts
     delays : whole samples of the delays
     sample_time, other : T, s; and the one delay of device or sensor that is not a row, s
+    range : least and greatest delay, s, if `SAMPLES_BEFORE` is a row; None otherwise
     """
 
+    names: tuple[str, ...]
     low: Floats
     high: Floats
     delays: Delays
     sample_time: float
     other: float
+    range: tuple[float, float] | None = None
 
     @property
     def spans(self) -> Floats:
         """The range of each number, shape (rows, 1)."""
         return np.asarray((self.high - self.low).max(axis=1, keepdims=True))
 
-    def within(self, test: Test, names: tuple[str, ...]) -> Test:
+    def within(self, test: Test) -> Test:
         """Return a test that ignores points at which the sum of both delays has other whole samples.
 
         Parameters
         ----------
         test : test of boxes with these rows
-        names : names of the rows without the frequency
         """
-        rows = [1 + index for index, name in enumerate(names) if name in DELAY_ROWS]
+        rows = [1 + index for index, name in enumerate(self.names) if name in DELAY_ROWS]
+        if SAMPLES_BEFORE in self.names:
+            return _at_whole_samples(test, 1 + self.names.index(SAMPLES_BEFORE))
         if not rows:
             return test
         least = self.delays.felt * self.sample_time * (1 - SNAP)
@@ -76,7 +81,7 @@ def row_of(key: str) -> str:
 DELAY_ROWS = tuple(map(row_of, DELAYS))
 
 
-def parts_of(device: Device, ends: Ends) -> list[Part]:
+def parts_of(device: Device, ends: Ends, *, apart: bool = False) -> list[Part]:
     """Divide a box of devices by the whole samples of their delays; return its parts.
 
     Known delays give one part.
@@ -85,6 +90,7 @@ def parts_of(device: Device, ends: Ends) -> list[Part]:
     ----------
     device : device with the delays that are not rows
     ends : least and greatest number of each row except the angle
+    apart : whether the whole samples may be a row, in margins of one hand with every passive environment
     """
     names = tuple(ends)
     low, high = (np.array([pair[end] for pair in ends.values()]) if ends else np.empty((0, 1)) for end in (0, 1))
@@ -93,10 +99,12 @@ def parts_of(device: Device, ends: Ends) -> list[Part]:
     others = {row_of(key): number for key in DELAYS if (number := device.number(key)) is not None}
     rows = {name: names.index(name) for name in DELAY_ROWS if name in names}
     if not rows:
-        return [Part(low, high, known, T, 0.0)]
+        return [Part(names, low, high, known, T, 0.0)]
+    if apart and (together := _with_samples_apart(device, ends)) is not None:
+        return [together]
     other = sum(delay for name, delay in others.items() if name not in rows)
     if device.servo is not None and device.servo.stiffness is None and len(rows) == 1:
-        return _parts_of_sum(rows.popitem()[1], low, high, known, T, other)
+        return _parts_of_sum(names, rows.popitem()[1], low, high, known, T, other)
     parts, row = [], rows.get(own)
     loops = [known.loop] if row is None else _whole(low[row, 0], high[row, 0], T, last=True)
     for loop in loops:
@@ -106,18 +114,63 @@ def parts_of(device: Device, ends: Ends) -> list[Part]:
         shortest, longest = (other + sum(end[at, 0] for at in rows.values()) for end in (least, most))
         for felt in _whole(shortest, longest, T, last=loop == loops[-1]):
             delays = Delays(loop, row is not None or known.loop_fractional, felt, felt_fractional=True)
-            parts.append(Part(least, most, delays, T, other))
+            parts.append(Part(names, least, most, delays, T, other))
     return parts
 
 
-def _parts_of_sum(row: int, low: Floats, high: Floats, known: Delays, T: float, other: float) -> list[Part]:
+def _at_whole_samples(test: Test, row: int) -> Test:
+    """Return a test whose failures lie at whole samples, although a box also holds the numbers between them."""
+
+    def tested(boxes: Boxes) -> Decided:
+        decided = test(boxes)
+        return replace(decided, fails=decided.fails & (decided.point[row] == np.round(decided.point[row])))
+
+    return tested
+
+
+def _with_samples_apart(device: Device, ends: Ends) -> Part | None:
+    """Return one part for all delays of a box, with the whole samples of the delay as one more row.
+
+    At small angles one box covers many whole samples, because the loop is smooth in them. The first and the last whole
+    samples, of which the range may hold a share only, have boxes of their own. The function returns None for delays
+    within one sample, for servos, and if the force sensor is late too.
+    """
+    own, T = row_of(device.delay_key), device.sample_time
+    late = any(device.number(key) for key in DELAYS if row_of(key) != own)
+    if own not in ends or device.servo is not None or late:
+        return None
+    (low, *_), (high, *_) = ends[own]
+    whole, blur = _whole(low, high, T, last=True), SNAP * high
+    if len(whole) == 1:
+        return None
+    first, last = float(whole[0]), float(whole[-1])
+    columns = [((first, low - first * T - blur), (first, T)), ((last, 0.0), (last, high - last * T + blur))]
+    if len(whole) > 2:
+        columns.append(((first + 1, 0.0), (last - 1, T)))
+    least, most = (
+        np.concatenate([_at_delay(ends, own, end, T, *column[end]) for column in columns], axis=1) for end in (0, 1)
+    )
+    return Part((*ends, SAMPLES_BEFORE), least, most, Delays(0, True, 0, True), T, 0.0, (float(low), float(high)))
+
+
+def _at_delay(ends: Ends, row: str, end: int, T: float, whole: float, rest: float) -> Floats:
+    """Return one end of all rows, with a number of whole samples and the rest of the delay, from 0 to a sample."""
+    numbers = [
+        np.full_like(pair[end], min(max(rest, 0.0), T)) if name == row else pair[end] for name, pair in ends.items()
+    ]
+    return np.array([*numbers, np.full_like(numbers[0], whole)])
+
+
+def _parts_of_sum(
+    names: tuple[str, ...], row: int, low: Floats, high: Floats, known: Delays, T: float, other: float
+) -> list[Part]:
     """Return the parts of a box of servos. Only the sum of the two delays matters, and one of them is a row."""
     parts = []
     for felt in _whole(low[row, 0] + other, high[row, 0] + other, T, last=True):
         least, most = low.copy(), high.copy()
         least[row], most[row] = max(low[row, 0], felt * T - other), min(high[row, 0], (felt + 1) * T - other)
         delays = replace(known, felt=felt, felt_fractional=True)
-        parts.append(Part(least, np.maximum(least, most), delays, T, other))
+        parts.append(Part(names, least, np.maximum(least, most), delays, T, other))
     return parts
 
 
