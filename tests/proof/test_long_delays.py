@@ -19,7 +19,8 @@ from vctune.proof.claims.delay_parts import DELAY_ROWS, parts_of
 from vctune.proof.claims.every_hand import boxes_over, prove_hands
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.device_box import DeviceBox, device_box
-from vctune.proof.engine.boxes import SAMPLES_BEFORE
+from vctune.proof.engine.boxes import SAMPLES_BEFORE, Boxes
+from vctune.proof.engine.branching import Decided
 from vctune.proof.engine.interval import Verdict
 
 T, FACTOR = 1e-3, 1.05
@@ -92,32 +93,48 @@ def test_verdicts_for_late_devices_are_those_of_a_dense_scan(number, most):
 
 @pytest.mark.parametrize(("low", "high"), [(0.26, 4.9), (0.0, 1.0), (2.5, 4.0), (25.0, 75.0)])
 def test_boxes_hold_exactly_the_delays_of_a_range(low, high):
-    one = np.array([1.0])
+    one, tested = np.array([1.0]), []
     rows = {"operator.mass": (0 * one, one), "device.delay": (low * T * one, high * T * one)}
-    device = Device(1.0, 1.0, T, low * T)
-    (part,) = parts_of(device, rows, apart=True)
-    delay, whole = part.names.index("device.delay"), part.names.index(SAMPLES_BEFORE)
-    rng, boxes = np.random.default_rng(3), boxes_over(part)
-    for samples in (*rng.uniform(low, high, 200), low, high, *range(ceil(low), floor(high) + 1)):
-        rest = (samples - floor(samples)) * T
-        held = (part.low[whole] <= floor(samples)) & (part.high[whole] >= floor(samples))
-        assert np.any(held & (part.low[delay] <= rest + 1e-15) & (part.high[delay] >= rest - 1e-15))
-    while len(boxes) and np.any(wide := boxes.low[1 + whole] < boxes.high[1 + whole]):
-        halves = boxes.subset(wide).halved(np.full(wide.sum(), 1 + whole))
-        assert np.all(halves.low <= halves.high)
-        kept = boxes.subset(~wide)
-        boxes = replace(
-            boxes,
-            low=np.concatenate((kept.low, halves.low), axis=1),
-            high=np.concatenate((kept.high, halves.high), axis=1),
-            owner=np.concatenate((kept.owner, halves.owner)),
-            whole_samples=np.concatenate((kept.whole_samples, halves.whole_samples)),
-        )
-    found = {int(x) for x in boxes.low[1 + whole]}
-    assert found == set(range(floor(low), floor(high) + 1))
-    totals = boxes.low[1 + whole] * T + boxes.low[1 + delay], boxes.high[1 + whole] * T + boxes.high[1 + delay]
-    assert totals[0].min() >= low * T - 2e-12 * high * T
-    assert totals[1].max() <= high * T * (1 + 2e-12)
+    (part,) = parts_of(Device(1.0, 1.0, T, low * T), rows, apart=True)
+    delay, whole = (1 + part.names.index(name) for name in ("device.delay", SAMPLES_BEFORE))
+
+    def negative(boxes: Boxes) -> Decided:
+        """Return that the margin is negative in the middle, and least at the upper ends."""
+        tested.append(boxes)
+        none = np.zeros(len(boxes), bool)
+        middle = 0.5 * (boxes.low + boxes.high)
+        return Decided(none, ~none, middle, 1.0 + 0 * middle, ~none, 1.0 + 0 * middle, 0.0 + none)
+
+    rng, boxes = np.random.default_rng(3), boxes_over(part).subset(np.array([5]))
+    samples = np.array([*rng.uniform(low, high, 300), low, high, *range(ceil(low), floor(high) + 1)])
+    samples = samples + 1e-12  # so that no whole number is a rounding error short
+    found = set()
+    for _ in range(14):
+        decided = part.within(negative)(boxes)
+        seen_by = tested[-1]
+        total = decided.point[whole] + decided.point[delay] / T
+        assert np.all((low - 1e-9 <= total[decided.fails]) & (total[decided.fails] <= high + 1e-9))
+        assert not np.any(decided.point[whole] % 1, where=decided.fails)
+        held = _held(boxes, whole, delay, samples)
+        assert np.all(held.any(axis=1))
+        assert np.all((_held(seen_by, whole, delay, samples) & ~decided.proved) == held)
+        several = boxes.low[whole] < boxes.high[whole]
+        faces = (several & (decided.side[whole] != 0)) | (decided.side[delay] != 0)
+        assert np.all(boxes.high[whole, faces] * T + boxes.high[delay, faces] <= high * T * (1 + 1e-11))
+        assert np.all(boxes.low[whole, faces] * T + boxes.low[delay, faces] >= low * T - 1e-11 * high * T)
+        found |= set(decided.point[whole, decided.fails].tolist())
+        boxes = boxes.subset(~decided.proved)
+        boxes = boxes.halved(rng.choice((whole, delay), len(boxes), p=(0.6, 0.4)))
+        assert np.all(boxes.low <= boxes.high)
+    assert found <= set(range(floor(low), floor(high) + 1))
+    assert len(found) > 1
+
+
+def _held(boxes: Boxes, whole: int, delay: int, samples: np.ndarray) -> np.ndarray:
+    """Return which delays, in samples, lie in which boxes."""
+    count, rest = np.floor(samples)[:, None], (samples % 1)[:, None] * T
+    inside = (boxes.low[whole] <= count) & (count <= boxes.high[whole])
+    return inside & (boxes.low[delay] <= rest + 1e-14) & (rest - 1e-14 <= boxes.high[delay])
 
 
 def test_a_late_sensor_keeps_one_part_for_each_number_of_whole_samples():

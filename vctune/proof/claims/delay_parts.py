@@ -53,8 +53,8 @@ class Part:
         test : test of boxes with these rows
         """
         rows = [1 + index for index, name in enumerate(self.names) if name in DELAY_ROWS]
-        if SAMPLES_BEFORE in self.names:
-            return _at_whole_samples(test, 1 + self.names.index(SAMPLES_BEFORE))
+        if self.range is not None:
+            return _at_whole_samples(test, self.names, self.sample_time, *self.range)
         if not rows:
             return test
         least = self.delays.felt * self.sample_time * (1 - SNAP)
@@ -118,12 +118,36 @@ def parts_of(device: Device, ends: Ends, *, apart: bool = False) -> list[Part]:
     return parts
 
 
-def _at_whole_samples(test: Test, row: int) -> Test:
-    """Return a test whose failures lie at whole samples, although a box also holds the numbers between them."""
+def _at_whole_samples(test: Test, names: tuple[str, ...], T: float, shortest: float, longest: float) -> Test:
+    """Return a test that ignores points between whole samples and delays outside a range.
+
+    Parameters
+    ----------
+    test : test of boxes with a row for the whole samples and one for the rest of the delay
+    names : names of the rows except the angle
+    T : sample time, s
+    shortest, longest : the range of the delay, s
+    """
+    (rest,) = (1 + index for index, name in enumerate(names) if name in DELAY_ROWS)
+    whole, blur = 1 + names.index(SAMPLES_BEFORE), SNAP * longest
 
     def tested(boxes: Boxes) -> Decided:
-        decided = test(boxes)
-        return replace(decided, fails=decided.fails & (decided.point[row] == np.round(decided.point[row])))
+        low, high = boxes.low.copy(), boxes.high.copy()
+        low[rest] = np.maximum(low[rest], shortest - blur - high[whole] * T)
+        high[rest] = np.minimum(high[rest], longest + blur - low[whole] * T)
+        empty, several = low[rest] > high[rest], low[whole] < high[whole]
+        low[rest, empty] = high[rest, empty] = boxes.low[rest, empty]
+        decided = test(replace(boxes, low=low, high=high))
+        # such a box also holds delays outside the range, so that the margin may be least at one of them
+        least, most = low[whole] * T + low[rest], high[whole] * T + high[rest]
+        beyond = (least < shortest - 2 * blur) | (most > longest + 2 * blur)
+        narrowed = (low[rest] > boxes.low[rest]) | (high[rest] < boxes.high[rest])
+        decided.side[rest, narrowed | beyond] = decided.side[whole, beyond] = 0.0
+        at, total = decided.point[whole], decided.point[whole] * T + decided.point[rest]
+        had = (at == np.round(at)) & (total >= shortest - blur) & (total <= longest + blur)
+        cost = decided.cost.copy()
+        cost[whole, decided.fails & ~had & several] = np.inf
+        return replace(decided, proved=decided.proved | empty, fails=decided.fails & had & ~empty, cost=cost)
 
     return tested
 
@@ -131,34 +155,21 @@ def _at_whole_samples(test: Test, row: int) -> Test:
 def _with_samples_apart(device: Device, ends: Ends) -> Part | None:
     """Return one part for all delays of a box, with the whole samples of the delay as one more row.
 
-    At small angles one box covers many whole samples, because the loop is smooth in them. The first and the last whole
-    samples, of which the range may hold a share only, have boxes of their own. The function returns None for delays
-    within one sample, for servos, and if the force sensor is late too.
+    At small angles one box covers many whole samples, because the loop is smooth in them. The function returns None for
+    delays within one sample, for servos, and if the force sensor is late too.
     """
     own, T = row_of(device.delay_key), device.sample_time
     late = any(device.number(key) for key in DELAYS if row_of(key) != own)
     if own not in ends or device.servo is not None or late:
         return None
     (low, *_), (high, *_) = ends[own]
-    whole, blur = _whole(low, high, T, last=True), SNAP * high
+    whole = _whole(low, high, T, last=True)
     if len(whole) == 1:
         return None
-    first, last = float(whole[0]), float(whole[-1])
-    columns = [((first, low - first * T - blur), (first, T)), ((last, 0.0), (last, high - last * T + blur))]
-    if len(whole) > 2:
-        columns.append(((first + 1, 0.0), (last - 1, T)))
-    least, most = (
-        np.concatenate([_at_delay(ends, own, end, T, *column[end]) for column in columns], axis=1) for end in (0, 1)
-    )
-    return Part((*ends, SAMPLES_BEFORE), least, most, Delays(0, True, 0, True), T, 0.0, (float(low), float(high)))
-
-
-def _at_delay(ends: Ends, row: str, end: int, T: float, whole: float, rest: float) -> Floats:
-    """Return one end of all rows, with a number of whole samples and the rest of the delay, from 0 to a sample."""
-    numbers = [
-        np.full_like(pair[end], min(max(rest, 0.0), T)) if name == row else pair[end] for name, pair in ends.items()
-    ]
-    return np.array([*numbers, np.full_like(numbers[0], whole)])
+    one = np.ones_like(ends[own][0])
+    rows = {**ends, own: (0 * one, T * one), SAMPLES_BEFORE: (whole[0] * one, whole[-1] * one)}
+    least, most = (np.array([pair[end] for pair in rows.values()]) for end in (0, 1))
+    return Part(tuple(rows), least, most, Delays(0, True, 0, True), T, 0.0, (float(low), float(high)))
 
 
 def _parts_of_sum(
