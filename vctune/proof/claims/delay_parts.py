@@ -78,6 +78,10 @@ def row_of(key: str) -> str:
     return f"device.{key}"
 
 
+OWN_BOXES = 0.5
+"""Share of a sample below which the end of a range of delays has boxes of its own. With 1, a device of five samples
+takes three times as many boxes; with 0, one of fifty samples that touches its constraint at the end takes ten times as
+many."""
 DELAY_ROWS = tuple(map(row_of, DELAYS))
 
 
@@ -155,8 +159,9 @@ def _at_whole_samples(test: Test, names: tuple[str, ...], T: float, shortest: fl
 def _with_samples_apart(device: Device, ends: Ends) -> Part | None:
     """Return one part for all delays of a box, with the whole samples of the delay as one more row.
 
-    At small angles one box covers many whole samples, because the loop is smooth in them. The function returns None for
-    delays within one sample, for servos, and if the force sensor is late too.
+    At small angles one box covers many whole samples, because the loop is smooth in them. A first or last sample of
+    which the range holds little has boxes of its own. The function returns None for delays within one sample, for
+    servos, and if the force sensor is late too.
     """
     own, T = row_of(device.delay_key), device.sample_time
     late = any(device.number(key) for key in DELAYS if row_of(key) != own)
@@ -166,10 +171,27 @@ def _with_samples_apart(device: Device, ends: Ends) -> Part | None:
     whole = _whole(low, high, T, last=True)
     if len(whole) == 1:
         return None
-    one = np.ones_like(ends[own][0])
-    rows = {**ends, own: (0 * one, T * one), SAMPLES_BEFORE: (whole[0] * one, whole[-1] * one)}
-    least, most = (np.array([pair[end] for pair in rows.values()]) for end in (0, 1))
-    return Part(tuple(rows), least, most, Delays(0, True, 0, True), T, 0.0, (float(low), float(high)))
+    first, last, blur = float(whole[0]), float(whole[-1]), SNAP * high
+    shortest, longest = max(low - first * T - blur, 0.0), min(max(high - last * T + blur, 0.0), T)
+    columns = []
+    if T - shortest < OWN_BOXES * T:
+        columns.append(((first, shortest), (first, T)))
+        first += 1
+    if longest < OWN_BOXES * T:
+        columns.append(((last, 0.0), (last, longest)))
+        last -= 1
+    if first <= last:
+        columns.append(((first, 0.0), (last, T)))
+    least, most = (
+        np.concatenate([_at_delay(ends, own, *pair[end], end) for pair in columns], axis=1) for end in (0, 1)
+    )
+    return Part((*ends, SAMPLES_BEFORE), least, most, Delays(0, True, 0, True), T, 0.0, (float(low), float(high)))
+
+
+def _at_delay(ends: Ends, row: str, whole: float, rest: float, end: int) -> Floats:
+    """Return one end of all rows, of which that of the delay holds only the rest beside the whole samples."""
+    numbers = [np.full_like(pair[end], rest) if name == row else pair[end] for name, pair in ends.items()]
+    return np.array([*numbers, np.full_like(numbers[0], whole)])
 
 
 def _parts_of_sum(
