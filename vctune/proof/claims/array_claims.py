@@ -72,7 +72,7 @@ from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, device_ball, enc
 from vctune.proof.enclosures.array_intervals import Enclosure, decimal
 from vctune.proof.enclosures.jets import ENCLOSURES as OPS
 from vctune.proof.engine.box_tests import Curve, Margin, Margins
-from vctune.proof.engine.boxes import FREQUENCY, WHOLE_SAMPLES, Values, coupling_of, gains_of
+from vctune.proof.engine.boxes import FREQUENCY, SAMPLES_BEFORE, WHOLE_SAMPLES, Values, coupling_of, gains_of
 from vctune.proof.engine.sharing import shared
 
 SHARES = "share of the integrator", "share of the hand's stiffness in the rest"
@@ -481,6 +481,9 @@ def _plant_in_hand(
 
     def of_values(v: Values) -> AnyPlantInHand:
         found: AnyPlantInHand = shared(plant, [v[name] for name in rows])
+        if SAMPLES_BEFORE in v and isinstance(found, PlantInHand):
+            before = v[SAMPLES_BEFORE]
+            return replace(found, delays=replace(delays, loop=before, felt=before))
         return found
 
     return of_values

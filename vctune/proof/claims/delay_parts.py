@@ -12,7 +12,7 @@ from vctune.model.parts import DELAYS
 from vctune.model.sampled.plant_in_hand import Delays, delays_of
 from vctune.model.sampled.velocity_loop import SNAP
 from vctune.proof.enclosures.array_intervals import Floats
-from vctune.proof.engine.boxes import Boxes
+from vctune.proof.engine.boxes import SAMPLES_BEFORE, Boxes
 from vctune.proof.engine.branching import Decided, Test
 
 Ends = dict[str, tuple[Floats, Floats]]
@@ -21,35 +21,40 @@ Ends = dict[str, tuple[Floats, Floats]]
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """The devices and hands of a box whose delays have the same number of whole samples.
+    """The devices and hands of a box whose delays have the same number of whole samples, or have them as a row.
 
     Attributes
     ----------
+    names : names of the rows except the angle
     low, high : ends of the numbers, shape (rows, 1), or (rows, n) for n parts
     delays : whole samples of the delays
     sample_time, other : T, s; and the one delay of device or sensor that is not a row, s
+    range : least and greatest delay, s, if `SAMPLES_BEFORE` is a row; None otherwise
     """
 
+    names: tuple[str, ...]
     low: Floats
     high: Floats
     delays: Delays
     sample_time: float
     other: float
+    range: tuple[float, float] | None = None
 
     @property
     def spans(self) -> Floats:
         """The range of each number, shape (rows, 1)."""
         return np.asarray((self.high - self.low).max(axis=1, keepdims=True))
 
-    def within(self, test: Test, names: tuple[str, ...]) -> Test:
+    def within(self, test: Test) -> Test:
         """Return a test that ignores points at which the sum of both delays has other whole samples.
 
         Parameters
         ----------
         test : test of boxes with these rows
-        names : names of the rows without the frequency
         """
-        rows = [1 + index for index, name in enumerate(names) if name in DELAY_ROWS]
+        rows = [1 + index for index, name in enumerate(self.names) if name in DELAY_ROWS]
+        if self.range is not None:
+            return _at_whole_samples(test, self.names, self.sample_time, *self.range)
         if not rows:
             return test
         least = self.delays.felt * self.sample_time * (1 - SNAP)
@@ -73,10 +78,14 @@ def row_of(key: str) -> str:
     return f"device.{key}"
 
 
+OWN_BOXES = 0.5
+"""Share of a sample below which the end of a range of delays has boxes of its own. With 1, a device of five samples
+takes three times as many boxes; with 0, one of fifty samples that touches its constraint at the end takes ten times as
+many."""
 DELAY_ROWS = tuple(map(row_of, DELAYS))
 
 
-def parts_of(device: Device, ends: Ends) -> list[Part]:
+def parts_of(device: Device, ends: Ends, *, apart: bool = False) -> list[Part]:
     """Divide a box of devices by the whole samples of their delays; return its parts.
 
     Known delays give one part.
@@ -85,6 +94,7 @@ def parts_of(device: Device, ends: Ends) -> list[Part]:
     ----------
     device : device with the delays that are not rows
     ends : least and greatest number of each row except the angle
+    apart : whether the whole samples may be a row, in margins of one hand with every passive environment
     """
     names = tuple(ends)
     low, high = (np.array([pair[end] for pair in ends.values()]) if ends else np.empty((0, 1)) for end in (0, 1))
@@ -93,10 +103,12 @@ def parts_of(device: Device, ends: Ends) -> list[Part]:
     others = {row_of(key): number for key in DELAYS if (number := device.number(key)) is not None}
     rows = {name: names.index(name) for name in DELAY_ROWS if name in names}
     if not rows:
-        return [Part(low, high, known, T, 0.0)]
+        return [Part(names, low, high, known, T, 0.0)]
+    if apart and (together := _with_samples_apart(device, ends)) is not None:
+        return [together]
     other = sum(delay for name, delay in others.items() if name not in rows)
     if device.servo is not None and device.servo.stiffness is None and len(rows) == 1:
-        return _parts_of_sum(rows.popitem()[1], low, high, known, T, other)
+        return _parts_of_sum(names, rows.popitem()[1], low, high, known, T, other)
     parts, row = [], rows.get(own)
     loops = [known.loop] if row is None else _whole(low[row, 0], high[row, 0], T, last=True)
     for loop in loops:
@@ -106,18 +118,92 @@ def parts_of(device: Device, ends: Ends) -> list[Part]:
         shortest, longest = (other + sum(end[at, 0] for at in rows.values()) for end in (least, most))
         for felt in _whole(shortest, longest, T, last=loop == loops[-1]):
             delays = Delays(loop, row is not None or known.loop_fractional, felt, felt_fractional=True)
-            parts.append(Part(least, most, delays, T, other))
+            parts.append(Part(names, least, most, delays, T, other))
     return parts
 
 
-def _parts_of_sum(row: int, low: Floats, high: Floats, known: Delays, T: float, other: float) -> list[Part]:
+def _at_whole_samples(test: Test, names: tuple[str, ...], T: float, shortest: float, longest: float) -> Test:
+    """Return a test that ignores points between whole samples and delays outside a range.
+
+    Parameters
+    ----------
+    test : test of boxes with a row for the whole samples and one for the rest of the delay
+    names : names of the rows except the angle
+    T : sample time, s
+    shortest, longest : the range of the delay, s
+    """
+    (rest,) = (1 + index for index, name in enumerate(names) if name in DELAY_ROWS)
+    whole, blur = 1 + names.index(SAMPLES_BEFORE), SNAP * longest
+
+    def tested(boxes: Boxes) -> Decided:
+        low, high = boxes.low.copy(), boxes.high.copy()
+        low[rest] = np.maximum(low[rest], shortest - blur - high[whole] * T)
+        high[rest] = np.minimum(high[rest], longest + blur - low[whole] * T)
+        empty, several = low[rest] > high[rest], low[whole] < high[whole]
+        low[rest, empty] = high[rest, empty] = boxes.low[rest, empty]
+        decided = test(replace(boxes, low=low, high=high))
+        # such a box also holds delays outside the range, so that the margin may be least at one of them
+        least, most = low[whole] * T + low[rest], high[whole] * T + high[rest]
+        beyond = (least < shortest - 2 * blur) | (most > longest + 2 * blur)
+        narrowed = (low[rest] > boxes.low[rest]) | (high[rest] < boxes.high[rest])
+        decided.side[rest, narrowed | beyond] = decided.side[whole, beyond] = 0.0
+        at, total = decided.point[whole], decided.point[whole] * T + decided.point[rest]
+        had = (at == np.round(at)) & (total >= shortest - blur) & (total <= longest + blur)
+        cost = decided.cost.copy()
+        cost[whole, decided.fails & ~had & several] = np.inf
+        return replace(decided, proved=decided.proved | empty, fails=decided.fails & had & ~empty, cost=cost)
+
+    return tested
+
+
+def _with_samples_apart(device: Device, ends: Ends) -> Part | None:
+    """Return one part for all delays of a box, with the whole samples of the delay as one more row.
+
+    At small angles one box covers many whole samples, because the loop is smooth in them. A first or last sample of
+    which the range holds little has boxes of its own. The function returns None for delays within one sample, for
+    servos, and if the force sensor is late too.
+    """
+    own, T = row_of(device.delay_key), device.sample_time
+    late = any(device.number(key) for key in DELAYS if row_of(key) != own)
+    if own not in ends or device.servo is not None or late:
+        return None
+    (low, *_), (high, *_) = ends[own]
+    whole = _whole(low, high, T, last=True)
+    if len(whole) == 1:
+        return None
+    first, last, blur = float(whole[0]), float(whole[-1]), SNAP * high
+    shortest, longest = max(low - first * T - blur, 0.0), min(max(high - last * T + blur, 0.0), T)
+    columns = []
+    if T - shortest < OWN_BOXES * T:
+        columns.append(((first, shortest), (first, T)))
+        first += 1
+    if longest < OWN_BOXES * T:
+        columns.append(((last, 0.0), (last, longest)))
+        last -= 1
+    if first <= last:
+        columns.append(((first, 0.0), (last, T)))
+    least, most = (
+        np.concatenate([_at_delay(ends, own, *pair[end], end) for pair in columns], axis=1) for end in (0, 1)
+    )
+    return Part((*ends, SAMPLES_BEFORE), least, most, Delays(0, True, 0, True), T, 0.0, (float(low), float(high)))
+
+
+def _at_delay(ends: Ends, row: str, whole: float, rest: float, end: int) -> Floats:
+    """Return one end of all rows, of which that of the delay holds only the rest beside the whole samples."""
+    numbers = [np.full_like(pair[end], rest) if name == row else pair[end] for name, pair in ends.items()]
+    return np.array([*numbers, np.full_like(numbers[0], whole)])
+
+
+def _parts_of_sum(
+    names: tuple[str, ...], row: int, low: Floats, high: Floats, known: Delays, T: float, other: float
+) -> list[Part]:
     """Return the parts of a box of servos. Only the sum of the two delays matters, and one of them is a row."""
     parts = []
     for felt in _whole(low[row, 0] + other, high[row, 0] + other, T, last=True):
         least, most = low.copy(), high.copy()
         least[row], most[row] = max(low[row, 0], felt * T - other), min(high[row, 0], (felt + 1) * T - other)
         delays = replace(known, felt=felt, felt_fractional=True)
-        parts.append(Part(least, np.maximum(least, most), delays, T, other))
+        parts.append(Part(names, least, np.maximum(least, most), delays, T, other))
     return parts
 
 

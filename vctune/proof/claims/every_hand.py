@@ -18,7 +18,7 @@ from flint import arb
 from vctune.model.device import Device
 from vctune.model.gains import Gains, SpringDamper
 from vctune.model.hand_arrays import stacked
-from vctune.model.hands import STIFFNESS, Hand, Hands
+from vctune.model.hands import MASS, STIFFNESS, Hand, Hands
 from vctune.model.numbers.keys import keys_of
 from vctune.model.problem import Demands
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
@@ -65,7 +65,7 @@ from vctune.proof.enclosures.array_intervals import Flags, Floats, decimal_or_in
 from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.proof.enclosures.taylor_functions import TAYLOR
 from vctune.proof.engine.box_tests import alone, from_frequency, next_to_zero, positive
-from vctune.proof.engine.boxes import Boxes, Values, band_of, over_band
+from vctune.proof.engine.boxes import SAMPLES_BEFORE, Boxes, Values, band_of, over_band
 from vctune.proof.engine.branching import Test, prove
 from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.proof.engine.polynomial_tests import FEW, any_positive, positive_by_polynomials
@@ -427,19 +427,19 @@ def _decided_over(
     whenever: Callable[[Part, Values], Test] | None,
 ) -> Outcome:
     """Prove the margins of `_decided` over several sides, each with the ends of its own rows."""
-    names, boxes = tuple(sides[0]), 0
-    fixed = fixed_of(asked.design)
-    parts = [part for ends in sides for part in parts_of(asked.design.device, ends)]
+    boxes, fixed = 0, fixed_of(asked.design)
+    apart = MASS in sides[0] and asked.demands.worlds is None
+    parts = [part for ends in sides for part in parts_of(asked.design.device, ends, apart=apart)]
     left: slice | Flags = slice(None)
     if whenever is not None and len(parts) >= MANY_PARTS:
-        left, boxes = _left_of_parts(whenever(parts[1], fixed), boxes_over(parts[1], names, near))
+        left, boxes = _left_of_parts(whenever(parts[1], fixed), boxes_over(parts[1], near))
     for part in parts:
         for test in tests(part, fixed):
             found = prove(
-                part.within(test, names),
-                boxes_over(part, names, near).subset(left),
+                part.within(test),
+                boxes_over(part, near).subset(left),
                 1,
-                halved=[True] * (1 + len(names)),
+                halved=[True] * (1 + len(part.names)),
                 max_halvings=MAX_HALVINGS,
                 max_boxes=max_boxes,
                 at_ends=True,
@@ -448,7 +448,7 @@ def _decided_over(
             boxes += int(found.boxes[0])
             if not found.proved[0]:
                 point = found.open[:, 0] if np.isnan(found.failing[0, 0]) else found.failing[:, 0]
-                return _in_doubt(asked.design, asked.demands, asked.uncertain, names, part, point, boxes, near)
+                return _in_doubt(asked.design, asked.demands, asked.uncertain, part, point, boxes, near)
     return Outcome(Verdict.PROVED, boxes)
 
 
@@ -482,16 +482,15 @@ def fixed_of(design: Design) -> Values:
     return dict(zip(keys_of(len(numbers)), map(decimal_or_inf, numbers), strict=True))
 
 
-def boxes_over(part: Part, names: tuple[str, ...], near: Resonance | None = None) -> Boxes:
+def boxes_over(part: Part, near: Resonance | None = None) -> Boxes:
     """Return the first boxes over the angle and all rows of a part, with one owner.
 
     Parameters
     ----------
     part : part with the ends of the rows
-    names : names of the rows except the angle
     near : resonance to which the hands are near; None for all hands
     """
-    boxes = over_band(names, part.low, part.high, band_of(near.first if near else 0.0, HALF_TURN, STEP))
+    boxes = over_band(part.names, part.low, part.high, band_of(near.first if near else 0.0, HALF_TURN, STEP))
     return replace(boxes, owner=np.zeros_like(boxes.owner))
 
 
@@ -527,19 +526,22 @@ def _in_doubt(
     design: Design,
     demands: Demands,
     uncertain: tuple[str, ...],
-    names: tuple[str, ...],
     part: Part,
     point: Floats,
     boxes: int,
     near: Resonance | None,
 ) -> Outcome:
     """Decide in ball arithmetic at a point where array arithmetic has not proved the claim."""
-    for row, name in enumerate(names):
+    for row, name in enumerate(part.names):
         if name in DELAY_ROWS:  # at its ends the number of whole samples changes
             inwards = np.minimum(NEXT_TO * design.device.sample_time, (part.high[row] - part.low[row]) / 2)
             part.low[row], part.high[row] = part.low[row] + inwards, part.high[row] - inwards
     within = np.clip(point[1:], part.low.min(axis=1), part.high.max(axis=1)).tolist()
-    values, theta = dict(zip(names, within, strict=True)), min(float(point[0]), pi)
+    values, theta = dict(zip(part.names, within, strict=True)), min(float(point[0]), pi)
+    if part.range is not None:
+        own = row_of(design.device.delay_key)
+        delay = round(values.pop(SAMPLES_BEFORE)) * part.sample_time + values[own]
+        values[own] = min(max(delay, part.range[0]), part.range[1])
     device = design.device.with_numbers({key: values[row_of(key)] for key in uncertain})
     hand = near.hand(theta, values) if near else Hand.of(values) if STIFFNESS in values else None
     share = values.get(COUPLING_SHARE, 1.0)

@@ -26,6 +26,8 @@ Integers = NDArray[np.intp]
 FREQUENCY = "frequency"
 """Name of the frequency's row: omega in rad/s, theta = omega T in rad, or 1/omega in s, depending on the claim."""
 WHOLE_SAMPLES = "whole samples of device.delay"
+SAMPLES_BEFORE = "whole samples before device.delay"
+"""Name of the row for the whole samples of a delay, if the row of the delay holds only the rest of the delay."""
 CHUNK = 4096
 """Number of boxes evaluated together, whose arrays fit into the processor's cache. With half or twice as many boxes, a
 proof takes the same time."""
@@ -154,6 +156,7 @@ class Boxes:
         """Return both halves of each box along its own axis.
 
         A wide interval is halved in the logarithm. An interval that starts at 0 is cut near 0.
+        Whole samples are cut between two whole numbers.
         """
         at = np.arange(len(self))
         low, high = self.low[axis, at], self.high[axis, at]
@@ -162,6 +165,11 @@ class Boxes:
         middle = np.where(high > WIDE * low, wide, (low + high) / 2)
         left, right = self.high.copy(), self.low.copy()
         left[axis, at] = right[axis, at] = middle
+        if SAMPLES_BEFORE in self.names:
+            row = self.names.index(SAMPLES_BEFORE)
+            whole = at[axis == row]
+            left[row, whole] = np.floor(middle[whole])
+            right[row, whole] = np.minimum(left[row, whole] + 1, self.high[row, whole])
         return joined(replace(self, high=left), replace(self, low=right))
 
 

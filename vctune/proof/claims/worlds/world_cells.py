@@ -115,10 +115,10 @@ class OpenInHands:
             if not len(boxes) or not left.size:
                 continue
             names, tied = (*asked.names, *ends), np.array([end[left] for end in ends.values()])
-            ends_too = replace(part, low=_with(part.low, tied), high=_with(part.high, tied))
+            ends_too = replace(part, names=names, low=_with(part.low, tied), high=_with(part.high, tied))
             (test,) = asked.tests(ends_too, fixed_of(asked.design))
             found = prove(
-                part.within(test, names),
+                part.within(test),
                 _each(boxes, names, tied),
                 left.size,
                 halved=[True] * (1 + len(asked.names)) + [False] * len(ends),
@@ -158,9 +158,7 @@ def open_in_hands(design: Design, demands: Demands, box: DeviceBox | None, dampi
     found = tuple(
         (
             part,
-            left_open(
-                part.within(test, asked.names), boxes_over(part, asked.names), max_boxes=MAX_BOXES, share=FAILING
-            ),
+            left_open(part.within(test), boxes_over(part), max_boxes=MAX_BOXES, share=FAILING),
         )
         for part in parts_of(design.device, asked.ends())
         for test in asked.tests(part, fixed_of(design))
