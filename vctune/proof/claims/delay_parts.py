@@ -27,7 +27,7 @@ class Part:
     ----------
     low, high : ends of the numbers, shape (rows, 1), or (rows, n) for n parts
     delays : whole samples of the delays
-    sample_time, other : T, s; and the one delay of device or sensor that is not a row, s
+    sample_time, other : T, s; and the delay, s, of the device or the sensor that is not a row
     """
 
     low: Floats
@@ -42,7 +42,7 @@ class Part:
         return np.asarray((self.high - self.low).max(axis=1, keepdims=True))
 
     def within(self, test: Test, names: tuple[str, ...]) -> Test:
-        """Return a test that ignores points at which the sum of both delays has other whole samples.
+        """Return a test that ignores points at which the sum of both delays has another number of whole samples.
 
         Parameters
         ----------
@@ -62,7 +62,7 @@ class Part:
             decided = test(boxes)
             outside = (total(boxes.low) > most) | (total(boxes.high) < least)
             there = (total(decided.point) >= least) & (total(decided.point) <= most)
-            decided.side[rows] = 0.0  # the end may lie outside the part, where it does not count
+            decided.side[rows] = 0.0  # an end outside the part is not a valid point
             return replace(decided, proved=decided.proved | outside, fails=decided.fails & there)
 
         return tested
@@ -77,14 +77,14 @@ DELAY_ROWS = tuple(map(row_of, DELAYS))
 
 
 def parts_of(device: Device, ends: Ends) -> list[Part]:
-    """Divide a box of devices by the whole samples of their delays; return its parts.
+    """Divide a box of devices by the whole samples of their delays, and return its parts.
 
-    Known delays give one part.
+    If the delays are certain, there is one part.
 
     Parameters
     ----------
     device : device with the delays that are not rows
-    ends : least and greatest number of each row except the angle
+    ends : least and greatest number of each row, without the angle
     """
     names = tuple(ends)
     low, high = (np.array([pair[end] for pair in ends.values()]) if ends else np.empty((0, 1)) for end in (0, 1))

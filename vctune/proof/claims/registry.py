@@ -29,13 +29,14 @@ class Claim:
     ----------
     id : public name in design.json; once a file contains it, it never changes
     sentence : the statement; {couples} stands for the response of the display's coupling, Z_c or 1/Z_c
-    quantity : the limited quantity, by the name that the search's constraints use (`in_hand` is the ratio in a hand;
-        the search constrains neither "poles" nor "storage")
+    quantity : the limited quantity, by the name that the search's constraints use. `in_hand` is the ratio in a hand.
+        The search does not constrain "poles" and "storage"
     margin : dotted path within vctune of the function that must be positive, or of the curve that must not go around 0
     witness : description of the place where the claim fails
     label : heading of the claim's row in a report
     explain : meaning of the claim for the reader
-    asked : function that returns whether the constraints require the claim, for a box of devices or one device
+    asked : function of the constraints and the box of devices (or None) that returns whether a certificate makes the
+        claim
     """
 
     id: ClaimId
@@ -216,7 +217,7 @@ CLAIMS: dict[ClaimId, Claim] = {
 
 
 IN_HANDS: tuple[ClaimId, ...] = ("hands", "worlds", "walls")
-"""Claims about the hands of a box. A certificate makes one of the first two, and the third only with the second."""
+"""Claims about the hands of a box. A certificate makes either "hands" or "worlds", and "walls" only with "worlds"."""
 
 
 def claims_about(*quantities: Quantity) -> tuple[ClaimId, ...]:
@@ -227,7 +228,7 @@ def claims_about(*quantities: Quantity) -> tuple[ClaimId, ...]:
 def claims_asked(demands: Demands, box: DeviceBox | None = None) -> list[ClaimId]:
     """Return the claims that a certificate makes, in their order.
 
-    Parameters
+    demands : constraints on a design; they determine which claims apply
     ----------
     demands : constraints on a design; they decide which claims apply
     box : box of uncertain devices, which adds claims; None for one known device

@@ -1,7 +1,8 @@
-"""Numbers with which symmetric matrices that are affine in them are all positive definite: the analytic centre.
+"""Coefficients that make symmetric matrices, affine in them, positive definite: the analytic centre.
 
-In floats. A storage function has some dozen numbers and some hundred small matrices, for which Newton's method on the
-logarithms of the determinants takes a second; a solver of semidefinite programs would be one more dependency.
+The search runs in floats. A storage function has some dozen coefficients and some hundred small matrices. Newton's
+method on the logarithms of the determinants takes a second for them. A solver of semidefinite programs would be one
+more dependency.
 """
 
 from __future__ import annotations
@@ -15,25 +16,28 @@ from vctune.proof.enclosures.array_intervals import TINY, Flags, Floats
 from vctune.running import check_time
 
 CENTRED = 0.05
-"""Newton decrement, squared, at which a centre is near enough. Half and twice it: the same proofs."""
+"""Squared Newton decrement at which the search accepts a centre. Half and twice this value lead to the same proofs."""
 MAX_STEPS = 250
-"""Steps after which nothing is found. Feasible problems take 30 to 190."""
+"""Number of steps after which the search returns nothing. Feasible problems take 30 to 190 steps."""
 LESS = 0.25
-"""Factor of the weight of the barrier in each round. Its square and its root take as many steps within a third."""
+"""Factor of the weight of the barrier from one round to the next. With its square or its root, the search takes the
+same number of steps within a third."""
 GIVE_UP = 0.2
-"""Weight of the barrier, relative to the shortfall, at which there is no solution: the least shortfall is smaller than
-the present one by no more than that weight. Half and twice it: the same proofs."""
+"""Weight of the barrier, relative to the shortfall, at which the search concludes that there is no solution. The least
+possible shortfall is smaller than the present one by at most that weight. Half and twice this value lead to the same
+proofs."""
 INSIDE = 0.9
-"""Share of the way to the border of the feasible numbers that a shortened step goes. Half of it takes twice as long."""
+"""Share of the way to the border of the feasible coefficients that a shortened step covers. With half this share, the
+search takes twice as long."""
 
 
 class Family(NamedTuple):
-    """Matrices w_t U_u, the part of the number y_tu, for p sums of matrices.
+    """The terms sum_tu w_t U_u y_tu of p sums of matrices; y_tu are the coefficients.
 
     Attributes
     ----------
-    weights : w, shape (p, t)
-    units : U, symmetric, shape (p, u, n, n)
+    weights : w_t for each of the p sums, shape (p, t)
+    units : U_u for each of the p sums, symmetric matrices, shape (p, u, n, n)
     """
 
     weights: Floats
@@ -41,22 +45,22 @@ class Family(NamedTuple):
 
 
 def analytic_centre(constant: Floats, families: Sequence[Family], free: Flags) -> Floats | None:
-    """Return numbers y with which all matrices constant + sum w_t U_u y_tu are positive definite, well inside.
+    """Return coefficients y that make all matrices constant + sum w_t U_u y_tu positive definite by a wide margin.
 
     Parameters
     ----------
     constant : p symmetric matrices, shape (p, n, n)
-    families : the sum runs over all of them; all have the same numbers t and u
-    free : whether a number may be other than 0, shape (t, u)
+    families : families of terms over which the sum runs; the coefficients y_tu are the same for all of them
+    free : whether a coefficient may differ from 0, shape (t, u)
 
     Returns
     -------
     array of float or None
-        Shape (t, u), 0 where it is not free; None if none are found.
+        Shape (t, u), 0 for coefficients that are not free; None if the search finds none.
     """
     sums = _Sums(constant, families, np.append(free.ravel(), True))
     at = np.zeros(free.size + 1)
-    at[-1] = 1 - np.linalg.eigvalsh(constant).min()  # how much of the identity is added: 0 is to suffice
+    at[-1] = 1 - np.linalg.eigvalsh(constant).min()  # multiple of the identity that is added; the search lowers it to 0
     weight, count = 1.0, constant.shape[0] * constant.shape[-1]
     for _ in range(MAX_STEPS):
         check_time()
@@ -72,14 +76,14 @@ def analytic_centre(constant: Floats, families: Sequence[Family], free: Flags) -
 
 
 class _Sums(NamedTuple):
-    """Sums of matrices, and which of their numbers are free; the last number is that of the identity."""
+    """Sums of matrices, and which coefficients are free; the last coefficient is that of the identity."""
 
     constant: Floats
     families: Sequence[Family]
     free: Flags
 
     def at(self, numbers: Floats) -> Floats:
-        """Return the matrices."""
+        """Return the sums for given coefficients."""
         found = self.constant + numbers[-1] * np.eye(self.constant.shape[-1])
         for weights, units in self.families:
             mixed = weights @ numbers[:-1].reshape(weights.shape[1], -1)
@@ -99,13 +103,16 @@ def _centred(sums: _Sums, at: Floats) -> Floats:
 
 
 def _newton(sums: _Sums, at: Floats, price: float) -> tuple[Floats, float]:
-    """Return Newton's step for price times the last number less all logarithms, and the squared decrement."""
+    """Return Newton's step and its squared decrement.
+
+    The objective is price times the last coefficient minus the logarithms of all determinants.
+    """
     turn = np.linalg.inv(np.linalg.cholesky(sums.at(at)))
     rows, columns = np.triu_indices(turn.shape[-1])
     twice = np.where(rows == columns, 1.0, np.sqrt(2.0))
 
     def halved(units: Floats) -> Floats:
-        """Return half of each unit, in coordinates in which the matrices are 1; scalar products stay as they are."""
+        """Return half of each unit in coordinates in which the sums are 1. Scalar products do not change."""
         seen = turn[:, None] @ units @ turn[:, None].swapaxes(-1, -2)
         return np.asarray(seen[..., rows, columns] * twice)
 
@@ -130,7 +137,7 @@ def _newton(sums: _Sums, at: Floats, price: float) -> tuple[Floats, float]:
 
 
 def _crossed(weights: Floats, units: Floats, others: Floats, more: Floats) -> Floats:
-    """Return the scalar products of the parts of two families."""
+    """Return the scalar products of the terms of two families."""
     gram = units @ more.swapaxes(-1, -2)  # (p, u, u)
     outer = weights[:, :, None] * others[:, None, :]
     terms, count = weights.shape[1], units.shape[1]
@@ -147,7 +154,7 @@ def _roots(matrices: Floats) -> Floats | None:
 
 
 def _moved(sums: _Sums, at: Floats, direction: Floats, decrement: float) -> Floats:
-    """Return the numbers after a step that stays inside."""
+    """Return the coefficients after a step, shortened so that all sums stay positive definite."""
     share = 1.0 if decrement < 0.25 else 1 / (1 + np.sqrt(decrement))
     share = min(1.0, 4 * share)
     while _roots(sums.at(at + share / INSIDE * direction)) is None or _roots(sums.at(at + share * direction)) is None:

@@ -17,31 +17,34 @@ from vctune.proof.enclosures.array_intervals import TINY, Flags, Floats
 from vctune.proof.storage.barrier import Family, analytic_centre
 
 ACROSS = {"mass": 4, "damping": 3, "stiffness": 3}
-"""Numbers of each quantity at which the first candidate is sought. One less needs another round for many a design, one
-more takes a third longer."""
+"""Number of values of each quantity in the grid of hands for the first candidate. With one value less, many designs
+need another round; with one more, the search takes a third longer."""
 DIGITS = 14
-"""Significant digits of the decimals. Half are too few for loops with little room; twice are more than a double has."""
+"""Significant digits of the decimals. Half as many are too few for loops with a small margin; twice as many exceed the
+digits of a double."""
 
 
 DOUBLINGS = 60
-"""Doublings of the time over which noise drives the states: 2^60 samples, in which all decays that will."""
+"""Number of doublings of the time over which noise drives the states: 2^60 samples, after which the states of every
+stable loop are stationary."""
 
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """Hands in which a storage is sought, each with one damping when the force was sampled; arrays of shape (p,).
+    """Hands for which the search needs a storage function, each with a sensed damping; arrays of shape (p,).
 
     Attributes
     ----------
     hand : the hand from this sample on
-    sensed : its damping when the force was sampled, one of the ends: the inequality is affine in it
+    sensed : damping of the hand when the sensor sampled the force; the least or the greatest, because the inequality is
+        affine in it
     """
 
     hand: Hand
     sensed: Floats
 
     def with_hand(self, hand: Hand, hands: Hands) -> Places:
-        """Return these and one more hand, with the least and with the greatest sensed damping.
+        """Return these hands and one more, both with the least and with the greatest sensed damping.
 
         Parameters
         ----------
@@ -55,7 +58,7 @@ class Places:
 
 
 def grid(hands: Hands) -> Places:
-    """Return hands all over a box."""
+    """Return a grid of hands over the whole box."""
     ends = hands.ranges
     axes = [
         np.linspace(*ends[name], ACROSS[name]) if ends[name][0] < ends[name][1] else ends[name][:1] for name in ends
@@ -66,12 +69,12 @@ def grid(hands: Hands) -> Places:
 
 
 def candidate(design: Design, hands: Hands, at: Places) -> Storage | None:
-    """Return a storage that grows by less than the port supplies in some hands; None if none is found.
+    """Return a storage that grows by at most what the port supplies in the given hands; None if the search finds none.
 
     Parameters
     ----------
-    design : in plain numbers
-    hands : box to which its functions refer
+    design : design in plain numbers
+    hands : box of hands to which the storage's weights refer
     at : hands of the box
     """
     sought = _affine(design, hands, at)
@@ -83,17 +86,18 @@ def candidate(design: Design, hands: Hands, at: Places) -> Storage | None:
 
 
 def hand_without(design: Design, hands: Hands) -> Hand | None:
-    """Return a corner of the masses and stiffnesses for whose dampings alone no storage is found.
+    """Return a corner of the masses and stiffnesses for which the search finds no storage for all dampings.
 
     Parameters
     ----------
-    design : in plain numbers
-    hands : the box
+    design : design in plain numbers
+    hands : the box of hands
 
     Returns
     -------
     Hand or None
-        A corner with the greatest damping; None if each corner has a storage. Between corners nothing is tried.
+        A corner, with the greatest damping; None if each corner has a storage. The function tries no hand between
+            corners.
     """
     for corner in hands.corners:
         if corner.damping < hands.high.damping:
@@ -109,12 +113,12 @@ def _rounded(x: float) -> float:
 
 
 class _Sought(NamedTuple):
-    """Matrices of `room_of_storage` that are affine in numbers.
+    """The matrices of `room_of_storage` as affine functions of coefficients.
 
     Attributes
     ----------
     constant, families, free : see `analytic_centre`
-    basis : units of Y, one for each entry of a triangle
+    basis : matrices whose combinations are all symmetric Y, one for each entry of a triangle
     """
 
     constant: Floats
@@ -126,8 +130,9 @@ class _Sought(NamedTuple):
 def _affine(design: Design, hands: Hands, at: Places) -> _Sought:
     """Return the inequality in each hand as a matrix that is affine in the entries of Y (model/README.md, section 21).
 
-    With Y^- at the damping when the force was sampled and Y at the damping from then on, both weighted sums of the same
-    terms, Y^- - F'YF is the sum of weights_before (U - F'UF) + (weights_before - weights_after) F'UF over the terms.
+    Y^- belongs to the damping when the sensor sampled the force, and Y to the damping from then on. Both are weighted
+    sums of the same terms U. Y^- - F'YF is therefore the sum of weights_before (U - F'UF) + (weights_before -
+    weights_after) F'UF over the terms.
     """
     plain, count = (design.device, Law(design.gains, design.series)), at.sensed.size
     loop = loop_states(plain, plain, at.hand, at.sensed, FLOATS)
@@ -148,7 +153,7 @@ def _affine(design: Design, hands: Hands, at: Places) -> _Sought:
     stays, held = np.eye(n, n + 1) * (np.arange(n) < loop.staying)[:, None], np.zeros((rows.size, n + 1, n + 1))
     held[:, :n, :n] = basis
     crossed = stays.T @ basis @ moved[:, None]
-    # Y - F' Y F from the changes alone, in which what stays cancels
+    # Y - F' Y F from the changes of the states alone, so that the constant parts cancel before rounding
     grown = crossed + crossed.swapaxes(-1, -2) + moved.swapaxes(1, 2)[:, None] @ basis @ moved[:, None]
     kept = held - stays.T @ basis @ stays - grown
     after, free = held - kept, np.ones((len(TERMS), rows.size), bool)
@@ -165,7 +170,7 @@ def _affine(design: Design, hands: Hands, at: Places) -> _Sought:
 
 
 def _units(moved: Floats, staying: int, direct: float) -> Floats:
-    """Return the size of each state, and of v_e, of a loop that noise drives: in these units all are alike."""
+    """Return the size of each state, and of v_e, of a loop that noise drives; in these units all have the same size."""
     n = len(moved)
     step, push = moved[:, :n] + np.diag(np.arange(n) < staying), moved[:, n:] / np.sqrt(abs(direct) + TINY)
     spread = push @ push.T
@@ -177,12 +182,12 @@ def _units(moved: Floats, staying: int, direct: float) -> Floats:
 
 
 def _grown(loop: LoopStates, count: int) -> Floats:
-    """Return the growth of p^2/K in a sample, of zeta and v_e."""
+    """Return the growth of p^2/K in one sample, as a form in zeta and v_e."""
     assert loop.pull is not None
     size = len(loop.push) + 1
     return _stacked(tuple(tuple(loop.pull.grown(i, j) for j in range(size)) for i in range(size)), count)
 
 
 def _stacked(matrix: Matrix, count: int) -> Floats:
-    """Return a matrix of arrays as matrices of floats, shape (count, rows, columns)."""
+    """Return a matrix whose entries are arrays as an array of matrices, shape (count, rows, columns)."""
     return np.array([[np.broadcast_to(np.asarray(x, float), count) for x in row] for row in matrix]).transpose(2, 0, 1)

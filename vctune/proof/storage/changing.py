@@ -9,9 +9,11 @@ from vctune.proof.storage.candidates import candidate, grid, hand_without
 from vctune.proof.storage.storage_proof import prove_storage
 
 ROUNDS = 4
-"""Candidates that are tried, each with a hand more in which the last one failed. Most proofs take the first."""
+"""Greatest number of candidates. For each further candidate, the search adds the hand in which the last one failed.
+Most proofs need only the first."""
 MAX_BOXES = 20_000
-"""Boxes before a candidate is given up; a design with room takes some hundred. Half and twice it: the same proofs."""
+"""Number of boxes after which the prover gives up on a candidate. A design with a large margin takes some hundred. Half
+and twice this number lead to the same proofs."""
 
 
 def prove_changing(design: Design, hands: Hands) -> Outcome:
@@ -19,8 +21,8 @@ def prove_changing(design: Design, hands: Hands) -> Outcome:
 
     Parameters
     ----------
-    design : taken as the decimals that it is written as
-    hands : box of hands; mass and stiffness of each stay as they are
+    design : design; its floats stand for the decimals that they print as
+    hands : box of hands; mass and stiffness of each hand are constant
 
     Returns
     -------

@@ -22,17 +22,17 @@ from vctune.proof.storage.definite import Definite, surely_definite
 from vctune.running import check_time
 
 AT_ONCE = 1024
-"""Boxes that are evaluated at once. Half and twice it take as long."""
+"""Number of boxes that the prover evaluates together. Half and twice this number take the same time."""
 
 
 class StorageProof(NamedTuple):
-    """What a proof found.
+    """The result of a proof.
 
     Attributes
     ----------
     boxes : number of evaluated boxes
-    open : a hand of a box that is left open; None if every hand is proved
-    fails : whether the storage grows by more than the port supplies in that hand, in floats
+    open : a hand of a box that the prover left open; None if the proof covers every hand
+    fails : whether the storage grows by more than the port supplies in that hand, computed in floats
     """
 
     boxes: int
@@ -41,18 +41,18 @@ class StorageProof(NamedTuple):
 
 
 def prove_storage(design: Design, storage: Storage, max_boxes: int) -> StorageProof:
-    """Prove a storage function in all hands of a box, whatever damping of the box they had when the force was sampled.
+    """Prove a storage function in all hands of a box, for every sensed damping of the box.
 
     Parameters
     ----------
-    design : taken as the decimals that it is written as
-    storage : in decimals, with its box of hands
-    max_boxes : effort before giving up
+    design : design; its floats stand for the decimals that they print as
+    storage : storage function in decimals, with its box of hands
+    max_boxes : number of boxes after which the prover gives up
 
     Returns
     -------
     StorageProof
-        With the first hand that fails, or one that is left open at the end of the effort.
+        It contains the first hand that fails, or a hand that the prover left open.
     """
     ends = list(storage.hands.ranges.values())
     low, high = (np.array([[float(end[side])] for end in ends]) for side in (0, 1))
@@ -83,7 +83,7 @@ def _halved(low: Floats, high: Floats, losses: Floats) -> tuple[Floats, Floats]:
 
 
 def _judged(design: Design, storage: Storage, low: Floats, high: Floats) -> Definite:
-    """Judge boxes of hands, with the least and with the greatest sensed damping: the matrix is affine in it."""
+    """Judge boxes of hands with the least and with the greatest sensed damping, because the matrix is affine in it."""
     value = between(low, high)
     value.rad += 4 * UNIT * np.abs(high)
     rows = variables([Enclosure(mid, rad) for mid, rad in zip(value.mid, value.rad, strict=True)], [True] * len(low))
@@ -109,9 +109,9 @@ def _enclosed(design: Design) -> tuple[Device, Law]:
 
 
 def _with_spring(Y: Matrix, device: Device, stiffest: Floats) -> Matrix:
-    """Return less than the storage as a matrix of zeta: p^2/K is least in the stiffest hand of a box.
+    """Return a lower bound of the storage as a matrix in zeta: p^2/K is least in the stiffest hand of a box.
 
-    Without a spring p is 0.
+    Without a spring, p is 0.
     """
     if not stiffest.any():
         return tuple(row[1:] for row in Y[1:])
@@ -121,7 +121,7 @@ def _with_spring(Y: Matrix, device: Device, stiffest: Floats) -> Matrix:
 
 
 def _stacked(matrix: Matrix) -> Taylor:
-    """Return a matrix of polynomials as one, shape (m, m, n)."""
+    """Return a matrix of polynomials as a single `Taylor`, shape (m, m, n)."""
     flat = stacked([entry for row in matrix for entry in row])
     m = len(matrix)
     poly, rest = (part.reshape(len(part), m, m, part.shape[-1]) for part in (flat.poly, flat.rest))
@@ -129,20 +129,20 @@ def _stacked(matrix: Matrix) -> Taylor:
 
 
 def _lost(storage: Storage, hand: Hand, sensed: float) -> Matrix:
-    """Return how much more Y is with the sensed damping than with that of a hand."""
+    """Return by how much Y with the sensed damping exceeds Y with the hand's own damping."""
     low, high = storage.hands.ranges["damping"]
     share: Number = 0 if low == high else 2 * (decimal(sensed) - hand.damping) / (decimal(high) - decimal(low))
     return tuple(tuple(times(share, decimal(x)) for x in row) for row in storage.terms[-1])
 
 
 def stored(storage: Storage, mass: Number, hand: Hand) -> Matrix:
-    """Return Y in a hand, enclosed.
+    """Return an enclosure of Y in a hand.
 
     Parameters
     ----------
-    storage : in decimals
-    mass : of the device, see `moved_mass`
-    hand : its damping is that of the last sample
+    storage : storage function in decimals
+    mass : mass of the device, kg, from `moved_mass`
+    hand : the hand; its damping is that of the last sample
     """
     shares = weights(storage.hands, mass, hand, decimal)
     used = [(share, term) for share, term in zip(shares, storage.terms, strict=True) if not nothing(share)]
