@@ -77,10 +77,11 @@ def final_angle(device: Device, *, integral: bool) -> float:
 
 def curve_end(device: Device, K_v: float, K_p: float, ops: Arithmetic = FLOATS) -> float:
     """Return a frequency beyond which the argument of `model_curve` stays within `ROOM` of its limit.
-C_f| <= K_v + K_p/omega, because hold, actuator and velocity estimate never amplify. For a rigid device this is at
-most 5/16 of m omega. For a handle on a spring, D = e (C_f + Z_1 + Z_2/e) with |Z_2/e| <= 4/3 (c + k/omega). The sum
-of |Z_2/e| and |C_f| is at most half of m_1 omega, so that the imaginary part of the bracket is positive. Moreover,
-e (k + j omega c) = k - m_2 omega^2 + j omega (c + b_2) lies within 2/7 rad of the negative axis.
+
+    |C_f| <= K_v + K_p/omega, because hold, actuator and velocity estimate never amplify. For a rigid device this is at
+    most 5/16 of m omega. For a handle on a spring, D = e (C_f + Z_1 + Z_2/e) with |Z_2/e| <= 4/3 (c + k/omega). The sum
+    of |Z_2/e| and |C_f| is at most half of m_1 omega, so that the imaginary part of the bracket is positive. Moreover,
+    e (k + j omega c) = k - m_2 omega^2 + j omega (c + b_2) lies within 2/7 rad of the negative axis.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ terms of the series. The sum is at least 0.49, the omitted terms are below x^8/1
 rule adds 3 u. For x >= c = `CURVATURE_BELOW`, sin(x)/x is correct to 17 u. The difference 1 - sinc x is at least 0.041,
 so that it is correct to 18 u/0.041 = 4.9e-14. For x < c, the error of the series of sinc_curvature is like that of
 phi_2. If the argument itself has the relative error u, then phi_1 and phi_2 change by at most u, because
-x phi'| <= phi, and e^-x changes by x u, which is at most 8e-14 until e^-x underflows. This argument does not prove half
+|x phi'| <= phi, and e^-x changes by x u, which is at most 8e-14 until e^-x underflows. This argument does not prove half
 the bound; twice the bound would double the width 2e-13 of an enclosure.
 """
 EXPONENT_ERROR = 1e-12

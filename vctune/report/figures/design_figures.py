@@ -1,4 +1,4 @@
-"""Figures of a design, from curves."""
+"""The figures of a design, drawn from curves."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ from vctune.report.page.summary import doubt
 from vctune.report.typography import quantity
 
 MAP_LEVELS = 4
-"""How often the map of what may be rendered is halved on a page: to a sixteenth, in about a second."""
+"""Number of times that the code halves the map of what may be rendered, to a sixteenth. It takes about a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +59,9 @@ class Design:
 
     Attributes
     ----------
-    problem, gains, coupling, record : a problem, its design and the record of it
-    least : the least ratios in the problem's hands (`vctune.analysis.in_hands.least_ratios`); empty to work them out
+    problem, gains, coupling, record : a problem, its design and the record of the design
+    least : the least ratios in the problem's hands (`vctune.analysis.in_hands.least_ratios`); if empty, the functions
+        compute them
     """
 
     problem: Problem
@@ -71,7 +72,7 @@ class Design:
 
 
 def figures(design: Design) -> dict[str, Figure]:
-    """Return every figure that the design has, by name, in the order of the page."""
+    """Return all figures of a design by name, in the order of the page."""
     with rc_context(STYLE):
         contact, found = design.record.contact, design.record.optimality
         drawn = {
@@ -91,7 +92,7 @@ def figures(design: Design) -> dict[str, Figure]:
 
 
 def _in_hands(design: Design) -> dict[str, Figure]:
-    """Return the figure of the hands of the criterion, or of any hand on an impedance display; else None."""
+    """Return the figure of the hands that the criterion requires, or of any hand on an impedance display; else none."""
     hands = design.problem.hands_met
     if design.problem.any_hand:
         return {"any-hand": any_hand_figure(design.problem, design.gains, design.coupling)}
@@ -102,7 +103,7 @@ def _in_hands(design: Design) -> dict[str, Figure]:
 
 
 def _rendered(design: Design) -> dict[str, Figure]:
-    """Return the coarse map of what may be rendered, where environments are stated that are lossless and on time."""
+    """Return the coarse map of what may be rendered, if the problem states lossless environments without lateness."""
     problem = design.problem
     if problem.worlds is None or not problem.worlds.lossless:
         return {}
@@ -216,15 +217,15 @@ def _impedance(design: Design) -> Figure:
 
 
 def _promised(axes: Axes, design: Design) -> None:
-    """Shade the band where stability is proved, or hatch the band of a failed proof, and mark the transparency band.
+    """Shade the band on which stability is proved, or hatch the band of a failed proof, and mark the transparency band.
 
-    In hands there is no band: a proved claim holds everywhere.
+    A proved claim in hands holds at every frequency, so the shade then covers the whole axis.
     """
     problem, proof = design.problem, design.record.certificate
     assert proof is not None, "a design is judged"
     everywhere = Band(0.0, inf)
     if design.record.status != "certified":
-        shade(axes, problem.stability.band if problem.passive else everywhere, RED, "asked for, not proved", "//")
+        shade(axes, problem.stability.band if problem.passive else everywhere, RED, "required, not proved", "//")
     elif proof.proved_band_hz is not None:
         low, high = proof.proved_band_hz
         shade(axes, Band(2 * pi * (low or 0.0), inf if high is None else 2 * pi * high), GREY, "proved stable")
@@ -234,7 +235,7 @@ def _promised(axes: Axes, design: Design) -> None:
 
 
 def _optimality(found: OptimalityRecord, problem: Problem) -> Figure:
-    """Draw the bound and the best design as boxes are searched, and the boxes that are still open, by their gains."""
+    """Draw the bound and the best design against the number of searched boxes, and the gains of the open boxes."""
     boxes, bound, error = (
         [np.nan if (value := getattr(row, key)) is None else value for row in found.history]
         for key in ("boxes", "lower_bound", "error")

@@ -1,6 +1,4 @@
-"""The loop and the force path as a block diagram: it draws the parts that a device has, and a plain line for absent
-parts.
-"""
+"""The loop and the force path as a block diagram: one block for each part of the device, and lines elsewhere."""
 
 from __future__ import annotations
 
@@ -20,19 +18,19 @@ from vctune.report.figures.style import BLUE, GREEN, GREY, INK, STYLE
 from vctune.report.typography import quantity
 
 SIZE = (6.28, 4.2)
-"""Size of the figure, inches, so that a telephone shows all of it; all places below are in inches, too."""
+"""Size of the figure, inches, which fits the screen of a telephone. All positions below are in inches, too."""
 TOP, MIDDLE, BOTTOM = 3.42, 2.02, 0.72
 """Heights of the three rows: firmware, feedback and actuator, mechanism."""
 LEFT, COUPLING, LAW, RIGHT = 0.95, 2.5, 4.05, 5.6
-"""Places of the columns."""
+"""Horizontal positions of the columns."""
 HAND = 0.43
-"""Place of the hand."""
+"""Horizontal position of the hand."""
 WIDTH, HEIGHT, TALL, LINE = 1.26, 0.82, 1.1, 0.195
-"""Sizes of a box, of one in the top row, and of a line of text in it."""
+"""Width and height of a box, height of a box in the top row, and height of a line of text."""
 FITS = 17 / WIDTH
-"""Letters of a line that an inch of a box has room for; a longer line is in smaller ones."""
+"""Number of letters that fit into an inch of a box. A longer line gets smaller letters."""
 POSITION_AT = 4.58
-"""Place where the position passes the velocity estimate."""
+"""Horizontal position where the line of the position passes the velocity estimate."""
 
 
 def loop_figure(device: Device, gains: Gains, coupling: AnyCoupling) -> Figure:
@@ -43,8 +41,8 @@ def loop_figure(device: Device, gains: Gains, coupling: AnyCoupling) -> Figure:
 
     Parameters
     ----------
-    device : its parts are the blocks
-    gains, coupling : those of the design
+    device : the device, whose parts are the blocks
+    gains, coupling : the design
     """
     with rc_context(STYLE):
         figure = Figure(figsize=SIZE)
@@ -84,7 +82,7 @@ def _force_path(axes: Axes, device: Device, coupling: Coupling) -> None:
 
 
 def _servo_loop(axes: Axes, device: Device, servo: Servo, coupling: Coupling) -> None:
-    """Draw the way from the hand's force to the motion, which follows the command alone, and back to the hand."""
+    """Draw the paths from the hand's force to the motion, which follows the command alone, and back to the hand."""
     low, edge = BOTTOM, LAW + WIDTH / 2
     _firmware(axes, device, COUPLING + 0.95)
     _force_path(axes, device, coupling)
@@ -105,7 +103,7 @@ def _servo_loop(axes: Axes, device: Device, servo: Servo, coupling: Coupling) ->
 
 
 def _motion_path(axes: Axes, coupling: SpringDamper, units: Units) -> None:
-    """Draw the path of the measured motion to the coupling: past its estimate, whose velocity it shares."""
+    """Draw the path of the measured motion to the coupling. It branches off behind the velocity estimate."""
     _arrow(axes, (LAW - WIDTH / 2, MIDDLE), (COUPLING, MIDDLE), (COUPLING, TOP - TALL / 2), label="x, v̂")
     lines = [f"k_c {quantity(coupling.stiffness, units.stiffness)}"]
     lines += [f"b_c {quantity(coupling.damping, units.damping)}"] if coupling.damping > 0 else []
@@ -173,7 +171,7 @@ def _spring(axes: Axes, left: float, right: float, structure: Structure) -> None
 
 
 def _feedback(axes: Axes, device: Device, gains: Gains) -> None:
-    """Draw the feedback to the law: the velocity, estimated or not, and the position."""
+    """Draw the feedback to the control law: the measured or estimated velocity, and the position."""
     low, high, estimate = BOTTOM + HEIGHT / 2, TOP - TALL / 2, device.velocity
     if estimate is None:
         _arrow(axes, (LAW, low), (LAW, high), label="v, x" if gains.position > 0 else "v")
@@ -214,7 +212,7 @@ def _box(
 
 
 def _arrow(axes: Axes, *points: tuple[float, float], label: str = "", both: bool = False) -> None:
-    """Draw a line through points with a head at its end, and a label beside the middle of its last part."""
+    """Draw a polyline with an arrow head at its end, and a label beside the middle of its last part."""
     x, y = zip(*points[:-1], strict=True)
     axes.plot(x, y, color=INK, linewidth=1)
     (x_0, y_0), (x_1, y_1) = points[-2:]

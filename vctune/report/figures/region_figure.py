@@ -1,4 +1,4 @@
-"""The picture of a region: the verdict on each cell, the optimum, contours of the error, the low-frequency limit."""
+"""The picture of a region: verdict of each cell, optimum, contours of the error, and the low-frequency limit."""
 
 from __future__ import annotations
 
@@ -33,31 +33,31 @@ from vctune.study.region_check import Recheck
 from vctune.study.region_record import Design
 
 GOOD, BAD, OPEN = ("#b5d9f2", ""), ("#e58b2a", "///"), ("#6e6e78", "--")
-"""Colour and hatching, apart for every kind of sight and in grey."""
+"""Colours and hatchings that remain distinct in grey and for readers with a colour deficiency."""
 FILLS = {Kind.FEASIBLE: GOOD, Kind.INFEASIBLE: BAD, Kind.UNDECIDED: OPEN}
 LABELS = {kind: f"proved {kind.name.lower()}" for kind in FILLS} | {Kind.UNDECIDED: "undecided"}
 WORLD_LABELS = {Kind.FEASIBLE: "may be rendered", Kind.INFEASIBLE: "refused in some hand", Kind.UNDECIDED: "undecided"}
 STRIP, GAP = 0.03, 0.008
-"""Height of the strip for the line K_p = 0, and its distance from the plane."""
+"""Height of the strip for the line K_p = 0, and distance of the strip from the plane."""
 APART = (0.07, 0.035)
-"""Least distance of the marks on x and y."""
+"""Least distance between the ticks on x and on y."""
 MESH = 48
 
 
 def region_figure(problem: Problem, region: Region, designs: Sequence[Design], marked: Design | None = None) -> Figure:
-    """Return the cells in the optimiser's coordinates, in which their areas are counted.
+    """Return the figure of a region in the optimiser's coordinates; the areas of its cells count in these coordinates.
 
     Parameters
     ----------
-    problem : problem for contours of the error and, with any passive hand, the limit of K_p, where the axes are K_v
-        and K_p
-    region : the cells and their verdicts; the title says if it was interrupted
-    designs : optima to mark
-    marked : given design to mark, if it lies in the plane
+    problem : problem; the figure shows contours of its error and, with any passive hand, the limit of K_p if the axes
+        are K_v and K_p
+    region : the cells and their verdicts; the title states if the computation was interrupted
+    designs : optimal designs to mark
+    marked : a given design, which the figure marks if it lies in the plane
     """
     plane = region.plane
     with rc_context(STYLE):
-        interrupted = "interrupted: some of what is undecided was not looked at" * region.interrupted
+        interrupted = "interrupted: some undecided cells were not examined" * region.interrupted
         figure, axes = _frame(plane, problem.units, interrupted)
         for kind, fill in FILLS.items():
             _fill(axes, plane, region.squares[:, region.kinds == kind], fill, LABELS[kind])
@@ -75,16 +75,16 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design], m
 
 
 def world_figure(problem: Problem, region: Region) -> Figure:
-    """Return which environments given gains bear, the Z-width of the device with them.
+    """Return the map of environments with which given gains are stable: the Z-width of the device with these gains.
 
     Parameters
     ----------
-    problem : its box of environments is drawn, if it states one
+    problem : problem; the figure shows its box of environments if it has one
     region : cells of environments
     """
     plane = region.plane
     with rc_context(STYLE):
-        interrupted = "interrupted: some of what is undecided was not looked at" * region.interrupted
+        interrupted = "interrupted: some undecided cells were not examined" * region.interrupted
         figure, axes = _frame(plane, problem.units, interrupted, canvas(WIDTH, 3.8, left=0.78, top=0.6))
         for kind, fill in FILLS.items():
             _fill(axes, plane, region.squares[:, region.kinds == kind], fill, WORLD_LABELS[kind])
@@ -99,7 +99,7 @@ def world_figure(problem: Problem, region: Region) -> Figure:
 
 
 def lost_figure(again: Recheck) -> Figure:
-    """Return the figure of a baseline's feasible cells and gain sets: still proved, or lost."""
+    """Return the figure of a baseline's feasible cells and gain sets, each either proved again or lost."""
     plane, kept = again.region.plane, again.region.kinds == Kind.FEASIBLE
     with rc_context(STYLE):
         figure, axes = _frame(plane, again.units)
@@ -133,7 +133,10 @@ def _frame(plane: Plane, units: Units, title: str = "", figure: Figure | None = 
 
 
 def _marks(plane: Plane, k: int) -> tuple[Floats, Floats]:
-    """Return values to mark on an axis, and where: powers of ten, or round numbers where those are few; and 0."""
+    """Return values for the ticks of an axis and their positions.
+
+    The values are powers of ten, or round numbers if there are few powers, and 0.
+    """
     edges = plane.edges[k]
     low = edges[edges > 0][0]
     values = 10.0 ** np.arange(np.ceil(np.log10(low)), np.floor(np.log10(edges[-1])) + 1)
@@ -145,7 +148,7 @@ def _marks(plane: Plane, k: int) -> tuple[Floats, Floats]:
     at = _place(plane, k, values)
     zero = [] if edges[0] > 0 else [-(STRIP + GAP) / 2 if plane.has_line(k) else 0.0]
     kept: list[int] = []
-    for i in np.flatnonzero(np.isfinite(at)).tolist()[::-1]:  # from the top, where the marks are furthest apart
+    for i in np.flatnonzero(np.isfinite(at)).tolist()[::-1]:  # from the top, where the ticks are farthest apart
         nearest = min((abs(at[i] - other) for other in [*zero, *at[kept[-1:]]]), default=1.0)
         kept += [i] if nearest >= APART[k] else []
     return np.concatenate((np.zeros(len(zero)), values[kept])), np.concatenate((zero, at[kept]))
@@ -158,19 +161,19 @@ def _number(value: float) -> str:
 
 
 def _place(plane: Plane, k: int, values: Floats) -> Floats:
-    """Return where values of an axis lie between 0 and 1; nan outside."""
+    """Return the positions of values on an axis, from 0 to 1; nan outside."""
     edges = plane.edges[k]
     return np.interp(values, edges, np.linspace(0, 1, len(edges)), left=np.nan, right=np.nan)
 
 
 def _spot(plane: Plane, k: int, value: float) -> float:
-    """Return where a design lies on an axis, K_p = 0 on the strip."""
+    """Return the position of a design on an axis; K_p = 0 lies on the strip."""
     on_line = value == 0 and plane.has_line(k)
     return -(STRIP + GAP) / 2 if on_line else float(_place(plane, k, np.array([value]))[0])
 
 
 def _fill(axes: Axes, plane: Plane, squares: Squares, fill: tuple[str, str], label: str) -> None:
-    """Draw cells as one path, without seams; those of the line K_p = 0 on the strip."""
+    """Draw cells as one path without seams, and those of the line K_p = 0 on the strip."""
     colour, hatch = fill
     lines = (squares[[0, 2]] == squares[[1, 3]]).any(axis=0)
     squares = np.concatenate([_joined(_joined(part, 1), 0) for part in (squares[:, lines], squares[:, ~lines])], axis=1)
@@ -186,7 +189,7 @@ def _fill(axes: Axes, plane: Plane, squares: Squares, fill: tuple[str, str], lab
 
 
 def _joined(squares: Squares, along: int) -> Squares:
-    """Join cells that touch along an axis, 0 or 1, and reach equally far across it."""
+    """Join cells that touch along an axis, 0 or 1, and have the same extent across it."""
     low, high = 2 * along, 2 * along + 1
     start, end = 2 - low, 3 - low
     ordered = squares[:, np.lexsort(squares[[low, end, start]])]
@@ -207,7 +210,7 @@ def _marked(axes: Axes, plane: Plane, designs: Sequence[Design], mark: str, colo
 
 
 def _contours(axes: Axes, problem: Problem, region: Region) -> None:
-    """Draw the least error that any feasible coupling gives, where gains are proved feasible."""
+    """Draw contours of the least error of any feasible coupling, where gains are proved feasible."""
     check_time()
     prepared, (marks, gains) = prepare(problem), _mesh(region.plane)
     K_v, K_p, *_ = prepared.units.to_dimensionless((gains.velocity, gains.position, 0.0, 0.0, 0.0))
@@ -226,7 +229,7 @@ def _contours(axes: Axes, problem: Problem, region: Region) -> None:
 
 
 def _mesh(plane: Plane) -> tuple[NDArray[np.intp], Gains]:
-    """Return the edges that a mesh of a plane of gains takes, and its gains."""
+    """Return the edges that form a mesh of a plane of gains, and the gains at its nodes."""
     marks = np.linspace(0, len(plane.edges[0]) - 1, MESH).astype(int)
     x, y = np.meshgrid(plane.edges[0][marks], plane.edges[1][marks], indexing="ij")
     return marks, Gains(x, y) if plane.axes == (0, 1) else Gains(y, x)
@@ -237,7 +240,7 @@ def _idle(problem: Problem, design: Design) -> bool:
 
 
 def _idle_side(axes: Axes, problem: Problem, plane: Plane) -> None:
-    """Draw the line on one side of which loops hardly work."""
+    """Draw the line beyond which velocity loops have hardly any effect."""
     marks, gains = _mesh(plane)
     with np.errstate(all="ignore"):
         tracking = tracking_terms(problem, gains)
@@ -248,7 +251,7 @@ def _idle_side(axes: Axes, problem: Problem, plane: Plane) -> None:
 
 
 def _feasible(region: Region) -> NDArray[np.bool_]:
-    """Return which crossings of the edges belong to a cell that is proved feasible."""
+    """Return which nodes of the mesh belong to a cell that is proved feasible."""
     count = len(region.plane.edges[0])
     inside = np.zeros((count, count), bool)
     for x_low, x_high, y_low, y_high in region.squares[:, region.kinds == Kind.FEASIBLE].T:

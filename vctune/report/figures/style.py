@@ -1,4 +1,4 @@
-"""The common style of all figures: inks, a layout that no text can move, and bands."""
+"""The common style of all figures: colours, a layout that texts cannot change, and bands."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from vctune.model.problem import Band
 from vctune.report.typography import prefixed, quantity, tick
 
 INK, PAPER = "#010203", "#fefdfc"
-"""Text and ground; a page replaces both by its own."""
+"""Colours of text and background; the page replaces them by its own."""
 BLUE, ORANGE, GREEN, RED, GREY = "#3b82d0", "#e08a1e", "#2f9e62", "#d6453d", "#8a8f98"
-"""Never the only difference between two curves: line style or marker differs too."""
+"""Two curves never differ by colour only: their line style or marker differs, too."""
 PLAIN = FuncFormatter(lambda value, _: tick(value))
 LEAST_SPAN = 0.1
-"""Ratios nearer to one another than this share one view."""
+"""Least difference of ratios for which the axis adapts to them; closer ratios share one view."""
 FEW_DECADES = 100.0
 WIDTH = 4.2
-"""Width of a figure of a design, inches: two stand side by side on a desk, one can be read on a telephone and in a
-column of 8 cm."""
+"""Width of a design's figure, inches. Two figures fit side by side on a desktop screen. One figure remains legible on a
+telephone and in a column of 8 cm."""
 STYLE: Any = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",
@@ -61,7 +61,7 @@ def canvas(
     top: float = 0.15,
     gaps: tuple[float, float] = (0.0, 0.0),
 ) -> Figure:
-    """Return a figure whose axes keep their place beside any text.
+    """Return a figure whose axes keep their position whatever texts surround them.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def legend_above(axes: Axes, columns: int, **options: Any) -> None:
 
 
 def frequency_axis(axes: Axes, low: float, high: float) -> None:
-    """Make the x axis one of frequencies, in plain decimals.
+    """Turn the x axis into a frequency axis with plain decimals.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def frequency_axis(axes: Axes, low: float, high: float) -> None:
     axes.xaxis.set_major_formatter(PLAIN)
     axes.xaxis.set_minor_locator(NullLocator())
     between = [step * 10.0**k for k in range(floor(log10(low)), ceil(log10(high))) for step in (2, 5)]
-    inside = [hz for hz in between if low < hz < high]  # one artist: a tenth of the time of Matplotlib's minor ticks
+    inside = [hz for hz in between if low < hz < high]  # one artist: ten times as fast as Matplotlib's minor ticks
     foot = axes.get_xaxis_transform()
     axes.plot(
         inside,
@@ -123,19 +123,19 @@ def frequency_axis(axes: Axes, low: float, high: float) -> None:
 
 
 def in_prefixed(values: Floats, unit: str) -> tuple[Floats, str]:
-    """Return values in the unit whose prefix suits their greatest size, and that unit.
+    """Return values in their unit with a prefix that suits the greatest of them, and that unit.
 
     Parameters
     ----------
-    values : to be drawn
-    unit : theirs, without a prefix
+    values : values to draw
+    unit : their unit without a prefix
     """
     power, named = prefixed(float(np.max(np.abs(values), initial=0.0)), unit)
     return values / 10.0**power, named
 
 
 def decades(axes: Axes) -> None:
-    """Make the y axis logarithmic, marked at the powers of ten, or between them too where those are few."""
+    """Make the y axis logarithmic with ticks at the powers of ten, and also between them if there are few powers."""
     axes.set_yscale("log")
     low, high = axes.get_ylim()
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0,) if high > FEW_DECADES * low else (1.0, 2.0, 5.0)))
@@ -144,14 +144,14 @@ def decades(axes: Axes) -> None:
 
 
 def around_one(axes: Axes, factor: float, least: float | None, worst_hz: float | None, where: str = "") -> None:
-    """Draw the limit, the safety factor and the least ratio, on an axis that is linear around them.
+    """Draw the limit, the safety factor and the least ratio. The axis is linear around them.
 
     Parameters
     ----------
     axes : axes of a ratio
     factor : the safety factor
     least, worst_hz : the least ratio and its frequency, Hz; None for inf
-    where : hand of the least ratio, in words
+    where : description of the hand with the least ratio
     """
     axes.axhline(1.0, color=RED, linewidth=1.2, linestyle="-.", label="1: the limit")
     axes.axhline(factor, color=INK, linewidth=1, linestyle=(0, (1, 1)), label=f"safety factor {factor:g}")
@@ -164,12 +164,12 @@ def around_one(axes: Axes, factor: float, least: float | None, worst_hz: float |
 
 
 def stamp(figure: Figure, words: str) -> None:
-    """Write across a figure why its design is not for use, also visible in print and in grey.
+    """Write across a figure why its design is not for use. The text remains visible in print and in grey.
 
     Parameters
     ----------
-    figure : figure with these axes
-    words : the text; its size falls with its length
+    figure : figure to mark
+    words : the text; longer texts get a smaller size
     """
     style: dict[str, Any] = {"ha": "center", "va": "center", "rotation": 20, "fontweight": "bold"}
     for axes in figure.axes:
@@ -180,14 +180,14 @@ def stamp(figure: Figure, words: str) -> None:
 
 
 def shade(axes: Axes, band: Band, colour: str, label: str, hatch: str = "") -> None:
-    """Shade the part of a band that is on the axis.
+    """Shade the part of a band that lies on the axis.
 
     Parameters
     ----------
     axes : axes whose limits are set, Hz
     band : rad/s
-    colour, label : those of the shade and in the legend
-    hatch : over the shade
+    colour, label : colour of the shade and its label in the legend
+    hatch : hatching over the shade; "" for none
     """
     low, high = axes.get_xlim()
     ends = max(band.min / (2 * pi), low), min(band.max / (2 * pi), high)

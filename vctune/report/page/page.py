@@ -57,7 +57,7 @@ def page(
     record : record of the design, which the page embeds as the object of design.json
     problem : the problem that the record's text states
     drawn : figures as SVG, by name
-    places : places of the axes in which tried curves are drawn (`vctune.report.page.sliders.overlays`)
+    places : positions of the axes in which the script draws tried curves (`vctune.report.page.sliders.overlays`)
     simulation : simulation of this design, if there is one
     least : the least ratios in the problem's hands
     """
@@ -110,14 +110,14 @@ def _shown(
 
 
 def _stated(text: str, problem: Problem) -> str:
-    """Return a text with the numbers of a problem instead of the names of its keys."""
+    """Return a text in which the numbers of a problem replace the names of its keys."""
     for key in ("safety_factor", "max_sensitivity"):
         text = re.sub(rf"(?<![.\w]){key}\b", f"{getattr(problem.stability, key):g}", text)
     return text
 
 
 def _reading_terms(record: DesignRecord) -> list[Row]:
-    """Return the terms of the error, with few digits, and in words."""
+    """Return the terms of the error in words, with few digits."""
     terms = record.transparency
     if terms is None:
         return []
@@ -131,28 +131,28 @@ def _reading_terms(record: DesignRecord) -> list[Row]:
 
 
 def _marked(record: DesignRecord) -> str:
-    """Return the marks that a printed sheet bears: date and digest of its problem."""
+    """Return the text in the head of each printed sheet: date and digest of the problem file."""
     date = f"{record.date} · " if record.date else ""
     return f"{date}problem {record.problem.sha256[:16]} · "
 
 
 def _css_text(text: str) -> str:
-    """Return a text as a string of CSS that ends neither it nor its element."""
+    """Return a text as a string of CSS. The text can end neither the string nor the style element."""
     return '"' + re.sub(r'[\\"<>&\n\r]', lambda found: f"\\{ord(found[0]):x} ", text) + '"'
 
 
 def _embedded(data: dict[str, Any]) -> str:
-    """Return data as JSON that no text in it can end."""
+    """Return data as JSON in which no text can end the script element."""
     return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def inline(text: str, said: str) -> str:
-    """Return an SVG file as an element that takes its ink from the page's text colour and lets its ground through.
+    """Return an SVG file as an element. It uses the page's text colour and has a transparent background.
 
     Parameters
     ----------
     text : the file
-    said : the figure in words
+    said : description of the figure in words
     """
     text = re.sub(r"^.*?(?=<svg)", "", text, flags=re.DOTALL)
     text = text.replace("<svg ", f'<svg role="img" aria-label="{escape(plain(said))}" ', 1)
@@ -162,13 +162,13 @@ def inline(text: str, said: str) -> str:
 def svg(figure: Figure, name: str) -> str:
     """Return a figure as SVG.
 
-    The same figure always gives the same bytes. The function rounds coordinates to a hundredth of a point, and removes
-    superfluous text and groups.
+    The same figure always gives the same bytes. The function rounds coordinates to a hundredth of a point. It also
+    removes superfluous text and groups.
 
     Parameters
     ----------
-    figure : drawn
-    name : salt of the identifiers in the file, so that figures of several names go on one page
+    figure : the drawn figure
+    name : prefix of the identifiers in the file, so that several figures can be on one page
     """
     check_time()
     stream = BytesIO()
@@ -182,7 +182,7 @@ def svg(figure: Figure, name: str) -> str:
 
 
 def _classed(text: str, name: str) -> str:
-    """Return an SVG with its repeated styles as classes, whose names no other figure of a page has."""
+    """Return an SVG in which classes replace repeated styles. Each class name belongs to one figure of the page."""
     styles = Counter(re.findall(r' style="([^"]*)"', text))
     names = {style: f"{name[0]}{name[-1]}{k}" for k, (style, count) in enumerate(styles.items()) if count > 1}
     rules = "".join(f".{named}{{{style}}}\n" for style, named in names.items())
@@ -207,13 +207,13 @@ def _ungrouped(text: str) -> str:
 
 
 def _shortened(attribute: re.Match[str]) -> str:
-    """Return an attribute with its places to a hundredth, and each run of lines as steps of tenths."""
+    """Return an attribute with positions rounded to a hundredth, and with each polyline as relative steps of tenths."""
     text = re.sub(r"M [^A-Za-z\"]+(L [^A-Za-z\"]+)+", _as_steps, attribute[0])
     return re.sub(r"-?\d*\.\d+(e-?\d+)?", lambda number: _rounded(float(number[0]), 2), text).replace(" \n", "\n")
 
 
 def _as_steps(run: re.Match[str]) -> str:
-    """Return a run of lines as its start and the steps from one rounded place to the next."""
+    """Return a polyline as its start and the steps from one rounded position to the next."""
     places = [[round(10 * float(each)) for each in place.split()] for place in re.split("[ML]", run[0])[1:]]
     steps = [(x_end - x, y_end - y) for (x, y), (x_end, y_end) in pairwise(places)]
     seen = [step for step in steps if step != (0, 0)] or steps[:1]
@@ -230,9 +230,9 @@ def figure_file(figure: Figure, folder: Path, stem: str) -> dict[Path, str]:
 
     Parameters
     ----------
-    figure : drawn
+    figure : the drawn figure
     folder : folder for the file
-    stem : stem of its name
+    stem : stem of the file's name
 
     Returns
     -------
