@@ -34,8 +34,8 @@ READINGS = {
     "z-width": (
         "What may be rendered",
         "Each point is a spring and a tool, with any damping. Blue points are proved stable in every hand. At an "
-        "orange point the loop can oscillate in some hand once the safety factor is used up. The frame shows the environments "
-        "that the problem requires.",
+        "orange point the loop can oscillate in some hand once the safety factor is used up. The frame shows "
+        "the environments that the problem requires.",
     ),
     "impedance": (
         "What the hand feels, beside what it should feel",
@@ -125,13 +125,14 @@ IDENTIFICATION_READINGS = {
     "following": (
         "How the servo follows",
         "The upper panel shows commanded position, measured position and fit, where the fit is worst. The "
-        "lower panel shows the difference over the whole log. A velocity that arrives early or late shifts the position permanently.",
+        "lower panel shows the difference over the whole log. A velocity that arrives early or late shifts the "
+        "position permanently.",
     ),
     "response": (
         "Response",
         "The panels show measured lines or bands with twice their standard deviation, and the fit. The grey area is "
-        "the box with the unmodelled disc. It contains every measured magnitude. The box does not include dry friction, "
-        "which shifts the phase of slow lines out of it. The lower panel shows how well each line repeats.",
+        "the box with the unmodelled disc. It contains every measured magnitude. The box does not include dry "
+        "friction, which shifts the phase of slow lines out of it. The lower panel shows how well each line repeats.",
     ),
     "residual-spectrum": (
         "The residual",
