@@ -321,9 +321,9 @@ class SeenByTool(NamedTuple):
 
     Attributes
     ----------
-    given, lost : shares of the coupling and of the loop in the real part
-    swing : minus the imaginary part; it is > 0 for a spring
-    size : > 0 unless the loop has a pole with the tool held
+    given, lost : resistance that the coupling gives, and resistance that the loop loses, both times `size`
+    swing : minus the imaginary part, times s size; > 0 for a spring
+    size : denominator; > 0 unless the loop has a pole with the tool held
     """
 
     given: Number

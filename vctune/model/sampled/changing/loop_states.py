@@ -57,7 +57,7 @@ class LoopStates(NamedTuple):
     Attributes
     ----------
     names : names of zeta
-    staying : number of leading states that change little over a sample
+    staying : number of leading states that hardly change over a sample
     change : zeta[k+1]; for the leading states, zeta[k+1] - zeta[k]
     push, seen : n numbers each
     direct : immediate response of y to v_e

@@ -28,7 +28,7 @@ class Storage:
     Attributes
     ----------
     hands : box of hands on which mu, nu, sigma and beta are defined
-    terms : the symmetric matrices Y_0 to Y_4, dimensionless, as decimals
+    terms : the symmetric matrices Y_0 to Y_4, dimensionless; their floats stand for the decimals that they print as
     """
 
     hands: Hands
@@ -48,9 +48,9 @@ def weights(hands: Hands, mass: Number, hand: Hand, number: Callable[[float], Nu
 
     Parameters
     ----------
-    hands : box, in plain numbers
-    mass : mass of the device, see `moved_mass`
-    hand : its damping is that of the last sample
+    hands : box of hands, in plain numbers
+    mass : mass of the device, from `moved_mass`
+    hand : the hand; its damping is that of the last sample
     number : a plain number in the arithmetic of mass and hand
 
     Returns
