@@ -32,15 +32,15 @@ PHI_ERROR = 1e-13
 b T/m <= 1e60.
 
 Let u = 2^-53, and let expm1 be correct to 16 u (`LIBRARY_ERROR`). phi_1 = -expm1(-x)/x adds one division: 17 u = 2e-15.
-For x >= c = `SERIES_BELOW`, phi_2 = (x + expm1(-x))/x^2. The error of its numerator x^2 phi_2 is at most
-16 u (1 - e^-x). Relative to the numerator, this is 16 u phi_1/(x phi_2). The quotient phi_1/(x phi_2) falls with x and
-is 39.7 at c. The error is therefore at most 7.1e-14, and 3 u more for the operations. For x < c, the code sums eight
-terms of the series. The sum is at least 0.49, the omitted terms are below x^8/10!, which is at most 1e-17, and Horner's
-rule adds 3 u. For x >= c = `CURVATURE_BELOW`, sin(x)/x is correct to 17 u. The difference 1 - sinc x is at least 0.041,
-so that it is correct to 18 u/0.041 = 4.9e-14. For x < c, the error of the series of sinc_curvature is like that of
-phi_2. If the argument itself has the relative error u, then phi_1 and phi_2 change by at most u, because
-|x phi'| <= phi, and e^-x changes by x u, which is at most 8e-14 until e^-x underflows. This argument does not prove half
-the bound; twice the bound would double the width 2e-13 of an enclosure.
+For x >= c = `SERIES_BELOW`, phi_2 = (x + expm1(-x))/x^2. The error of its numerator x^2 phi_2 is at most 16 u (1 -
+e^-x). Relative to the numerator, this is 16 u phi_1/(x phi_2). The quotient phi_1/(x phi_2) falls with x and is 39.7 at
+c. The error is therefore at most 7.1e-14, and 3 u more for the operations. For x < c, the code sums eight terms of the
+series. The sum is at least 0.49, the omitted terms are below x^8/10!, which is at most 1e-17, and Horner's rule adds 3
+u. For x >= c = `CURVATURE_BELOW`, sin(x)/x is correct to 17 u. The difference 1 - sinc x is at least 0.041, so that it
+is correct to 18 u/0.041 = 4.9e-14. For x < c, the error of the series of sinc_curvature is like that of phi_2. If the
+argument itself has the relative error u, then phi_1 and phi_2 change by at most u, because |x phi'| <= phi, and e^-x
+changes by x u, which is at most 8e-14 until e^-x underflows. This argument does not prove half the bound; twice the
+bound would double the width 2e-13 of an enclosure.
 """
 EXPONENT_ERROR = 1e-12
 """Bound on the relative error of exp of a rounded sum, if exp does not overflow. The rounding of the sum contributes
