@@ -618,7 +618,7 @@ def _ends(
 ) -> Ends:
     """Return the ends of the rows of the boxes.
 
-    The rows are the hand's numbers if the claim is about hands, the shares, and the device's uncertain numbers. With a
+    The rows are the shares, the device's uncertain numbers and, if the claim is about hands, the hand's numbers. With a
     reserve g, the share of the coupling is a row from 1/g to 1. If the vertices of the hands suffice, each vertex has a
     column.
     """

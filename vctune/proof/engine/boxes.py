@@ -118,7 +118,7 @@ class Boxes:
     def rows(self) -> list[Number]:
         """Return the rows as enclosures. The edges of all rows except the frequency are decimals, not doubles.
 
-        A row that is infinite throughout, such as b_c of a rigid coupling, is an infinite float.
+        If a row is infinite in all boxes, such as b_c of a rigid coupling, it is an infinite float.
         """
         endless: Flags = np.asarray(np.isinf(self.low).all(axis=1))
         low, high = (np.where(endless[:, None], 0.0, edge) for edge in (self.low, self.high))
