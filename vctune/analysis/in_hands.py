@@ -126,7 +126,7 @@ def least_ratios_in_hands(
 def least_ratios_of_devices(
     devices: Sequence[Device], hands: Hands, gains: Gains, coupling: AnyCoupling, met: WorldsMet | None = None
 ) -> list[list[RatioInHand]]:
-    """Return `least_ratios_in_hands` for several devices. The function evaluates alike devices together.
+    """Return `least_ratios_in_hands` for several devices. The function evaluates devices of the same form together.
 
     Parameters
     ----------

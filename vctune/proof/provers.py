@@ -31,7 +31,7 @@ from vctune.proof.storage.changing import prove_changing
 
 HIGHEST_CORNER = 2 * (1 - 1e-9)
 """Greatest product of the multiplier's corner, rad/s, and T; above 2 the multiplier's coefficient a is negative. Half
-and twice the distance from 2 work as well."""
+or twice the distance from 2 works as well."""
 
 
 @dataclass(frozen=True, slots=True)

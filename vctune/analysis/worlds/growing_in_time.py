@@ -23,7 +23,7 @@ from vctune.model.sampled.worlds.loop_in_late_worlds import LEADING
 from vctune.model.worlds import Worlds
 
 LEAST_ANGLE = 1e-6
-"""Least distance, rad, of an angle from 0 and pi at which the code follows a pole. Half and twice this distance give
+"""Least distance, rad, of an angle from 0 and pi at which the code follows a pole. Half or twice this distance gives
 the same growth."""
 STEPS_TO_CORNER = 6
 """Number of steps from a member to a corner. With half as many steps, the code may lose the pole; with twice as many,

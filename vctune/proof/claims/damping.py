@@ -26,7 +26,7 @@ The difference factor R - b_0 may cancel. It has 5 roundings. The product has an
 to u, contribute 3 u of the difference. Together these errors are at most 4 u factor R. The raised b_0 and the lowered
 difference allow for `GUARD` (b_0 + (factor R - b_0)) = `GUARD` factor R, which is 22 times as much. M - 2 r is exact
 where it cancels (Sterbenz 1974). The other dozen operations act on positive numbers and include a tangent with 8 units
-in the last place; `ROUNDING_OF_BOUNDS` covers them 1e5 times. Half and twice this guard lead to the same decisions.
+in the last place; `ROUNDING_OF_BOUNDS` covers them 1e5 times. Half or twice this guard leads to the same decisions.
 """
 ROUNDING_OF_BOUNDS = 1e-9
 """Rounding allowance: two intervals of b_c must be this far apart to exclude each other. Half or twice this allowance

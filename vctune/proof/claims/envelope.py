@@ -31,27 +31,28 @@ from vctune.proof.engine.polynomial_tests import FEW, positive_by_polynomials
 
 STEP = 1.05
 """Ratio of the edges of a piece. Its square root takes a third more boxes and leaves as much of a plane of gains open.
-Its square takes a tenth fewer boxes and leaves half as much again open."""
+Its square takes 10 % fewer boxes and leaves 50 % more of the plane open."""
 SHARES = (0.0, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0)
 """Shares of each range of the hands at which the code evaluates R before it proves a piece. Half as many shares miss
 the maximum between them, so that pieces are up to a tenth higher and twice as much of a plane stays open. Twice as many
 shares take twice as long."""
 WITHIN = 5
-"""Number of angles of a piece at which the code evaluates R. Half and twice as many give the same bound to 1e-4 on
+"""Number of angles of a piece at which the code evaluates R. Half or twice as many give the same bound to 1e-4 on
 average."""
 SLACK, RAISED = 5e-3, 4.0
 """Relative amount by which the first attempt raises a piece above the evaluated hands, and factor of this amount from
-one attempt to the next. Half of either takes a third more boxes, twice of either a sixth fewer. Half or twice the first
-number leaves half as much again of a plane open, half or twice the second a tenth more."""
+one attempt to the next. With half of either number the proof takes a third more
+boxes, with twice of either a sixth fewer. Half or twice the first number leaves 50 % more of a plane open; half or
+twice the second number leaves 10 % more open."""
 SMALL = 1e-4
-"""Share of the greatest bound. The code raises a smaller piece as if it had this size. Half and twice this share change
+"""Share of the greatest bound. The code raises a smaller piece as if it had this size. Half or twice this share changes
 nothing."""
 ATTEMPTS = 10
-"""Number of attempts to prove a piece. Most pieces take two or three; half and twice as many change nothing."""
+"""Number of attempts to prove a piece. Most pieces take two or three; half or twice as many change nothing."""
 MAX_HALVINGS, MAX_BOXES = 40, 250
 """Greatest number of halvings of a box of angle and hand, and number of boxes for a piece in the first attempt. Each
-further attempt doubles the number of boxes. Half and twice the number of halvings change nothing; half and twice the
-number of boxes leave as much of a plane open."""
+further attempt doubles the number of boxes. Half or twice the number of halvings changes nothing;
+half or twice the number of boxes leaves as much of a plane open."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,15 +30,15 @@ from vctune.proof.engine.branching import Proofs, Test, prove
 from vctune.proof.engine.interval import Outcome, Verdict
 
 LITTLE_PHASE = 0.5
-"""Angle omega tau, rad, up to which the prover tries the margin that is regular at omega = 0. Half and twice this angle
-need the same number of boxes for the uncertain friction wheel."""
+"""Angle omega tau, rad, up to which the prover tries the margin that is regular at omega = 0. With half or twice this
+angle, the proof needs the same number of boxes for the uncertain friction wheel."""
 FEW_SAMPLES = 4
 """Number of whole samples in a box's delays up to which the prover tries them one by one. For more samples, it first
-finds the angle above which the phase of the delay does not matter. Half and twice as many only change the time for long
+finds the angle above which the phase of the delay does not matter. Half or twice as many only change the time for long
 uncertain delays."""
 ANGLES, LEAST_ANGLE = 400, 1e-6
 """Number of angles, and least of these angles, at which the code estimates the size of a loop. The prover then proves
-the estimate, so that half and twice as many angles only change the time."""
+the estimate, so that half or twice as many angles only change the time."""
 MAX_BOXES, MAX_BOXES_OF_CURVES = 1_600_000, 40_000
 """Greatest number of boxes for one claim, and for one curve. A curve that stays away from 0 takes some dozens. The
 uncertain friction wheel takes 27,000 for all claims. A device of two masses with seven uncertain numbers and a disc
@@ -48,8 +48,8 @@ FEW = 64
 about as long as one. Without this, extending a proved band takes three times as long. With four times as many boxes it
 takes a third longer."""
 MAX_HALVINGS = 80
-"""Greatest number of halvings of a box: twenty in each of four rows. Half and twice as many halvings need the same
-number of boxes for the uncertain friction wheel."""
+"""Greatest number of halvings of a box: twenty in each of four rows. With half or twice as many halvings, the proof
+needs the same number of boxes for the uncertain friction wheel."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -89,7 +89,7 @@ MANY_PARTS = 3
 """Least number of parts of a box of delays for which the prover first tries the test that holds for any whole samples
 of a servo's delay. With fewer parts, it may be that no part has a delay of whole samples."""
 EASY_PARTS = 4_000
-"""Number of boxes after which the prover treats an interval of angles for each part separately. Half and twice as many
+"""Number of boxes after which the prover treats an interval of angles for each part separately. Half or twice as many
 take the same time."""
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
 """Distances from the ends of the angles, as shares of pi, at which the code looks for a witness. With fewer distances,
@@ -98,7 +98,7 @@ AT_NYQUIST = 1e-5
 """Distance from pi, as a share of pi, within which the prover examines only the sides that decide at pi, so that a box
 there can fail. A tenth and ten times this distance lead to the same verdicts."""
 MAX_HALVINGS = 120
-"""Greatest number of halvings of a box: twenty in each of six rows. Half and twice as many give the same proofs."""
+"""Greatest number of halvings of a box: twenty in each of six rows. Half or twice as many give the same proofs."""
 
 
 def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:

@@ -18,7 +18,7 @@ from vctune.proof.engine.winding import turned_angle
 
 NEAR = 1e-6
 """Relative allowance for rounding errors, which are about 1e-12, in a frequency above which a property holds, and in an
-angle. Half and twice this allowance lead to the same count."""
+angle. Half or twice this allowance leads to the same count."""
 ROOM = 2.0
 """Greatest difference, rad, between the argument at `curve_end` and its limit, for which the loop counts as stable. The
 difference is less than pi/2 + 2/7 if no zero lies to the right, and more than 3 pi/2 - 2/7 otherwise. Half this limit

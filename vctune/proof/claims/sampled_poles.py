@@ -25,7 +25,7 @@ ISOLATED_DEGREE = 40
 eigenvalues. No proof uses the displayed radius. Twice this degree takes seconds for a long delay."""
 ROOT_TOLERANCE = 1e-16
 """Radius of the enclosures of poles, finer than a double. Without this requirement, FLINT would only make the
-enclosures disjoint. Half and twice this radius give the same double."""
+enclosures disjoint. Half or twice this radius gives the same double."""
 
 
 def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:

@@ -22,10 +22,10 @@ from vctune.proof.device_box import DeviceBox
 
 NEAR = 0.05
 """Share of a sample within which a delay is near a whole number of samples. Clocks, buses and amplifiers have no more
-certain delays. Half and twice this share would change the certificate's promise, but not the proof."""
+certain delays. Half or twice this share would change the certificate's promise, but not the proof."""
 NEXT_TO = 1e-7
 """Distance, in samples, between a whole number of samples and the delay just below it that the prover uses. Decimals
-can still distinguish both. Half and twice this distance lead to the same designs."""
+can still distinguish both. Half or twice this distance leads to the same designs."""
 PEAK = 0.75
 """Time of the greatest sensed acceleration, as a share of the lag of a servo and its sensor. At half and 4/3 of this
 time the acceleration is three quarters of the greatest."""

@@ -24,7 +24,7 @@ UNIT = 2.0**-52
 """Twice the relative rounding error of an operation (IEEE 754, round to nearest)."""
 TINY = 1e-300
 """Upper bound of the loss of a sum of products by underflow; the least normal number is 2e-308. No quantity of a haptic
-device is as small as this bound, so half and twice the bound make no difference."""
+device is as small as this bound, so half or twice the bound makes no difference."""
 SWELL = 1 + 2.0**-49
 """Factor that covers 16 roundings of a radius; each rounding is at most u = 2^-53 of the radius. A reciprocal takes the
 most roundings, 7: the difference and the sum of magnitude and radius, two quotients, the sum with the rounding error of

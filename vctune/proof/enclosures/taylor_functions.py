@@ -18,7 +18,7 @@ SINC_TERMS = 12
 many terms it is 1e-9; more terms are no better in double precision."""
 ASTRIDE = 1e-12
 """Relative amount by which an interval may extend past a point of a table and still count as on one side of it. This
-close to the point, the power laws of both sides agree up to `POWER_ERROR`. Half and twice this amount change nothing,
+close to the point, the power laws of both sides agree up to `POWER_ERROR`. Half or twice this amount changes nothing,
 because the prover cuts no box that close to a point."""
 POWER_ERROR = 8e-12
 """Bound on the relative error of a table's power and of its value, for each unit of the power and of the logarithm of

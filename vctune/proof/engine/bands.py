@@ -13,14 +13,14 @@ STEP = 1.4
 fewer. If rounding and cell size nearly hide the sign of a margin, the ratio decides whether the cell is proved."""
 HALVINGS = 24
 """Greatest number of halvings of an interval of frequency for a single design. The narrowest interval is 2e-8 of the
-first one; an optimal design needs it where it touches its constraint. Half and twice as many halvings prove the same
+first one; an optimal design needs it where it touches its constraint. Half or twice as many halvings prove the same
 designs around those of problems/."""
 CELL_HALVINGS = 10
 """Greatest number of halvings for a cell. After few halvings, the size of the cell widens an enclosure more than the
 interval does. Half as many halvings leave up to half of the cells near the feasible region's border open. Twice as many
 prove no more cells."""
 MAX_BOXES = 4_000
-"""Number of boxes for one claim after which the prover leaves a cell open. Most cells take some hundred boxes. Half and
+"""Number of boxes for one claim after which the prover leaves a cell open. Most cells take some hundred boxes. Half or
 twice as many prove the same cells."""
 
 

@@ -19,8 +19,8 @@ from vctune.running import check_time, tell
 
 BLUR = 2.0
 """Ratio above which the prover leaves a box open. It compares two uncertainties: that of the rows that the prover must
-not halve, and that of the other rows. Above this ratio, halving the other rows would decide nothing. Half and twice
-this ratio prove the same cells."""
+not halve, and that of the other rows. Above this ratio, halving the other rows would decide nothing. Half or twice
+this ratio proves the same cells."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,7 @@ RESOLUTION = 1e-13
 doubles differ by 1e-16. Half this width allows one more halving, twice this width one less."""
 LOWEST = 1e-40
 """Least upper edge of a box that starts at 0, relative to the interval's upper edge. It is far below any frequency at
-which a margin changes, and far above underflow. Half and twice this edge change the search by a quarter of a step."""
+which a margin changes, and far above underflow. Half or twice this edge changes the search by a quarter of a step."""
 WIDE = 2.0
 """Ratio of the ends of a box above which the prover does not use the derivative, because its enclosure is too wide
 there. With the square root or the square of this ratio, the proofs for the designs of problems/ need the same number of
@@ -36,8 +36,8 @@ CURVED = 1.1
 that nearly touches 0. Between 1.03 and 1.2 the time of a proof hardly changes."""
 GROWTH = 1.5
 """Power by which the ratio of the ends grows from a proved box to the next. With a power below 1 the prover makes no
-progress. A power of 1 needs twenty times as many boxes for the designs of problems/; twice this power needs half as
-many boxes again."""
+progress. A power of 1 needs twenty times as many boxes for the designs of problems/; twice this power needs
+50 % more boxes."""
 
 
 class Verdict(StrEnum):

@@ -27,11 +27,12 @@ from vctune.proof.engine.branching import Decided, Test
 from vctune.running import check_time
 
 FEW = 128
-"""Number of boxes up to which an array of boxes takes about as long as one box. Half and twice this number take the
+"""Number of boxes up to which an array of boxes takes about as long as one box. Half or twice this number takes the
 same time for random devices in hands; four times this number takes a third longer."""
 NEAR_ZERO = 1e-3
 """Least size of a number, as a share of its range, in the relative width of its row. Without it the prover would halve
-a row that contains 0 forever. A tenth of this share takes a fifth more boxes, ten times the share takes as many."""
+a row that contains 0 forever. With a tenth of this share the proof takes 20 % more boxes, with ten times the share it
+takes as many."""
 FREQUENCY_FIRST = 64.0
 """Weight of the frequency's relative width if a box has no bound and one of several margins must be positive. Such
 boxes contain a zero of a denominator, and these zeros are at single frequencies. An eighth of this weight leaves servos

@@ -16,7 +16,7 @@ from vctune.proof.enclosures.array_intervals import TINY, Flags, Floats
 from vctune.running import check_time
 
 CENTRED = 0.05
-"""Squared Newton decrement at which the search accepts a centre. Half and twice this value lead to the same proofs."""
+"""Squared Newton decrement at which the search accepts a centre. Half or twice this value leads to the same proofs."""
 MAX_STEPS = 250
 """Number of steps after which the search returns nothing. Feasible problems take 30 to 190 steps."""
 LESS = 0.25
@@ -24,7 +24,7 @@ LESS = 0.25
 same number of steps within a third."""
 GIVE_UP = 0.2
 """Weight of the barrier, relative to the shortfall, at which the search concludes that there is no solution. The least
-possible shortfall is smaller than the present one by at most that weight. Half and twice this value lead to the same
+possible shortfall is smaller than the present one by at most that weight. Half or twice this value leads to the same
 proofs."""
 INSIDE = 0.9
 """Share of the way to the border of the feasible coefficients that a shortened step covers. With half this share, the

@@ -13,7 +13,7 @@ ROUNDS = 4
 Most proofs need only the first."""
 MAX_BOXES = 20_000
 """Number of boxes after which the prover gives up on a candidate. A design with a large margin takes some hundred. Half
-and twice this number lead to the same proofs."""
+or twice this number leads to the same proofs."""
 
 
 def prove_changing(design: Design, hands: Hands) -> Outcome:

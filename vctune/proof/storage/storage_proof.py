@@ -22,7 +22,7 @@ from vctune.proof.storage.definite import Definite, surely_definite
 from vctune.running import check_time
 
 AT_ONCE = 1024
-"""Number of boxes that the prover evaluates together. Half and twice this number take the same time."""
+"""Number of boxes that the prover evaluates together. Half or twice this number takes the same time."""
 
 
 class StorageProof(NamedTuple):

@@ -24,7 +24,7 @@ from vctune.model.problem import Problem
 POINTS = 400
 UNMOVED = 1e-6
 """Share of a command below which a servo counts as at rest, for example at Nyquist with interpolation. The hand then
-feels a rigid handle. Half and twice this share show the same curves."""
+feels a rigid handle. Half or twice this share shows the same curves."""
 SPRING, DAMPER = 200.0, 14.0
 """The two environments of the paper (section 5) on a linear device, N/m and N s/m."""
 

@@ -49,7 +49,7 @@ LEVELS = (0, 20, 40, 60, 70, 80, 90, 95, 100, 120)
 POWERS = (-3, 5)
 """Powers of ten between which an axis of the map shows plain decimals."""
 SHALLOW = 1e-9
-"""Least shown R as a share of the greatest R; at Nyquist R may vanish. Half and twice this share show as many
+"""Least shown R as a share of the greatest R; at Nyquist R may vanish. Half or twice this share shows as many
 decades."""
 WORST = 3
 """Number of hands with a curve of their own. They are the hands with the lowest minima."""

@@ -252,7 +252,7 @@ def draw_part(axes: Axes, problem: Problem, cases: Cases, part: str) -> None:
 
 
 def draw_impedance(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling) -> Axes:
-    """Draw the impedance that the hand feels with several environments, beside the ideal one, over frequency.
+    """Draw the impedance that the hand feels with several environments, and the ideal one, over frequency.
 
     Parameters
     ----------

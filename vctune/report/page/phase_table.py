@@ -14,7 +14,7 @@ from vctune.model.problem import Problem
 from vctune.report.typography import quantity
 
 POINTS = 200
-"""Number of frequencies for the mean of |1 - F_s|: midpoints of intervals that are equal in the logarithm. Half and
+"""Number of frequencies for the mean of |1 - F_s|: midpoints of intervals that are equal in the logarithm. Half or
 twice as many give the same digits."""
 
 

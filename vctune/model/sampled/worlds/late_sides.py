@@ -24,8 +24,8 @@ SIDES = 8
 """Number of sides: perpendicular to three factors on both sides of the polygon, and along the real axis and across it
 on both sides. A box need not have all of these sides."""
 LEAST = 1e-9
-"""Least distance of an angle from 0 and pi, rad, because factors may be infinite there. Half and twice this distance
-lead to the same sides."""
+"""Least distance of an angle from 0 and pi, rad, because factors may be infinite there. Half or twice this distance
+leads to the same sides."""
 UNPOSED = -1e30
 """Value of `room` for a side that the box does not have: no loop is beyond such a side."""
 

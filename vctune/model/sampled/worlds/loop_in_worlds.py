@@ -123,7 +123,7 @@ def posed(worlds: Worlds, factor: float, *, inverse: bool = False) -> tuple[str,
 def disjuncts(
     offered: Offered, worlds: Worlds, sample_time: Number, seen: Seen, factor: Number, theta: Number, ops: Arithmetic
 ) -> Disjuncts:
-    """Return the margins of which one must be positive.
+    """Return margins; at least one of them must be positive.
 
     Parameters
     ----------

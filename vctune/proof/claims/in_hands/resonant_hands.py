@@ -30,13 +30,13 @@ SHARP = 0.03
 0.02, half this limit takes up to two thirds fewer boxes. Loops with a ratio of 1e-5 take 34,000 boxes with this limit,
 and more than half a million without it."""
 DAMPED = 0.1
-"""Damping ratio above which a hand with less stiffness has no sharper resonance. Half and twice this ratio need the
+"""Damping ratio above which a hand with less stiffness has no sharper resonance. Half or twice this ratio needs the
 same number of boxes to within a third."""
 AROUND = (0.5, 2.0)
-"""Multiples of the resonant stiffness that such boxes cover. Half this range in the logarithm takes up to half as many
-boxes again; twice the range takes as many within a tenth."""
+"""Multiples of the resonant stiffness that such boxes cover. Half this range in the logarithm takes up to
+50 % more boxes; twice the range takes as many boxes within 10 %."""
 SLOWEST = 1e-5
-"""Least angle of such boxes, rad. Half and twice this angle take as many boxes; 1e-3 leaves slow devices with hardly
+"""Least angle of such boxes, rad. Half or twice this angle takes as many boxes; 1e-3 leaves slow devices with hardly
 any damping open."""
 WITHIN = 1e-9
 """Relative allowance for rounding. The test leaves a box to the other boxes only if it lies inside the range by this

@@ -29,11 +29,11 @@ from vctune.proof.engine.band_edges import extend_band
 from vctune.proof.engine.interval import Outcome, Verdict, prove_positive
 
 EXTENSION_BOXES = 2_000
-"""Number of boxes for one step beyond the band. The code shortens a step that needs more. Half and twice as many boxes
+"""Number of boxes for one step beyond the band. The code shortens a step that needs more. Half or twice as many boxes
 give the same band where the ratio falls below 1, except for the last printed digits."""
 LOWEST_EDGE = 1e-18
 """Lowest frequency, relative to the edge of the required band, to which the code extends a proof that does not reach 0.
-The prover treats a band from 0 separately, and lower edges have no practical meaning. Half and twice this share change
+The prover treats a band from 0 separately, and lower edges have no practical meaning. Half or twice this share changes
 nothing."""
 
 

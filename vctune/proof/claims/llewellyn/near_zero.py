@@ -19,7 +19,7 @@ STEPS = 120
 """Number of trial frequencies, down to 1e-72 of the first. Half as many would suffice for every device whose numbers
 are within twenty decades."""
 END_BOXES = 64
-"""Number of boxes for a trial frequency. Half and twice as many boxes shift the result by about one step."""
+"""Number of boxes for a trial frequency. Half or twice as many boxes shift the result by about one step."""
 
 
 def low_end_verdict(design: Design) -> Verdict:

@@ -39,7 +39,7 @@ from vctune.proof.enclosures.taylor import Taylor
 COUPLING_SHARE = "share of the coupling"
 """Name of the row with the share y of the coupling, from 1/safety_factor to 1."""
 INWARDS = 1 - 1e-9
-"""Factor that keeps rounding from making the slope of a tangent negative. Half and twice its distance from 1 work as
+"""Factor that keeps rounding from making the slope of a tangent negative. Half or twice its distance from 1 works as
 well."""
 
 
