@@ -204,10 +204,10 @@ def _measure(record: DesignRecord, problem: Problem) -> str:
         moved = f"in free motion the handle is {text(transparency.admittance, 3)} of Z_0 = {_reference(problem)}"
         return f"{wall}; {moved}, {_mean(problem)}."
     if (contact := record.contact) is not None and contact.stiffest_contact is not None:
-        bears = f"It bears contacts of {text(contact.stiffest_contact, 7)} {problem.units.stiffness}"
+        bears = f"The stiffest contact is {text(contact.stiffest_contact, 7)} {problem.units.stiffness}"
         late = (
-            f"the lightest drag for contacts up to {text(contact.stiffness, 7)} {problem.units.stiffness} behind "
-            f"{text(1e3 * contact.latency_s, 3)} ms is {text(contact.rest_drag, 4)} {problem.units.damping}"
+            f"with a latency of {text(1e3 * contact.latency_s, 3)} ms, contacts up to {text(contact.stiffness, 7)} "
+            f"{problem.units.stiffness} need a drag of at least {text(contact.rest_drag, 4)} {problem.units.damping}"
         )
         return f"{bears}; {late}."
     if record.idle:
@@ -215,8 +215,8 @@ def _measure(record: DesignRecord, problem: Problem) -> str:
             f"The velocity loop hardly moves the handle: |1 - G_he| is {text(transparency.tracking, 3)}, "
             "and 1 means no loop at all."
         )
-    off = f"The handle is off the ideal by {text(transparency.error, 3)} of Z_0 = {_reference(problem)}"
-    return f"{off}, {_mean(problem)}; the device without a loop by {text(_without_loop(problem), 3)}."
+    off = f"The handle differs from the ideal by {text(transparency.error, 3)} of Z_0 = {_reference(problem)}"
+    return f"{off}, {_mean(problem)}; the device without a loop differs by {text(_without_loop(problem), 3)}."
 
 
 def _failed(proof: CertificateRecord, verdict: str, units: Units) -> str:
