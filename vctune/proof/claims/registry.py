@@ -229,9 +229,9 @@ def claims_about(*quantities: Quantity) -> tuple[ClaimId, ...]:
 def claims_asked(demands: Demands, box: DeviceBox | None = None) -> list[ClaimId]:
     """Return the claims that a certificate makes, in their order.
 
-    demands : constraints on a design; they determine which claims apply
+    Parameters
     ----------
-    demands : constraints on a design; they decide which claims apply
+    demands : constraints on a design; they determine which claims apply
     box : box of uncertain devices, which adds claims; None for one known device
 
     Returns
