@@ -83,8 +83,8 @@ hundred boxes suffice. If it is small, these boxes are wasted, which takes some 
 or twice as long."""
 EASY_WHOLE = 5_000
 """Number of boxes after which the prover uses only the sides of the rectangles of uncertain masses and dampings of
-device and hand. The sides begin with sixteen times as many boxes. An easy proof of the whole takes about a thousand
-boxes, and a lower limit would give it up. With twice this limit, a proof on the sides takes 5,000 boxes more."""
+device and hand. The sides begin with sixteen times as many boxes. An easy proof over the whole range takes about a
+thousand boxes, and must fit into this limit. With twice this limit, a proof on the sides takes 5,000 boxes more."""
 MANY_PARTS = 3
 """Least number of parts of a box of delays for which the prover first tries the test that holds for any whole samples
 of a servo's delay. With fewer parts, it may be that no part has a delay of whole samples."""
@@ -237,7 +237,8 @@ class Asked:
 
     @property
     def affine(self) -> tuple[tuple[str, str], ...]:
-        """The pairs of a row of the device and a row of the hand in which the margin is affine if their sum is given.
+        """Pairs of rows, one of the device and one of the hand. If the sum of a pair is given, the margin is affine in
+        it.
 
         With a box of environments, one of several margins has to be positive, and no single margin need be positive at
         both ends; then there are no pairs.

@@ -232,7 +232,7 @@ def alone(margins: Margins) -> Margin:
 
 
 def any_of(tests: Sequence[Test]) -> Test:
-    """Return the test that at each point one of several sufficient margins is positive.
+    """Return the test that one of several sufficient margins is positive at each point.
 
     Parameters
     ----------

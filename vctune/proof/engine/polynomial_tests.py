@@ -93,7 +93,7 @@ def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slo
 
 
 def any_positive(margins: Margins, slopes: Margins | None, fixed: Values, spans: Floats) -> Test:
-    """Return the test that at each point one of several margins is positive.
+    """Return the test that one of several margins is positive at each point.
 
     The test proves a box if one of the margins is positive throughout. It refutes a box if all of them are negative at
     one point. The prover halves any other box along the row that costs most in the margin that is nearest to a proof. A

@@ -1,4 +1,5 @@
-"""A candidate for a storage function that all dampings of a hand have in common, in floats, rounded to decimals."""
+"""Find a candidate for a storage function that serves all dampings of a hand. The search runs in floats, and rounds its
+result to decimals."""
 
 from __future__ import annotations
 
