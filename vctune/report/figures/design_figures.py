@@ -225,7 +225,7 @@ def _promised(axes: Axes, design: Design) -> None:
     assert proof is not None, "a design is judged"
     everywhere = Band(0.0, inf)
     if design.record.status != "certified":
-        shade(axes, problem.stability.band if problem.passive else everywhere, RED, "required, not proved", "//")
+        shade(axes, problem.stability.band if problem.passive else everywhere, RED, "asked for, not proved", "//")
     elif proof.proved_band_hz is not None:
         low, high = proof.proved_band_hz
         shade(axes, Band(2 * pi * (low or 0.0), inf if high is None else 2 * pi * high), GREY, "proved stable")

@@ -1,7 +1,7 @@
-"""Labels beside the curves that they name, if there is room. A legend names the other curves.
+"""Labels beside the curves that they name, where there is room; a legend names the others.
 
-The code divides the axes into a raster of points (1/72 inch). It computes the distance of each point to the nearest
-curve. This distance gives the room around a label at every position at once.
+The axes are a raster of points (1/72 inch). The distance of each to the nearest curve gives the room around a label at
+every place at once.
 """
 
 from __future__ import annotations
@@ -20,25 +20,24 @@ from vctune.report.figures.style import INK, legend_above
 
 Mask = NDArray[np.bool_]
 SIZE = 7.8
-"""Size of a label's letters, points."""
+"""Points of a label."""
 LETTER, LINE = 0.54, 1.2
-"""Width of a letter and height of a line, as multiples of the size; slightly more than in most fonts."""
+"""Width of a letter and height of a line over the size: rather more than most fonts have."""
 ROOM, ENOUGH = 2, 12
-"""Least distance from a label to a curve, and distance beyond which more room is no better, points."""
+"""Least distance from a label to a curve, and the distance from which on more is no better, points."""
 NEAR = 6.0
-"""Greatest distance from a label to its curve, points. A label that is farther away gets a line to a point of its
-curve."""
+"""Greatest distance from a label to its curve, points. From further on a line leads from a point to its label."""
 FAR = 0.15
-"""Weight of the distance from the label to the named point, relative to the weight of the room around the label."""
+"""Points of room that a point of distance to the named point is worth."""
 
 
 def label_curves(axes: Axes, columns: int = 2) -> None:
-    """Write the name of each curve, point and area beside it, or into a legend above the axes if there is no room.
+    """Write each curve's, point's and area's name beside it, or into a legend above the axes if there is no room.
 
     Parameters
     ----------
-    axes : axes in a figure, with labelled artists and final limits
-    columns : number of the legend's columns
+    axes : axes with labelled artists, final limits and their place in a figure
+    columns : columns of the legend
     """
     figure = axes.get_figure()
     assert figure is not None, "axes are on a figure"
@@ -81,7 +80,7 @@ def label_curves(axes: Axes, columns: int = 2) -> None:
 
 
 def _ends(line: Line2D) -> Floats:
-    """Return the points of a line in screen coordinates."""
+    """Return the points of a line on the screen."""
     x, y = (np.asarray(each, float) for each in (line.get_xdata(orig=False), line.get_ydata(orig=False)))
     with np.errstate(all="ignore"):
         points = line.get_transform().transform(np.stack(np.broadcast_arrays(x, y), axis=1))
@@ -89,7 +88,7 @@ def _ends(line: Line2D) -> Floats:
 
 
 def _of_line(points: Floats, shape: tuple[int, int]) -> Mask:
-    """Return which cells of the raster a line passes through."""
+    """Return which cells a line passes."""
     mask, points = np.zeros(shape, bool), np.clip(points, -1e4, 1e4)
     if len(points) > 1:
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
@@ -102,14 +101,14 @@ def _of_line(points: Floats, shape: tuple[int, int]) -> Mask:
 
 
 def _of_area(area: Polygon, placed: Any, shape: tuple[int, int]) -> Mask:
-    """Return which cells a hatched area covers; no label may cover them."""
+    """Return which cells a hatched area covers, which no label may."""
     path = type(area.get_path())(placed(area.get_transform().transform(area.get_xy())))
     y, x = np.mgrid[: shape[0], : shape[1]]
     return np.asarray(path.contains_points(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(shape))
 
 
 def _room(taken: Mask, size: tuple[int, int]) -> Floats:
-    """Return the distance from a box around each cell to the nearest taken cell; -1 if the box covers a taken cell."""
+    """Return the distance from a box around each cell to the nearest one that is taken; -1 if it covers one."""
     (rows, columns), room = taken.shape, np.full(taken.shape, -1.0)
     around = [(each // 2 + ENOUGH + 1, each // 2 + ENOUGH) for each in size]
     total = np.pad(taken, around).cumsum(axis=0, dtype=np.int32).cumsum(axis=1, dtype=np.int32)
@@ -124,7 +123,7 @@ def _room(taken: Mask, size: tuple[int, int]) -> Floats:
 
 
 def _beside(taken: Mask, own: Mask, size: tuple[int, int], *, alone: bool) -> tuple[int, int] | None:
-    """Return the middle of the box with the most room beside a line, or around a single point (`alone`)."""
+    """Return the middle of the box beside a line, or around a point that is alone, with the most room."""
     if not own.any():
         return None
     if alone:
@@ -138,7 +137,7 @@ def _beside(taken: Mask, own: Mask, size: tuple[int, int], *, alone: bool) -> tu
 
 
 def _within(taken: Mask, extent: Floats, size: tuple[int, int]) -> tuple[int, int] | None:
-    """Return the middle of the box with the most room among the columns of an area."""
+    """Return the middle of the box with the most room in the columns of an area."""
     room = _room(taken, size)
     x = np.arange(taken.shape[1])
     inside = (x - size[1] / 2 >= extent[0, 0] - 1) & (x + size[1] / 2 <= extent[1, 0] + 1)
@@ -151,7 +150,7 @@ def _best(score: Floats) -> tuple[int, int] | None:
 
 
 def _lead(axes: Axes, point: Floats, middle: tuple[int, int], size: tuple[int, int], of: tuple[float, float]) -> None:
-    """Draw a thin line from a point to its label if they are far apart."""
+    """Draw a thin line from a point to its label, if they are apart."""
     half = np.array(size) / 2
     end = np.clip(point, middle - half, middle + half)
     if np.hypot(*(end - point)) > 2 * NEAR:

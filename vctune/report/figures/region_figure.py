@@ -57,7 +57,7 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design], m
     """
     plane = region.plane
     with rc_context(STYLE):
-        interrupted = "interrupted: some undecided cells were not examined" * region.interrupted
+        interrupted = "interrupted: some of what is undecided was not looked at" * region.interrupted
         figure, axes = _frame(plane, problem.units, interrupted)
         for kind, fill in FILLS.items():
             _fill(axes, plane, region.squares[:, region.kinds == kind], fill, LABELS[kind])
@@ -84,7 +84,7 @@ def world_figure(problem: Problem, region: Region) -> Figure:
     """
     plane = region.plane
     with rc_context(STYLE):
-        interrupted = "interrupted: some undecided cells were not examined" * region.interrupted
+        interrupted = "interrupted: some of what is undecided was not looked at" * region.interrupted
         figure, axes = _frame(plane, problem.units, interrupted, canvas(WIDTH, 3.8, left=0.78, top=0.6))
         for kind, fill in FILLS.items():
             _fill(axes, plane, region.squares[:, region.kinds == kind], fill, WORLD_LABELS[kind])
