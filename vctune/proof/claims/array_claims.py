@@ -491,9 +491,9 @@ def _plant_in_hand(
 def _devices(
     nominal: Device, uncertain: tuple[str, ...]
 ) -> tuple[Callable[[Values], Device], Callable[[Values], Plant]]:
-    """Return the device and its sampled plant as functions of a claim's values. For a certain device they are constant.
+    """Return the device and its sampled plant as functions of a claim's values.
 
-    Boxes of the same devices at several frequencies share one sampled plant.
+    Without uncertain numbers both are constant. Boxes of the same devices at several frequencies share one sampled plant.
     """
     exact = nominal.converted(decimal)
     whole, fraction = split_delay(nominal.delay, nominal.sample_time)

@@ -79,7 +79,7 @@ DELAY_ROWS = tuple(map(row_of, DELAYS))
 def parts_of(device: Device, ends: Ends) -> list[Part]:
     """Divide a box of devices by the whole samples of their delays, and return its parts.
 
-    If the delays are certain, there is one part.
+    If the delays are known exactly, there is one part.
 
     Parameters
     ----------

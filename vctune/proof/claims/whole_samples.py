@@ -21,8 +21,9 @@ from vctune.model.servo import latency
 from vctune.proof.device_box import DeviceBox
 
 NEAR = 0.05
-"""Share of a sample within which a delay is near a whole number of samples. Clocks, buses and amplifiers have no more
-certain delays. Half or twice this share would change the certificate's promise, but not the proof."""
+"""Share of a sample within which a delay is near a whole number of samples. The delays of clocks, buses
+and amplifiers are not known better. Half or twice this share would change the certificate's promise, but not the
+proof."""
 NEXT_TO = 1e-7
 """Distance, in samples, between a whole number of samples and the delay just below it that the prover uses. Decimals
 can still distinguish both. Half or twice this distance leads to the same designs."""
@@ -87,7 +88,7 @@ def reaching_whole_sample(box: DeviceBox, hands: Hands) -> DeviceBox:
     Returns
     -------
     DeviceBox
-        The box itself if its delay is certain or the sensed force does not jump.
+        The box itself if its delay is known exactly or the sensed force does not jump.
     """
     key = next((key for key in DELAYS if key in box.uncertain), None)
     if key is None or not sensed_force_jumps(box.nominal, hands):

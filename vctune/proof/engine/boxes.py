@@ -89,7 +89,7 @@ class Boxes:
     names : names of the rows, `FREQUENCY` first
     low, high : edges, shape (rows, n)
     owner : number of the proof to which each box belongs, shape (n,)
-    whole_samples : number N of whole samples in the delay of each box, shape (n,); 0 if the delay is certain
+    whole_samples : number N of whole samples in the delay of each box, shape (n,); 0 if the delay is known
     """
 
     names: tuple[str, ...]
