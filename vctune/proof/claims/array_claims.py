@@ -493,7 +493,8 @@ def _devices(
 ) -> tuple[Callable[[Values], Device], Callable[[Values], Plant]]:
     """Return the device and its sampled plant as functions of a claim's values.
 
-    Without uncertain numbers both are constant. Boxes of the same devices at several frequencies share one sampled plant.
+    Without uncertain numbers both are constant. Boxes of the same devices at several frequencies share one sampled
+    plant.
     """
     exact = nominal.converted(decimal)
     whole, fraction = split_delay(nominal.delay, nominal.sample_time)
