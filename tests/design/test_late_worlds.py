@@ -213,7 +213,7 @@ def test_the_page_says_what_is_proved(tmp_path: Path) -> None:
     assert "What may be rendered" not in page
     assert "trapezoidal" not in page
     assert "are not passive as they run" in page
-    assert "before any passive environment, which is more" not in page
+    assert "for any passive environment, which is more" not in page
     record = json.loads((folder / "design.json").read_text())
     assert record["certificate"]["hands"]["worlds_late"] == 2
 

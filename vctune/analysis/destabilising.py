@@ -126,8 +126,8 @@ def growing_in_worlds(
     Returns
     -------
     GrowingEnvironment or None
-        It has the least damping of the box if the loop grows with that, and more of it if the loop of an impedance
-        display grows with the tool held; None if the loop grows with no member.
+        It has the least damping of the box if the motion grows with this damping. It has more damping if the loop of
+        an impedance display grows with the tool held. None if the motion grows with no member.
     """
     T, low = device.sample_time, worlds.low
     theta = min(max(omega * T, LEAST), pi - NYQUIST)
@@ -236,7 +236,7 @@ def growing_with(
 
 
 def growing_without(alone: Callable[[complex], complex], theta: float, sample_time: float) -> GrowingEnvironment | None:
-    """Return how a loop grows without an environment; None if no growth is found.
+    """Return the growing motion of a loop without an environment; None if the code finds none.
 
     Parameters
     ----------

@@ -39,8 +39,8 @@ ROUNDS = 22
 distance. The square of this distance affects the ratio. Half as many steps reach 1e-2, and the prover would then have
 to find the exact hand."""
 DRIVEN = 1e6
-"""Value of 1/ratio above which a coupling supplies energy where it must absorb energy. Half or twice this value gives
-the same designs."""
+"""Value of 1/ratio above which a coupling supplies energy where it must absorb energy. With half or twice this value,
+vctune finds the same designs."""
 
 
 @np.errstate(all="ignore")
@@ -199,7 +199,7 @@ def shares_of_coupling(factor: float) -> tuple[float, ...]:
 def _need(required: Floats, there: Floats) -> Floats:
     """Return 1/ratio as a function that is continuous where R changes its sign.
 
-    For a coupling with negative resistance, the result is 0 or exceeds any other.
+    For a coupling with negative resistance, the result is 0 or greater than any other result.
     """
     drives = np.where(required < there, 0.0, DRIVEN * (2 + (required - there) / (np.abs(required) - there)))
     return np.where(there < 0, drives, required / np.maximum(there, 1e-300))

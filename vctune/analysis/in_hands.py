@@ -126,7 +126,7 @@ def least_ratios_in_hands(
 def least_ratios_of_devices(
     devices: Sequence[Device], hands: Hands, gains: Gains, coupling: AnyCoupling, met: WorldsMet | None = None
 ) -> list[list[RatioInHand]]:
-    """Return `least_ratios_in_hands` for several devices. The function evaluates alike devices together.
+    """Return `least_ratios_in_hands` for several devices. The function evaluates devices of the same form together.
 
     Parameters
     ----------
@@ -163,8 +163,8 @@ def _steepest(
 
 
 WINDOW = np.exp(np.linspace(-0.3, 0.3, 121))
-"""Relative range, and number, of the angles around a worst angle at which the code evaluates the environments of a box.
-Half or twice the range or the number gives the same designs."""
+"""Angles at which the code evaluates the environments of a box, relative to the worst angle. With half or twice the
+range or the number of these angles, vctune finds the same designs."""
 
 
 def windows(
@@ -176,7 +176,8 @@ def windows(
 ) -> list[RatioInHand]:
     """Return the ends of the windows of angles in which a design violates the constraint for a box of environments.
 
-    A constraint at each end of a window closes the window. A constraint in the middle alone would only move it.
+    Constraints at both ends of a window remove the whole window. A constraint in its middle would only shift the
+    window.
 
     Parameters
     ----------

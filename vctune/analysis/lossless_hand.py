@@ -33,8 +33,8 @@ that suffices. Among designs that violate the constraint by 1 % or more, one in 
 of these numbers, or with twice as many, the search finds hands for the same other designs."""
 DETUNED = (0.1, 1e-2, 1e-3, 1e-4)
 """Relative distances of a resonator from its alias. With a smaller distance, the resonator acts less at other aliases,
-and a motion grows more slowly. With half as many distances, the growth found is up to eight times slower. With twice as
-many, the search finds a hand for one more design in 60."""
+and a motion grows more slowly. With half as many distances, the motion that the search finds grows up to eight times
+more slowly. With twice as many, the search finds a hand for one more design in 60."""
 SUMMED = 250
 """Number of aliases on either side that the code sums for the hand's response; the rest is below 1e-5. Half or twice as
 many aliases give the same growth to four digits."""

@@ -31,9 +31,9 @@ scan."""
 TOO_CLOSE = 0.03
 """Least |F| with which the code relies on the grid. This value is slightly less than the distance of neighbouring
 angles. With half this value, chords may pass 0 on the wrong side. With twice this value, the proof must decide more
-loops. Neither makes a verdict wrong."""
+loops. In either case no verdict is wrong, because the proof decides."""
 LARGEST_TURN = 1.0
-"""Greatest turn between neighbouring angles with which the code relies on the grid, rad. This turn is well below half a
+"""Greatest turn of F between neighbouring angles for which the code relies on the grid, rad. It is well below half a
 turn, at which the direction would be ambiguous. Half this value leaves more loops to the proof, and twice this value
 fewer."""
 CROSSING_POINTS, CROSSING_ROUNDS = 33, 3
@@ -140,7 +140,7 @@ def makes_no_turn(F: Pair) -> NDArray[np.bool_]:
 
 
 def clearly_stable(device: Device, gains: Gains) -> bool | None:
-    """Return whether neither loop turns around 0; None if a loop comes too close to 0.
+    """Return whether neither loop makes a turn around 0; None if a loop comes too close to 0.
 
     Parameters
     ----------

@@ -83,8 +83,9 @@ class Servo:
     stiffness : stiffness of a spring by which the firmware pulls the measured position to a reference, N/m; None
         without one. Its force does not pass the force sensor
     radii : points (Hz, r) of a disc around 1 that contains the unknown factor of the sensed response. r is linear
-        between the points on logarithmic axes, constant above the last point, and proportional to the frequency below
-        the first, because a servo at rest is where its command puts it. Empty if the response is known exactly
+        between the points on logarithmic axes, and constant above the last point. Below the first point it is
+        proportional to the frequency, because a servo at rest is exactly at its commanded position. Empty if the
+        response is known exactly
     """
 
     delay: Number

@@ -81,7 +81,7 @@ class Quotient(NamedTuple):
 def quotient_terms(at: LoopConstants, kind: Display) -> tuple[Quotient, Quotient]:
     """Return the quotients whose squared moduli are the two terms of `loop_terms`.
 
-    Numerator and denominator are affine in the gains. The quotients leave out a factor of modulus 1.
+    Numerator and denominator are affine in the gains. The quotients do not include a factor of modulus 1.
 
     Parameters
     ----------

@@ -75,7 +75,7 @@ class Worlds:
 
     @property
     def lossless(self) -> bool:
-        """Whether masses and springs are the lossless ones of section 18, stepped by the trapezoidal rule and on
+        """Whether masses and springs are the lossless ones of section 18, which step by the trapezoidal rule and run on
         time."""
         return self.rule == "trapezoid" and self.late == 0
 
@@ -85,7 +85,7 @@ class Worlds:
         return self.rule != "explicit" and self.late == 0
 
     def in_words(self, units: Units) -> str:
-        """Return the box in words with units. Limits that exclude nothing are left out."""
+        """Return the box in words with units. The text omits limits that exclude nothing."""
         ranges = [
             _range(low, high, unit)
             for low, high, unit in (
@@ -128,7 +128,7 @@ EVERY_WORLD = Worlds(World(0.0, 0.0, 0.0), World(inf, inf, inf))
 
 
 def in_time_in_words(rule: WorldRule, late: int) -> str:
-    """Return the words on rule and lateness that follow the numbers of an environment; "" for a lossless one on time.
+    """Return words about rule and lateness that follow an environment's numbers; "" for a lossless one on time.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ class WorldsMet:
 
     Attributes
     ----------
-    worlds : the box
+    worlds : the box of environments
     factor : g >= 1; the coupling divided by any number from 1 to g must render them stably, too
     """
 

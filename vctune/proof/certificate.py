@@ -33,7 +33,7 @@ from vctune.proof.provers import PROVERS, Question, prove_passive
 from vctune.running import OutOfTimeError, aloud, check_time, tell
 
 STABILITY = claims_about("poles", "unmodelled")
-"""Identifiers of the claims without which no ratio has a meaning."""
+"""Identifiers of the claims that the loop is stable. If one of them is not proved, Re Z_c / R has no meaning."""
 RATIOS = claims_about("ratio", "in_hand")
 """Identifiers of the claims about Re Z_c / R."""
 
@@ -47,10 +47,11 @@ class Certificate:
     design : the judged design
     demands : the constraints on the design
     outcomes : verdict, number of boxes and witness [rad/s] of each claim, by its identifier
-    without_factor : the conditions with a factor of 1 if they are not proved with the required factor; else None
+    without_factor : outcome of the claim `passive` with a factor of 1, if the prover did not prove it with the required
+        factor; else None
     box : the box of devices that the claims cover; None for the design's own device
-    beside : certificates of the same design with the delays on both sides of a whole sample; `outcomes` hold for them,
-        too
+    beside : certificates of the same design at the delays on both sides of a whole sample; `outcomes` contains the
+        worse outcome of theirs and the design's own
     """
 
     design: Design
@@ -62,22 +63,23 @@ class Certificate:
 
     @property
     def verdict(self) -> Verdict:
-        """The worst verdict of all claims."""
+        """The worst verdict among the claims."""
         return worst_verdict(outcome.verdict for outcome in self.outcomes.values())
 
     @property
     def cut(self) -> bool:
-        """Whether the time limit cut one of the proofs."""
+        """Whether the time limit ended one of the proofs."""
         return any(outcome.cut for outcome in self.outcomes.values())
 
     @property
     def boxes(self) -> int:
-        """Number of boxes for all claims."""
+        """Number of boxes that the proofs of all claims evaluated."""
         return sum(outcome.boxes for outcome in self.outcomes.values())
 
     @property
     def proved_ratio(self) -> float | None:
-        """The least proved Re Z_c / R of a stable loop on the band: the required ratio, or 1, or None."""
+        """A proved lower bound of Re Z_c / R of a stable loop on the band: the required ratio or 1; None without a
+        proof."""
         stability = (self.outcomes[claim] for claim in STABILITY if claim in self.outcomes)
         if any(outcome.verdict is not Verdict.PROVED for outcome in stability):
             return None
@@ -89,7 +91,7 @@ class Certificate:
     def proved_band(self) -> tuple[float, float] | None:
         """The widest proved band around the required band with ratio >= 1, rad/s; None if the claim is not proved.
 
-        The property proves the band when it is first used.
+        The prover computes the band when a caller first reads this property.
         """
         bands = [self._own_band, *(each.proved_band for each in self.beside)]
         known = [band for band in bands if band is not None]
@@ -113,7 +115,7 @@ class Certificate:
     def proved_band_hz(self) -> tuple[float, float] | None:
         """The proved band, Hz; None if the claim is not proved.
 
-        Edges outside the required band are rounded inwards to few digits.
+        Edges outside the required band have few digits, rounded towards that band.
         """
         proved, (low, high) = self.proved_band, self.demands.band
         if proved is None:
@@ -133,14 +135,15 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
     ----------
     design : device, gains and coupling, in SI units
     demands : constraints on the design's device; the band may be (0, inf) for hold "lag" without delay
-    box : box of devices around the design's own, for all of which the claims are proved; None for the design's own
+    box : box of devices around the design's own; the prover proves each claim for all of them; None for the design's
+        own device
 
     Returns
     -------
     Certificate
-        Each claim is proved, refuted or undecided. A claim is undecided if the time limit ends before its proof. If the
-            sensed force jumps at a whole number of samples of delay, and the delay is near one, a claim is proved only
-            if it also holds on both sides of that number.
+        Each claim is proved, refuted or undecided. A claim is undecided if the time limit ends before its proof. Near
+            a whole number of samples of delay the sensed force may jump. The claim then counts as proved only if it
+            also holds on both sides of that number.
     """
     question = Question(design, demands, box)
     own, beside = _certificate(question), _beside(question)
@@ -164,7 +167,7 @@ def _certificate(question: Question) -> Certificate:
 def _beside(question: Question) -> list[Question]:
     """Return the same question for the delays on both sides of a nearby whole number of samples.
 
-    If the delay is uncertain, its range in the box is extended to that number instead.
+    The function returns no question for an uncertain delay. Its range in the box already extends to that number.
     """
     design, demands, box = question.design, question.demands, question.box
     hands, found = demands.hands, list[Question]()
@@ -179,9 +182,9 @@ def _beside(question: Question) -> list[Question]:
 
 
 def _holding_beside(certificate: Certificate, beside: Sequence[Certificate]) -> Certificate:
-    """Return a certificate whose claims are proved for several delays.
+    """Return a certificate whose claims hold for several delays.
 
-    A claim that fails for a delay names its device.
+    If a claim fails for one of the delays, its outcome names the device with that delay.
     """
     outcomes, without_factor = certificate.outcomes, certificate.without_factor
     for other in beside:
@@ -211,14 +214,14 @@ def _in_time(proof: Callable[[], Outcome]) -> Outcome:
 def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | None = None) -> list[Certificate]:
     """Prove that several designs of one device meet their constraints, as `certify` does for one.
 
-    Array arithmetic proves most designs together. Arb decides the others. With a box of devices or with hands, each
-    design is proved separately.
+    Array arithmetic decides most designs together. Arb decides the others. With a box of devices or with hands, the
+    prover proves each design separately.
 
     Parameters
     ----------
     designs : n designs of one device
     demands : constraints on that device
-    box : box of devices for all of which the claims are proved; None for the device alone
+    box : box of devices; the prover proves each claim for all of them; None for the device alone
 
     Returns
     -------

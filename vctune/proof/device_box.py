@@ -1,4 +1,4 @@
-"""Boxes of devices, whose numbers are known within relative half-widths."""
+"""Boxes of devices: each number of a device lies within a relative half-width of its stated value."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class DeviceBox:
     Attributes
     ----------
     nominal : the device with its stated numbers
-    low, high : devices with the least and the greatest values. They are decimals within the intended box, to two units
-        in the last place. If the responses are not known exactly, they are at the edge of the disc (proof/README.md,
-        section 9)
+    low, high : devices with the least and the greatest values. These are decimals inside the stated range, and at most
+        two units in the last place from its ends. If the responses are not known exactly, both devices have a response
+        at the edge of the disc (proof/README.md, section 9)
     """
 
     nominal: Device
@@ -48,8 +48,7 @@ class DeviceBox:
 
     @property
     def loops(self) -> tuple[DeviceBox, ...]:
-        """The boxes of devices whose velocity loops must be stable on their own, without a hand and in the operator's
-        hand."""
+        """The boxes of devices whose velocity loops must be stable: without a hand and in the operator's hand."""
         parts = zip(self.nominal.loops, self.low.loops, self.high.loops, strict=True)
         return tuple(DeviceBox(*ends) for ends in parts)
 
@@ -63,10 +62,10 @@ class DeviceBox:
         return self.low.with_numbers(numbers)
 
     def corners(self) -> list[Device]:
-        """Return the devices at the vertices; for more than `MOST_AT_ONCE` numbers, those with a single number at an
-        end.
+        """Return the devices at the vertices of the box.
 
-        Unmodelled dynamics are at the edge of their disc, in `PHASES` directions.
+        With more than `MOST_AT_ONCE` uncertain numbers, each returned device has one number at an end, and the others
+        at their nominal values. Unmodelled dynamics are at the edge of their disc, in `PHASES` directions.
         """
         box = self.modelled
         ends = {key: (box.low.number(key), box.high.number(key)) for key in box.uncertain}
@@ -86,10 +85,12 @@ class DeviceBox:
 
 PHASES = 8
 """Number of directions on the edge of a disc that the search tries beforehand. The search for the worst device and the
-proof find failures between them. Half and twice as many lead to the same design in more and in fewer rounds."""
+proof find failures between these directions. With half as many directions the search takes more rounds to the same
+design, with twice as many it takes fewer."""
 MOST_AT_ONCE = 4
-"""Greatest number of uncertain numbers for which the search tries all vertices beforehand: 16 vertices. One more number
-would double them; with one less, a fifth round of the exchange finds the rest."""
+"""Greatest number of uncertain numbers for which the search tries all vertices beforehand. Four numbers have 16
+vertices. A fifth number would double them. With a limit of three, the search finds the other vertices in a fifth round
+of the exchange."""
 
 
 def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
@@ -98,8 +99,8 @@ def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
     Parameters
     ----------
     device : the nominal device, with plain floats
-    uncertainty : relative half-widths by key, and the disc of unmodelled dynamics; half-widths for parts that the
-        device lacks are ignored
+    uncertainty : relative half-widths by key, and the disc of unmodelled dynamics; the function ignores half-widths for
+        parts that the device does not have
 
     Returns
     -------
@@ -128,7 +129,7 @@ ADDED = ("mass", "damping")
 
 
 def moved_as_one(box: DeviceBox) -> tuple[str, ...]:
-    """Return the keys of uncertain numbers of a box that matter only in sum with the hand's.
+    """Return the keys of uncertain numbers of a box that matter only in their sum with the number of the hand.
 
     A rigid impedance display measures motion only. Its mass and the hand's mass therefore act as one, and so do the
     dampings.
@@ -139,12 +140,13 @@ def moved_as_one(box: DeviceBox) -> tuple[str, ...]:
 
 
 def felt_with_hand(box: DeviceBox) -> tuple[str, ...]:
-    """Return the uncertain numbers of a box on which the sensed force depends linearly, given their sums with the
-    hand's.
+    """Return the uncertain numbers of a box on which the sensed force depends linearly, if their sum with the number of
+    the hand is given.
 
-    A rigid admittance display moves as its mass and the hand's together do, and so with the dampings. The force that
-    its sensor feels is that of the motor less m a + b v: next to a given motion it is affine in the device's own m and
-    b. A margin that is affine in them too is least where the device's number or the hand's is at an end.
+    The motion of a rigid admittance display depends on the sum of its mass and the hand's mass, and on the sum of both
+    dampings. Its sensor measures the force of the motor minus m a + b v. For a given motion this force is affine in the
+    device's own m and b. A margin that is affine in them too is least where the number of the device or the number of
+    the hand is at an end of its range.
 
     Parameters
     ----------
@@ -156,7 +158,7 @@ def felt_with_hand(box: DeviceBox) -> tuple[str, ...]:
 
 
 def in_longer_hands(box: DeviceBox, hands: Hands, keys: Sequence[str]) -> tuple[DeviceBox, Hands]:
-    """Move the uncertainty of a device's mass and damping into the hands. Only the sums matter.
+    """Move the uncertainty of a device's mass and damping into the hands, because only the sums matter.
 
     Parameters
     ----------
@@ -166,8 +168,8 @@ def in_longer_hands(box: DeviceBox, hands: Hands, keys: Sequence[str]) -> tuple[
 
     Returns
     -------
-    box : box with these numbers at their least
-    hands : hands whose upper ends of these numbers are raised by the box's range, rounded upwards
+    box : box in which these numbers have their least values
+    hands : hands; the function raises the upper ends of these numbers by the box's range and rounds them upwards
     """
     least = {key: box.low.number(key) for key in keys}
     range_ = {key: nextafter(box.high.number(key) - value, inf) for key, value in least.items()}
@@ -179,8 +181,8 @@ def in_longer_hands(box: DeviceBox, hands: Hands, keys: Sequence[str]) -> tuple[
 def late_as_one(box: DeviceBox) -> bool:
     """Return whether two delays of a box are uncertain but only their sum matters.
 
-    The sensed response to a command passes through servo and sensor alike. The firmware's own spring is different: it
-    acts on the measured position, to which the sensor's delay does not apply.
+    The sensed response to a command passes through both servo and sensor. A spring of the firmware is an exception: it
+    acts on the measured position, and the sensor's delay does not apply to that measurement.
 
     Parameters
     ----------
@@ -195,7 +197,7 @@ SUMMED = ("servo.delay", "force_sensor.delay")
 
 
 def in_one_delay(box: DeviceBox) -> DeviceBox:
-    """Return a box with the same sums of both delays and with the sensor's delay at its least.
+    """Return a box with the same sums of both delays. In it the sensor's delay has its least value.
 
     Parameters
     ----------
@@ -209,13 +211,13 @@ def in_one_delay(box: DeviceBox) -> DeviceBox:
 
 
 def in_both_delays(box: DeviceBox, device: Device) -> Device:
-    """Return the device of a box that corresponds to a device of `in_one_delay`, with the servo's delay as long as
-    possible.
+    """Return the device of a box that corresponds to a device of `in_one_delay`. The servo's delay is as long as the
+    box allows.
 
     Parameters
     ----------
     box : box of uncertain servos that satisfies `late_as_one`
-    device : device of the box with one delay
+    device : device of the box that `in_one_delay` returns
     """
     own, other = SUMMED
     delay, least = device.number(own), box.low.number(other)
@@ -224,7 +226,7 @@ def in_both_delays(box: DeviceBox, device: Device) -> Device:
 
 
 def _edge(value: float, change: float) -> float:
-    """Return value (1 + change) in decimals, rounded towards the value: 0.4 by 0.1 is 0.44."""
+    """Return value (1 + change) as a decimal, rounded towards the value: 0.4 changed by 0.1 is 0.44."""
     exact = _exact(value) * (1 + _exact(change))
     edge = float(exact)
     beyond = _exact(edge) < exact if change < 0 else _exact(edge) > exact

@@ -30,7 +30,8 @@ from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.proof.storage.changing import prove_changing
 
 HIGHEST_CORNER = 2 * (1 - 1e-9)
-"""Greatest product of corner and T; above it a < 0. Half and twice its distance from 2 work as well."""
+"""Greatest product of the multiplier's corner, rad/s, and T; above 2 the multiplier's coefficient a is negative. Half
+or twice the distance from 2 works as well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,9 +56,10 @@ class Question:
 
     @property
     def robust(self) -> RobustDesign | None:
-        """The design with its box of devices; None for a single device, or if all devices behave alike.
+        """The design with its box of devices; None for a single device, or without both feedback and unmodelled
+        dynamics.
 
-        Without a loop, a mechanism is passive for any numbers, but not for any response.
+        Without feedback, a mechanism is passive whatever its numbers are. A response within a disc need not be passive.
         """
         if self.box is None or not self.box.uncertain:
             return None
@@ -93,10 +95,10 @@ def _stable(question: Question, _known: Outcomes) -> Outcome:
 
 
 def _unmodelled(question: Question, known: Outcomes) -> Outcome:
-    """Prove that no response within the discs around those of a box makes the loop unstable.
+    """Prove that no response in the discs around the responses of a box makes the loop unstable.
 
-    If |S| is bounded by its limit, |1 - S| is bounded by that limit plus 1. A disc smaller than the reciprocal of this
-    bound needs no proof of its own.
+    If the prover has proved |S| <= limit, then |1 - S| <= limit + 1. A disc with a radius below the reciprocal of
+    limit + 1 therefore needs no proof of its own.
     """
     design, box, demands = question.design, question.box, question.demands
     assert box is not None and box.nominal.unmodelled is not None
@@ -123,7 +125,7 @@ def _hands(question: Question, _known: Outcomes) -> Outcome:
 def _walls(question: Question, known: Outcomes) -> Outcome:
     """Prove the condition of walls. It applies only to loops that are stable with the linear environments.
 
-    Without a corner below 2/T there is no multiplier.
+    If the corner is not below 2/T, the multiplier does not exist.
     """
     worlds, device = question.demands.worlds, question.design.device
     usable = worlds is not None and worlds.corner is not None and worlds.corner * device.sample_time < HIGHEST_CORNER
@@ -154,7 +156,7 @@ PROVERS: dict[ClaimId, Prover] = {
 
 
 def _of_every_loop(prove_poles: Callable[[Device, Gains], Outcome], design: Design) -> Outcome:
-    """Prove the poles stable for the device without a hand and in the hand of its least operator."""
+    """Prove that the poles are stable for the device without a hand and in its least operator's hand."""
     boxes = 0
     for device in design.device.loops:
         outcome = prove_poles(device, design.gains)
@@ -172,7 +174,7 @@ def _for_every_device(
 ) -> Outcome:
     """Prove a claim for the design's own device, and then for every device of the box.
 
-    `in_doubt` is a function that judges a device with a perturbed response at a frequency.
+    `in_doubt` is a function that judges a device with a perturbed response at one frequency.
     """
     nominal, robust = alone(question.design), question.robust
     if robust is None or nominal.verdict is not Verdict.PROVED:

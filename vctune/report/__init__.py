@@ -1,1 +1,1 @@
-"""A design as one page: numbers to curves, curves to figures, figures to a page. Nothing here solves or proves."""
+"""A design as one page: numbers become curves, curves become figures, and figures become a page."""

@@ -18,7 +18,7 @@ from vctune.report.svg.drawing import Drawing
 
 
 def write_report(record: DesignRecord, folder: Path, simulation: SimulationRecord | None = None) -> None:
-    """Write report.html and the figures of a design from its record alone, and remove those of an earlier one.
+    """Write report.html and the figures of a design from its record alone. Delete the figures of an earlier design.
 
     Parameters
     ----------

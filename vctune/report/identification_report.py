@@ -22,7 +22,7 @@ def identification_files(found: Identified, record: IdentificationRecord, folder
     Parameters
     ----------
     found : device, box and studies of the recordings
-    record : the same identification as identification.json holds it
+    record : the same identification, with the content of identification.json
     folder : folder for the files
 
     Returns
@@ -60,7 +60,7 @@ def _page(record: IdentificationRecord, drawn: dict[str, str]) -> str:
 
 
 def _findings(record: IdentificationRecord) -> dict[str, str]:
-    """Return what each figure shows, by its name."""
+    """Return a sentence about each figure, by the figure's name."""
     widest = max(record.numbers, key=lambda each: each.share)
     between = span(widest.low, widest.high, widest.unit)
     found = {"numbers": f"The widest range is that of {widest.key}: {between}, ± {100 * widest.share:.2g} %."}

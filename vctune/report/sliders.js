@@ -1,8 +1,8 @@
-// Closes the loop for tried gains with the constants of the page (report/README.md, section 1). Samples; proves nothing.
+// Computes the loop for tried gains from the constants of the page (report/README.md, section 1). It proves nothing.
 "use strict";
 window.vctune = (() => {
   const given = JSON.parse(document.getElementById("sliders").textContent);
-  const doubles = (text) => { // the highest bytes of each, whose number comes first
+  const doubles = (text) => { // the text begins with the number of bytes of each double
     const size = +text[0], short = atob(text.slice(1)), bytes = new Uint8Array((short.length / size) * 8);
     for (let k = 0; k < short.length; k++) bytes[k + (8 - size) * (Math.floor(k / size) + 1)] = short.charCodeAt(k);
     return [...new Float64Array(bytes.buffer)];
@@ -21,7 +21,7 @@ window.vctune = (() => {
   const times = (a, b) => [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]];
   const over = (a, b) => { const c = times(a, [b[0], -b[1]]), n = abs2(b); return [c[0] / n, c[1] / n]; };
   const abs2 = (a) => a[0] * a[0] + a[1] * a[1];
-  const re = (a, b) => a[0] * b[0] + a[1] * b[1]; // of a conj(b)
+  const re = (a, b) => a[0] * b[0] + a[1] * b[1]; // Re(a conj(b))
   const im = (a, b) => a[1] * b[0] - a[0] * b[1];
   const part = (list, i) => (list ? [list[2 * i], list[2 * i + 1]] : [0, 0]);
   const affine = (number, i, gains) => {
@@ -45,8 +45,8 @@ window.vctune = (() => {
     return drag + b * (r * r / (c * c + r * r));
   }
 
-  // Of each display: the terms of the error at a frequency, what a hand feels of a free and of a rigid environment, and
-  // what a coupling offers and a hand requires at an angle, over `scale` of it.
+  // For each display: the terms of the error at a frequency, the impedance that a hand feels with a free and with a
+  // rigid environment, and Re Z_c and R at an angle (or their duals), both divided by `scale`.
   const admittanceDisplay = {
     gains: (x) => [x[0], x[1]],
     at(x, i) {
@@ -114,7 +114,7 @@ window.vctune = (() => {
 
   function frequencyModel(x) {
     const at = constants.model, curves = { hz: at.hz, admittance: [[]], tracking: [[]], coupling: [[]], error: [[]] };
-    const squares = [0, 1, 2, 3].map(() => ({ mean: 0, peak: 0 })); // of the error and of its three terms
+    const squares = [0, 1, 2, 3].map(() => ({ mean: 0, peak: 0 })); // mean and peak of the error and of its three terms
     at.hz.forEach((hz, i) => {
       const { terms, ...felt } = display.at(x, i);
       for (const [name, values] of Object.entries(felt)) {
@@ -215,7 +215,7 @@ window.vctune = (() => {
   const typeset = (words) => words.replace(/([A-Za-z])_(\w)/g, "<i>$1</i><sub>$2</sub>");
   const made = (parent, tag, properties) => parent.appendChild(Object.assign(document.createElement(tag), properties));
 
-  // A slider is half way at the shipped value, or at its beginning if that is 0.
+  // A slider is in its middle at the shipped value, or at its start if this value is 0.
   function slider(list, { key, symbol, unit, value, low, top }, change) {
     const start = value > 0 ? 500 : 0, box = made(list, "div", { className: "slider" });
     const at = (share) => (share === start ? value : low > 0 ? low * (top / low) ** (share / 1000) : top * (share / 1000) ** 3);
@@ -266,8 +266,8 @@ window.vctune = (() => {
       else {
         made(mark, "strong", { textContent: "tried, not proved" });
         const met = given.worlds
-          ? ": the claim about hands is not looked at here; only the shipped design is proved"
-          : ": meets the constraints at its samples; only the shipped design is proved";
+          ? ": these numbers do not include the claim about hands; only the shipped design is proved"
+          : ": these samples meet the constraints; only the shipped design is proved";
         made(mark, "span", { textContent: missed.length ? ": " + missed.join(", ") : met });
       }
       table.replaceChildren(...[["", "tried", "shipped"], ...rows(found).map(([label, value], k) => [label, value, first[k][1]])].map((cells) => {

@@ -1,4 +1,4 @@
-"""How numbers, units and mathematics are set: one format for the page, its tables and its figures."""
+"""The typography of numbers, units and mathematics: one format for the page, its tables and its figures."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from math import floor, inf, log10
 from typing import NamedTuple
 
 THIN = "\u202f"
-"""Thin space that no line ends at, between a number and its unit."""
+"""Thin space between a number and its unit. A line cannot break at it."""
 DIGITS = 4
-"""Significant digits of a number that is read, not copied."""
+"""Significant digits of a number that a reader reads but does not copy."""
 PLAIN = (0.1, 1e4)
-"""Sizes from which on, and below which, a number keeps its unit without a prefix."""
+"""Sizes between which a number keeps its unit without a prefix."""
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 PREFIXED = ("N", "Hz", "m", "s", "W")
-"""First letters of the units that take a prefix; a kilogram loses its own, that of an inertia keeps it."""
+"""First letters of the units that take a prefix. A mass in kg loses its own prefix; an inertia in kg m2 keeps it."""
 UNITS = ("N m s/rad", "N m/rad", "N s/m", "N/m", "N m", "m/(N s)", "m/N", "kg m2", "kg", "N", "ms", "s")
-"""Units that a sentence may contain, a longer one before its beginning."""
+"""Units that a sentence may contain. A longer unit precedes any unit with which it begins."""
 UNIT = "|".join(map(re.escape, UNITS))
 MEASURED = re.compile(rf"(?<![\w.,])(?:([\d.]+(?:e[+-]?\d+)?) to )?([\d.]+(?:e[+-]?\d+)?) ({UNIT})(?![\w/(])")
 """A number or a range of numbers with a unit."""
@@ -44,13 +44,13 @@ class Quantity(NamedTuple):
 
 
 def quantity(value: float | None, unit: str = "", digits: int = DIGITS) -> Quantity:
-    """Return a number in the unit whose prefix suits it.
+    """Return a number in its unit with a suitable prefix.
 
     Parameters
     ----------
     value : the number; None if there is none
-    unit : its unit without a prefix, "kg" apart; "" for a number without one
-    digits : significant ones
+    unit : its unit without a prefix, except "kg"; "" for a number without a unit
+    digits : number of significant digits
     """
     return _together([value], unit, digits)
 
@@ -60,7 +60,7 @@ def span(low: float, high: float, unit: str = "", digits: int = DIGITS) -> Quant
 
     Parameters
     ----------
-    low, high, unit, digits : of both ends, as of `quantity`
+    low, high, unit, digits : the ends, and the other arguments of `quantity`
     """
     return _together([low, high], unit, digits)
 
@@ -72,12 +72,12 @@ def _together(values: list[float | None], unit: str, digits: int) -> Quantity:
 
 
 def prefixed(size: float, unit: str) -> tuple[int, str]:
-    """Return the power of ten of the prefix for a size, and the unit with that prefix.
+    """Return the power of ten of a prefix that suits a size, and the unit with that prefix.
 
     Parameters
     ----------
     size : greatest absolute value of the numbers
-    unit : their unit without a prefix, "kg" apart
+    unit : unit of the numbers without a prefix, except "kg"
     """
     if size == 0 or PLAIN[0] <= size < PLAIN[1] or not (unit == "kg" or unit.startswith(PREFIXED)):
         return 0, unit
@@ -102,7 +102,7 @@ def _number(value: float | None, power: int, digits: int) -> str:
 
 
 def tick(value: float) -> str:
-    """Return the number at a tick of an axis, a great or small power of ten as such."""
+    """Return the text at a tick of an axis. A very great or small power of ten appears as a power."""
     power = round(log10(value)) if value > 0 else 0
     if value > 0 and abs(value / 10.0**power - 1) < 1e-9 and not -3 < power < 4:
         return f"10{raised(power)}"
@@ -110,21 +110,21 @@ def tick(value: float) -> str:
 
 
 def raised(exponent: int) -> str:
-    """Return an exponent in superior figures."""
+    """Return an exponent in superscript figures."""
     return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def spaced(unit: str) -> str:
-    """Return a unit with thin spaces and its powers raised."""
+    """Return a unit with thin spaces and superscript exponents."""
     return {"deg": "°"}.get(unit, re.sub(r"(?<=[a-z])2\b", "²", unit).replace(" ", THIN))
 
 
 def plain(text: str) -> str:
-    """Return a sentence with its signs and units set, in characters alone.
+    """Return a sentence with typographic signs and units, as plain characters.
 
     Parameters
     ----------
-    text : our own text, with units as `vctune.model.numbers.units` has them
+    text : text of this package, with units as in `vctune.model.numbers.units`
     """
     text = MEASURED.sub(_measured, text)
     for sign, put in SIGNS.items():
@@ -141,24 +141,24 @@ def _measured(found: re.Match[str]) -> str:
 
 
 def html(text: str) -> str:
-    """Return a sentence as HTML: escaped, its symbols in italics, their subscripts below the line.
+    """Return a sentence as escaped HTML, with symbols in italics and subscripts.
 
-    What stands between two ` becomes code.
+    Text between two ` becomes code.
 
     Parameters
     ----------
-    text : as of `plain`
+    text : see `plain`
     """
     words = _with_symbols(escape(plain(text), quote=False), lambda base, below: f"<i>{base}</i><sub>{below}</sub>")
     return re.sub("`([^`]+)`", r"<code>\1</code>", words)
 
 
 def svg_texts(svg: str) -> str:
-    """Return an SVG with the texts of its figure set: real subscripts, signs and thin spaces.
+    """Return an SVG whose texts have subscripts, typographic signs and thin spaces.
 
     Parameters
     ----------
-    svg : a figure's file, whose texts are elements
+    svg : a figure's SVG file, with texts as elements
     """
 
     return re.sub(
@@ -177,7 +177,7 @@ def svg_text(words: str) -> str:
 
 
 RAISED = '<tspan dy="-.18em">\u200b</tspan>'
-"""Back to the line: an empty character that takes the text behind it along."""
+"""An empty character that moves the following text back to the base line."""
 
 
 def _lowered(base: str, below: str) -> str:

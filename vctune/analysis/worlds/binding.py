@@ -28,7 +28,7 @@ def binding_world(
     factor: float,
     worlds: Worlds | None = None,
 ) -> World | None:
-    """Return the environment, without the damping that it lacks; None at the ends, where any environment suffices.
+    """Return the environment without an additional damping; None at the ends, where any environment suffices.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""The environment that runs late or by Euler's rules with which a refuted loop grows in a hand (model/README.md,
-section 20).
+"""Find the environment, late or stepped by Euler's rules, with which a refuted loop grows (model/README.md, section
+20).
 
-At the witness a member of the box holds a pole on the unit circle. The pole is followed on the way from that member to
-each corner of the box, and the member with which it grows most is the witness.
+At a frequency where the claim fails, some member of the box holds a pole on the unit circle. The code moves from this
+member to each corner of the box and follows the pole. It returns the member with which the motion grows fastest.
 """
 
 from __future__ import annotations
@@ -23,17 +23,21 @@ from vctune.model.sampled.worlds.loop_in_late_worlds import LEADING
 from vctune.model.worlds import Worlds
 
 LEAST_ANGLE = 1e-6
-"""Angle next to an end at which no pole is followed, rad; half and twice it find the same growth."""
+"""Least distance, rad, of an angle from 0 and pi at which the code follows a pole. Half or twice this distance gives
+the same growth."""
 STEPS_TO_CORNER = 6
-"""Steps from a member to a corner. Half may lose the pole, twice follow the same poles."""
+"""Number of steps from a member to a corner. With half as many steps, the code may lose the pole; with twice as many,
+it follows the same poles."""
 FARTHEST_MOVE = 0.3
-"""Greatest move of a pole in one step, relative to its angle. Half loses some; twice may lead to another."""
+"""Greatest move of a pole in one step, relative to its angle. With half this move, the code loses some poles; with
+twice this move, it may switch to another pole."""
 GROWTH = 1e-9
-"""Growth in a radian from which on a motion counts as growing; it is above Newton's rounding."""
+"""Growth per radian above which a motion counts as growing. This threshold exceeds the rounding error of Newton's
+method."""
 OUTSIDE = 1e-9
-"""Share of a range by which rounding may put a member outside of it."""
+"""Share of a range by which rounding may put a member outside the range."""
 PARALLEL = 1e-12
-"""Determinant of two factors, relative to the square of the greater, below which they have the same direction."""
+"""Determinant of two factors, relative to the square of the greater factor, below which they count as parallel."""
 
 Member = tuple[float, float, float]
 """Mass, damping and stiffness of an environment of the box."""
@@ -43,7 +47,7 @@ Member = tuple[float, float, float]
 def growing_in_time(
     device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, omega: float, worlds: Worlds
 ) -> GrowingEnvironment | None:
-    """Return the environment of a box that a loop in a hand grows with, for a frequency where one holds a pole.
+    """Return the environment of a box with which a loop in a hand grows, for a frequency where one member holds a pole.
 
     Parameters
     ----------
@@ -55,7 +59,7 @@ def growing_in_time(
     Returns
     -------
     GrowingEnvironment or None
-        None if no member is found to grow.
+        None if the code finds no member with which the motion grows.
     """
     T = device.sample_time
     theta, alone = min(max(omega * T, LEAST_ANGLE), pi - LEAST_ANGLE), impedance_met(device, gains, coupling, hand)
@@ -70,7 +74,7 @@ def growing_in_time(
     growing = [(pole_angle, member) for pole_angle, member in poles if pole_angle.imag < -GROWTH * abs(pole_angle)]
     if not growing:
         return None
-    # z = e^(j pole_angle) grows by -Im in a sample; the angle modulo 2 pi is the aliased frequency, to Nyquist
+    # z = e^(j pole_angle) grows by -Im in a sample; its angle modulo 2 pi is the aliased frequency, at most Nyquist
     pole_angle, (mass, damping, stiffness) = min(growing, key=lambda held: held[0].imag)
     of_mass = mass > 0
     return GrowingEnvironment(
@@ -102,8 +106,8 @@ def environment_factors(pole_angle: complex, sample_time: float, worlds: Worlds)
 def member_of_impedance(impedance: complex, factors: np.ndarray, worlds: Worlds) -> Member | None:
     """Return a member with this impedance: two of its numbers solve for it, and the third is at a finite end.
 
-    The members with one impedance are on a line. Some number decreases along the line and ends at its least value at
-    the latest, so that a finite end suffices.
+    The members with a given impedance lie on a line. In one direction along this line a number decreases until it
+    reaches its least value, which is finite. The function therefore needs to try finite ends only.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ class LoopResponse(NamedTuple):
     im_slope : `im_C_conj_D_scaled` divided by omega, regular at omega = 0; None if the former does not vanish there
     resistance : Re(N conj D) + b_h |N|^2, not scaled, N s/m. It is |D|^2 Re G_hh without an operator; for a rigid
         device in the hand of its least operator it is Re(D + Z_h)
-    operator_relief : 2 b_h Re(F_s C_0 conj N), the term by which an operator eases the conditions, (N s/m)^2, not
+    operator_relief : 2 b_h Re(F_s C_0 conj N), the term by which an operator relaxes the conditions, (N s/m)^2, not
         scaled; None without an operator
     """
 

@@ -28,7 +28,7 @@ def moduli(loop: LoopResponse, ops: Arithmetic) -> Number:
     Returns
     -------
     Number
-        (N s/m)^2 times `scale2`, since both factors carry the scale. The result has the shape of the loop's
+        (N s/m)^2 times `scale2`, because both factors contain the scale. The result has the shape of the loop's
         frequencies.
     """
     C, D = loop.C_scaled, loop.D_scaled

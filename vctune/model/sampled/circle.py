@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 
 OfParts = Callable[[Number, Number], Any]
-"""Type of a function that makes the complex number even + j s odd from even and odd."""
+"""Type of a function that returns the complex number even + j s odd for given even and odd."""
 
 
 class Circle(NamedTuple):

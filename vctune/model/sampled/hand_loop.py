@@ -6,9 +6,9 @@ difference and the impedance that the environment sees:
 
     Delta = 1 + K_v G_v + K_p G_x,   Z_seen = -G_f (K_v + (T/2) K_p (1 + z^-1)/d)/Delta,
 
-where the firmware samples f just before the next command acts. Cleared of denominators they are F and P/(2 j s),
-numbers even + j s odd. F and P stay regular at theta = 0, and are affine in the gains. Their constants depend on device
-and hand alone:
+where the firmware samples f just before the next command acts. Multiplied by their common denominators they are F and
+P/(2 j s), which are numbers even + j s odd. F and P stay regular at theta = 0, and are affine in the gains. Their
+constants depend on device and hand alone:
 
     R = -Re Z_seen = -o/(2 |F|^2),   P conj F = e + j s o.
 """
@@ -264,7 +264,7 @@ def _force_in_hand(
     plant: PlantInHand, open_loop: EvenOdd, position: EvenOdd, cos: Number, square: Number
 ) -> ForceInHand:
     """Return the loop of an impedance display from the determinant and the numerator of the position."""
-    # met = 2 j s F G_y/s^2 with G_y = 2 j s e^{-j theta/2} G_x/T, whence (2 j s)^2/s^2 = -4
+    # met = 2 j s F G_y/s^2 with G_y = 2 j s e^{-j theta/2} G_x/T, and (2 j s)^2/s^2 = -4
     d, unit = EvenOdd(2 * square, 2 * cos, square), plant.sample_time / plant.mass
     velocity, met = position * d, position * EvenOdd(-4 * cos, 4, square)  # -4 e^{-j theta/2} G_x/T
     if plant.low_pass is not None:
@@ -321,9 +321,9 @@ class SeenByTool(NamedTuple):
 
     Attributes
     ----------
-    given, lost : shares of the coupling and of the loop in the real part
-    swing : minus the imaginary part; it is > 0 for a spring
-    size : > 0 unless the loop has a pole with the tool held
+    given, lost : resistance that the coupling gives, and resistance that the loop loses, both times `size`
+    swing : minus the imaginary part, times s size; > 0 for a spring
+    size : denominator; > 0 unless the loop has a pole with the tool held
     """
 
     given: Number
@@ -416,8 +416,8 @@ def room(
 ) -> Number:
     """Return (offered - factor R) times a positive number, so that the result has the sign of the margin.
 
-    The positive number is the product of both denominators. The function divides by nothing, so that the result is
-    regular where `offered` or R is 0/0.
+    The positive number is the product of both denominators. The function does not divide, so that the result is regular
+    where `offered` or R is 0/0.
 
     Parameters
     ----------

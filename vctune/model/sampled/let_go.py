@@ -226,7 +226,7 @@ def return_difference(plant: Plant, theta: Number, ops: Arithmetic, *, position:
             travel = travel * denominator
     if not position:
         return ReturnDifference(open_loop, velocity.scaled(unit), Pair(0, 0))
-    difference = Pair(2 * square, 2 * sin * cos)  # 1 - 1/z; the position is the travel of a sample over it
+    difference = Pair(2 * square, 2 * sin * cos)  # 1 - 1/z; the position is the travel in one sample divided by it
     return ReturnDifference(
         open_loop * difference, velocity.scaled(unit) * difference, travel.scaled(unit * plant.sample_time)
     )

@@ -27,7 +27,7 @@ WITHIN = 2.0
 stiff hands at long sample times would need general matrix functions, which take ten times as long. With twice this
 limit, the series would need twice as many terms."""
 COEFFICIENT = 3.3
-"""Upper bound of 2 zeta(2). For n >= 2 and x between 0 and 1, |B_n(x)|/n! is at most 2 zeta(n)/(2 pi)^n."""
+"""Upper bound of 2 zeta(2). If n >= 2 and x is between 0 and 1, |B_n(x)|/n! is at most 2 zeta(n)/(2 pi)^n."""
 RAISED = 1 + 1e-9
 """Factor that covers the rounding errors in a bound. Half or twice its excess over 1 would serve as well."""
 

@@ -1,6 +1,7 @@
 """Sample a servo and its force sensor exactly (model/README.md, section 17).
 
-Velocity, acceleration and position pass through servo and sensor alike. So the code may put the sensor's low-pass after
+Velocity, acceleration and position pass through both servo and sensor. The code may therefore put the sensor's low-pass
+after
 the servo's, and add both delays to (N + delta) T. The two low-passes form a chain x' = A x + b u with T = 1. The first
 state of the chain is the sensed velocity. All states are 1 at rest with u = 1. With w = z^-1 and d = 1 - w, the pulse
 transfer functions from the held velocity are
@@ -11,8 +12,8 @@ where q_i is the first entry of A^i d g p with d g p = h - w p, l is the first e
 
     p = (w + d g)^-1 h,   g = 1/(1 - e^A) = 1/2 - f A^-1,   f = (A/2) coth(A/2),   h = e^(A (1 - delta)) (1, 1, ...).
 
-Only h and one term of G_x contain delta, and g is nearly linear in the lags -A^-1. So enclosures over boxes of
-uncertain delays and bandwidths stay tight.
+Only h and one term of G_x contain delta, and g is nearly linear in the lags -A^-1. Enclosures over boxes of uncertain
+delays and bandwidths therefore stay narrow.
 """
 
 from __future__ import annotations

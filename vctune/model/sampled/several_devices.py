@@ -48,7 +48,7 @@ def alike(devices: Sequence[Device]) -> list[list[int]]:
 
 
 def as_one(devices: Sequence[Device], shape: tuple[int, ...]) -> SeveralDevices:
-    """Return alike devices as one device.
+    """Return similar devices (`alike`) as one device.
 
     Parameters
     ----------

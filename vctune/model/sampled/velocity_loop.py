@@ -7,7 +7,7 @@ With w = z^-1 and d = 1 - w, the pulse transfer functions from the held command 
 
 with polynomials that are homogeneous in d and w, O = sum c_k d^k w^(n-k). As polynomials of z - 1, they have the same
 coefficients, and no terms cancel near z = 1. The firmware estimates the velocity as L G_v or L d G_x/T, with the
-low-pass L = a^r/(d + a w)^r. So the loop's return difference, cleared of its denominators, is
+low-pass L = a^r/(d + a w)^r. The loop's return difference, multiplied by its denominators, is therefore
 
     F = d O (d + a w)^r + K_v V d + K_p P (d + a w)^r,
 

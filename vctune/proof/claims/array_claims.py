@@ -76,10 +76,10 @@ from vctune.proof.engine.boxes import FREQUENCY, SAMPLES_BEFORE, WHOLE_SAMPLES, 
 from vctune.proof.engine.sharing import shared
 
 SHARES = "share of the integrator", "share of the hand's stiffness in the rest"
-"""Names of the rows that hold the shares of rho, with which F vanishes at theta = 0, K_p = 0 and no hand's
-stiffness."""
+"""Names of the rows for the shares of rho. rho is the factor by which F vanishes at theta = 0 with K_p = 0 in a hand
+without stiffness."""
 AT_REST = (FREQUENCY, STIFFNESS)
-"""Names of the rows of boxes of hands that both begin at 0 there: the angle and the stiffness."""
+"""Names of the two rows of a box of hands that both begin at 0 there: the angle and the stiffness."""
 
 
 WORLD_ENDS = tuple(tuple(f"{key}.{end}" for key in WORLD) for end in ("min", "max"))
@@ -98,19 +98,19 @@ class Claims:
     Attributes
     ----------
     conditions, sensitivity : margins that must be positive; `sensitivity` is a function of theta
-    conditions_near_zero : margin near omega = 0 that proves as much as `conditions`
+    conditions_near_zero : margin near omega = 0; where it is positive, `conditions` hold
     unmodelled : margin in theta that must be positive if the device's response is not known exactly
     conditions_near_infinity : `conditions` at omega = 1/v, as a function of v; for hold "lag" without delay
     clamped : two margins that must both be positive if the response lies within a disc and `conditions` hold at its
         edge
     resistance : the loop's resistance, N s/m, which must be positive for every coupling
-    in_hand : margins in theta, of which one must be positive in every hand
-    above_bound : margin in theta, `OFFSET` and `SLOPE` that proves as much as `in_hand` for the gains of that bound
+    in_hand : margins in theta; in every hand one of them must be positive
+    above_bound : margin in theta, `OFFSET` and `SLOPE`; where it is positive, so is `in_hand` for the bound's gains
     any_hand : two margins in theta that must both be positive for any passive hand on an impedance display
     required_in_hands : the least feasible Re Z_c in a hand, N s/m, as a function of theta; unbounded where F may be 0
     poles_in_hand : curve of a hand and theta that must not turn around 0
     required : the least feasible Re Z_c, N s/m, where the resistance is positive in the whole box; unbounded elsewhere
-    sensitivity_any_position : margin that proves as much as `sensitivity` for every K_p, also near theta = 0
+    sensitivity_any_position : margin, also near theta = 0; where it is positive, `sensitivity` is for every K_p
     model_poles, sampled_poles : curves of omega and of theta that must not turn around 0
     model_any_position, sampled_any_position : margins; where they are positive, the curve is not 0 for any K_p > 0
     sampled_any_phase, sensitivity_any_phase : margins in theta for any number of whole samples of delay; where they are
@@ -147,7 +147,7 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
     Parameters
     ----------
     demands : constraints with the device, the factor and the limits of the claims
-    uncertain : keys of the device's numbers that each function takes from its values, as `device.KEY`
+    uncertain : keys of the device's uncertain numbers; each function takes them from its values, as `device.KEY`
 
     Returns
     -------
@@ -221,16 +221,16 @@ def hands_margins(
     lead: float = 0.0,
     sides: tuple[str, ...] | None = None,
 ) -> Margins:
-    """Return the margins of which one must be positive in every hand.
+    """Return margins in every hand, one of which must be positive at each point.
 
     Parameters
     ----------
     demands : the constraints
-    uncertain : keys of the device's numbers that the margins take from their values
+    uncertain : keys of the device's uncertain numbers, which the margins take from their values
     delays : whole samples of the delays, the same for all devices
     ops : arithmetic of theta and the values
-    lead : rule of the walls: 0 for the trapezoidal rule, 1 for backward Euler
-    sides : of environments that run late or by Euler's rules, those that are looked at; None for all
+    lead : stepping rule of the walls: 0 for the trapezoidal rule, 1 for backward Euler
+    sides : names of the sides to examine, for environments that run late or by Euler's rules; None for all sides
 
     Returns
     -------
@@ -276,12 +276,12 @@ def hands_margins(
 
 
 def worlds_of(values: Values, otherwise: Worlds) -> Worlds:
-    """Return the environments whose ends are among some values.
+    """Return environments whose ends come from a mapping of values.
 
     Parameters
     ----------
     values : values by name; some names may be from `WORLD_ENDS`
-    otherwise : environments with the ends that are not among the values
+    otherwise : environments that supply the ends that are not in the mapping
     """
     ends = (astuple(otherwise.low), astuple(otherwise.high))
     least, most = (
@@ -294,12 +294,12 @@ def worlds_of(values: Values, otherwise: Worlds) -> Worlds:
 def whenever_margins(
     demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS
 ) -> Margin:
-    """Return a margin that proves as much for a servo with any number of whole samples of delay.
+    """Return a margin that implies the claim for a servo with any number of whole samples of delay.
 
     Parameters
     ----------
     demands : the constraints
-    uncertain : keys of the device's numbers that the margin takes from its values
+    uncertain : keys of the device's uncertain numbers, which the margin takes from its values
     delays : delays whose whole samples the margin ignores
     ops : arithmetic of theta and the values
 
@@ -359,8 +359,10 @@ def bounded_in_any_hand(device: Device) -> Margin:
 
 
 def _above_bound(demands: Demands) -> Margin:
-    """Return the margin of a coupling against a bound of R in all hands, as a function of theta, `OFFSET` and
-    `SLOPE`."""
+    """Return the margin of a coupling against a bound of R in all hands.
+
+    The margin is a function of theta, `OFFSET` and `SLOPE`.
+    """
     device, factor = demands.device.converted(decimal), decimal(demands.factor)
 
     def margin(theta: Number, v: Values) -> Number:
@@ -375,13 +377,13 @@ def limp_hands_margins(
 ) -> tuple[Margin, ...]:
     """Return the margins of `hands_margins` for theta near 0, a hand without stiffness and K_p = 0.
 
-    They are functions of theta and of values, with the values of `HAND` and those of `SHARES`, each between 0 and 1.
-    Margins that decide nothing there are omitted. With a box of environments, K_p is 0.
+    They are functions of theta and of values by name: those of `HAND` and those of `SHARES`, each share between 0 and
+    1. The function omits margins that decide nothing there. With a box of environments, K_p is 0.
 
     Parameters
     ----------
     demands : the constraints
-    uncertain : keys of the device's numbers that the margins take from their values
+    uncertain : keys of the device's uncertain numbers, which the margins take from their values
     delays : whole samples of the delays, the same for all devices
     lead : see `hands_margins`
     """
@@ -430,7 +432,7 @@ def any_hand_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delay
     Parameters
     ----------
     demands : constraints with the device and the factor
-    uncertain : keys of the device's numbers that the margins take from their values
+    uncertain : keys of the device's uncertain numbers, which the margins take from their values
     delays : whole samples of the delays, the same for all devices
 
     Returns
@@ -455,17 +457,17 @@ def _uncertain_device(nominal: Device, uncertain: tuple[str, ...]) -> Callable[[
 def _plant_in_hand(
     nominal: Device, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS
 ) -> Callable[[Values], AnyPlantInHand]:
-    """Return the device in a hand as a function of values. It samples once for boxes with the same hand and device."""
+    """Return the device in a hand as a function of values. Boxes with equal hands and devices share one computation."""
     exact, rows = nominal.converted(decimal), HAND + tuple(f"device.{key}" for key in uncertain)
 
-    if nominal.servo is not None and not uncertain:  # sampled once, in balls, whose enclosures are half a digit wide
+    if nominal.servo is not None and not uncertain:  # sampled once, in balls; their enclosures are half a digit wide
         with ctx.workprec(PRECISION):
             known = plant_in_hand(device_ball(nominal), NO_HAND, delays, BALLS)
         assert isinstance(known, ServoInHand)
         servo = known.plant.converted(enclosure_of)
         return lambda v: ServoInHand(servo, Hand.of(v))
 
-    if nominal.servo is not None:  # no hand moves a servo
+    if nominal.servo is not None:  # the hand does not affect the servo's motion
 
         def servo_of(*numbers: Number) -> ServoPlant:
             found = plant_in_hand(exact.with_numbers(dict(zip(uncertain, numbers, strict=True))), NO_HAND, delays, ops)
@@ -492,9 +494,10 @@ def _plant_in_hand(
 def _devices(
     nominal: Device, uncertain: tuple[str, ...]
 ) -> tuple[Callable[[Values], Device], Callable[[Values], Plant]]:
-    """Return the device and its sampled plant as functions of a claim's values. For a certain device they are constant.
+    """Return the device and its sampled plant as functions of a claim's values.
 
-    Boxes of the same devices at several frequencies share one sampled plant.
+    Without uncertain numbers both are constant. Boxes of the same devices at several frequencies share one sampled
+    plant.
     """
     exact = nominal.converted(decimal)
     whole, fraction = split_delay(nominal.delay, nominal.sample_time)

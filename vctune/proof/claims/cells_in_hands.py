@@ -1,6 +1,6 @@
 """Prove the constraint in every hand of a box for many cells of gains, also near theta = 0, where the margin vanishes.
 
-With a box of environments one of several margins has to be positive. See proof/README.md, section 10.
+With a box of environments, at least one of several margins has to be positive. See proof/README.md, section 10.
 """
 
 from __future__ import annotations
@@ -28,22 +28,23 @@ from vctune.proof.engine.polynomial_tests import any_positive
 
 MAX_HALVINGS, MAX_BOXES, TOGETHER = 4 * CELL_HALVINGS, 30_000, 128
 """Greatest number of halvings of a box of angle and hand, greatest number of boxes for a cell, and number of cells that
-are proved together, so that their boxes fit into memory. Feasible cells take up to 30,000 boxes, most some thousand.
-With 12,000 boxes the prover leaves some of the cells near K_p = 0 to smaller cells."""
+the prover treats together, so that their boxes fit into memory. Feasible cells take up to 30,000 boxes, most some
+thousand. With 12,000 boxes the prover leaves some of the cells near K_p = 0 open, and the caller divides them."""
 IN_WORLDS = 5_000
 """Greatest number of boxes for a cell with a box of environments. Most feasible cells take some thousand. With six
 times as many, 0.1 % less of a plane is undecided."""
 AT_REST = 0.1
-"""Greatest K_p T^2/m of cells that are proved separately near theta = 0, as a share of the first interval of angles."""
+"""Greatest K_p T^2/m, as a share of the first interval of angles, for which the prover treats a cell separately near
+theta = 0."""
 
 MASS = "coupling.mass"
 FEW = 1024
-"""Number of boxes that take about as long as one, since the arrays of many cells are long anyway. An eighth of this
-number takes a fifth longer."""
+"""Number of boxes up to which an array takes about as long as one box. It is large because the arrays of many cells are
+long. An eighth of this number takes a fifth longer."""
 
 
 def hold_in_hands(demands: Demands, cells: Cells) -> Flags:
-    """Return the cells all of whose designs meet the constraint in every hand and have no pole on the unit circle.
+    """Return the cells in which every design meets the constraint and has no pole on the unit circle, in every hand.
 
     Parameters
     ----------
@@ -52,7 +53,7 @@ def hold_in_hands(demands: Demands, cells: Cells) -> Flags:
     """
     limp = _next_to_rest(demands, cells)
     proved = np.zeros(len(cells), bool)
-    if demands.worlds is not None:  # a coupling that bears every passive environment takes far fewer boxes
+    if demands.worlds is not None:  # the proof for every passive environment takes far fewer boxes if it succeeds
         proved = hold_in_hands(replace(demands, worlds=None), cells)
         limp &= ~proved
     for some in _few(np.flatnonzero(~limp & ~proved)):
@@ -71,7 +72,7 @@ def _few(at: Integers) -> Iterator[Integers]:
 
 
 def _next_to_rest(demands: Demands, cells: Cells) -> Flags:
-    """Return the cells with so small a K_p that the margin in a hand without stiffness nearly vanishes at theta = 0."""
+    """Return the cells with a K_p so small that the margin in a hand without stiffness nearly vanishes at theta = 0."""
     assert demands.hands is not None
     if not _senses_force_in_a_loop(demands) or demands.hands.low.stiffness > 0:
         return np.zeros(len(cells), bool)
@@ -79,7 +80,8 @@ def _next_to_rest(demands: Demands, cells: Cells) -> Flags:
 
 
 def _stiffness_of(demands: Demands, theta: float) -> float:
-    """Return the stiffness, N/m, that contributes as much as an angle to the factor with which the margin vanishes."""
+    """Return the stiffness, N/m, that contributes as much as an angle to rho, the factor with which the margin
+    vanishes."""
     return theta * demands.device.mass / demands.device.sample_time**2
 
 
@@ -94,9 +96,9 @@ def _proved_everywhere(demands: Demands, cells: Cells) -> Flags:
 
 
 def _in_hand(demands: Demands, boxes: Boxes) -> Test:
-    """Return the test that a margin in a hand is positive. At theta = 0 the coupling offers its drag alone.
+    """Return the test that a margin in a hand is positive. Near theta = 0 it uses only the coupling's drag.
 
-    There a heavy coupling changes within a millionth of the angles, and nothing else changes as fast.
+    The impedance of a heavy coupling changes there within a millionth of the range of angles.
     """
     if demands.worlds is not None:
         spans = boxes.high.max(axis=1, initial=0.0, keepdims=True) - boxes.low.min(axis=1, initial=inf, keepdims=True)
@@ -113,12 +115,12 @@ def _by_drag(margin: Margin) -> Margin:
 
 
 def _proved_apart(demands: Demands, cells: Cells) -> Flags:
-    """Prove the constraint near theta = 0 with the margin divided by what it vanishes with, and elsewhere as it is."""
+    """Prove the constraint with the margin divided by rho^2 near theta = 0, and with the margin itself elsewhere."""
     hands, (first, others) = demands.hands, _parted(_band())
     assert hands is not None
     stiffness = min(hands.high.stiffness, _stiffness_of(demands, first[1][0]))
     softer = replace(hands, high=replace(hands.high, stiffness=stiffness))
-    passive = replace(demands, worlds=None)  # with K_p > 0 only the real part has a margin for these shares
+    passive = replace(demands, worlds=None)  # with K_p > 0 only the real part has a margin that takes these shares
     proved = _prove(
         positive(_by_drag(*limp_hands_margins(passive, (), delays_of(demands.device))), {}),
         _with_shares(over_hands(cells, softer, first)),

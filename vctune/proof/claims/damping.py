@@ -1,8 +1,8 @@
 """Find gains for which no coupling damping b_c works: the intervals required at different frequencies are disjoint.
 
-Re Z_c - b_0 = b M^2/(b^2 + M^2) with M = omega m_c is at least r for b between M (M -+ sqrt(M^2 - 4 r^2))/(2 r), and
-for no b where r > M/2. Since it grows with m_c and b_0, the greatest values of these decide. For the coupling as the
-firmware runs it, omega is (2/T) tan(theta/2).
+For M = omega m_c, Re Z_c - b_0 = b M^2/(b^2 + M^2). It is at least r if b lies between M (M -+ sqrt(M^2 - 4 r^2))/(2
+r). If r > M/2, no b suffices. Re Z_c grows with m_c and b_0, so the function uses their greatest values. For the
+coupling as the firmware runs it, omega is (2/T) tan(theta/2).
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from vctune.proof.engine.boxes import Cells
 GUARD = 1e-14
 """Bound on the relative rounding error of a cell's requirement on b_c: 90 u with u = 2^-53.
 
-The difference factor R - b_0 may cancel. It has 5 roundings: the product is wrong by at most u factor R, 1 + `GUARD`
-and its product with b_0 by 2 u b_0, and the difference and its product with 1 - `GUARD` (which is exact to u) by 3 u of
-the difference. Together these are at most 4 u factor R. The raised b_0 and the lowered difference allow for `GUARD`
-(b_0 + (factor R - b_0)) = `GUARD` factor R, which is 22 times as much. M - 2 r is exact where it cancels (Sterbenz
-1974). The remaining dozen operations act on positive numbers and include a tangent with 8 units in the last place;
-`ROUNDING_OF_BOUNDS` covers them 1e5 times. Half and twice this guard decide alike.
+The difference factor R - b_0 may cancel. It has 5 roundings. The product has an error of at most u factor R. The factor
+1 + `GUARD` and its product with b_0 contribute 2 u b_0. The difference and its product with 1 - `GUARD`, which is exact
+to u, contribute 3 u of the difference. Together these errors are at most 4 u factor R. The raised b_0 and the lowered
+difference allow for `GUARD` (b_0 + (factor R - b_0)) = `GUARD` factor R, which is 22 times as much. M - 2 r is exact
+where it cancels (Sterbenz 1974). The other dozen operations act on positive numbers and include a tangent with 8 units
+in the last place; `ROUNDING_OF_BOUNDS` covers them 1e5 times. Half or twice this guard leads to the same decisions.
 """
 ROUNDING_OF_BOUNDS = 1e-9
 """Rounding allowance: two intervals of b_c must be this far apart to exclude each other. Half or twice this allowance
@@ -62,7 +62,7 @@ def no_damping(demands: Demands, cells: Cells, places: Places) -> Flags:
     ----------
     demands : constraints with device, factor, band and hands
     cells : n cells; the edges of b_c and the upper edges of m_c and b_0 decide
-    places : frequencies and hands at which R is bounded from below; several for each cell
+    places : frequencies and hands, several for each cell, at which the function bounds R from below
 
     Returns
     -------

@@ -67,7 +67,7 @@ class Part:
             decided = test(boxes)
             outside = (total(boxes.low) > most) | (total(boxes.high) < least)
             there = (total(decided.point) >= least) & (total(decided.point) <= most)
-            decided.side[rows] = 0.0  # the end may lie outside the part, where it does not count
+            decided.side[rows] = 0.0  # an end outside the part is not a valid point
             return replace(decided, proved=decided.proved | outside, fails=decided.fails & there)
 
         return tested
@@ -88,7 +88,7 @@ DELAY_ROWS = tuple(map(row_of, DELAYS))
 def parts_of(device: Device, ends: Ends, *, apart: bool = False) -> list[Part]:
     """Divide a box of devices by the whole samples of their delays; return its parts.
 
-    Known delays give one part.
+    If the delays are known exactly, there is one part.
 
     Parameters
     ----------

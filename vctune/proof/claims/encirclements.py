@@ -1,6 +1,6 @@
 """Count how often the curves of the loop go around 0, for many cells of designs at once. 0 means no unstable pole.
 
-See proof/README.md, section 2.
+See proof/README.md, section 8.
 """
 
 from __future__ import annotations
@@ -35,10 +35,11 @@ class Encirclements:
 
     Attributes
     ----------
-    number : turns of the frequency model's curve, if the claim needs it, and of the curve of each sampled loop, one row
-        each, shape (rows, n); 0 where stable, nan if undecided or not constant over the cell
+    number : number of turns, shape (rows, n). The first row is for the frequency model's curve, if the claim needs it;
+        each further row is for the curve of a sampled loop. 0 for a stable loop; nan if undecided or not constant over
+        the cell
     boxes : number of boxes at the cells' centres for the model and for the sampled loop, shape (2, n)
-    throughout : number of boxes that prove that no pole crosses the boundary within a cell, shape (n,)
+    throughout : number of boxes of the proof that no pole crosses the boundary within a cell, shape (n,)
     """
 
     number: Floats
@@ -47,7 +48,7 @@ class Encirclements:
 
 
 def encirclements(demands: Demands, cells: Cells) -> Encirclements:
-    """Return how often the loop's curves go around 0 for each cell (proof/README.md, section 2).
+    """Return how often the loop's curves go around 0 for each cell (proof/README.md, section 8).
 
     Parameters
     ----------
@@ -68,7 +69,7 @@ def encirclements(demands: Demands, cells: Cells) -> Encirclements:
 
 
 def _encirclements(demands: Demands, cells: Cells) -> Encirclements:
-    """Return the numbers for one loop: those at a cell's centre, if no pole crosses the boundary within the cell."""
+    """Return the numbers for one loop. If no pole crosses the boundary within a cell, they are those of its centre."""
     claims, device = claims_of(demands), demands.device
     same, throughout = np.ones((2, len(cells)), bool), np.zeros(len(cells), np.intp)
     if cells.extended:
@@ -76,8 +77,7 @@ def _encirclements(demands: Demands, cells: Cells) -> Encirclements:
     number, boxes = np.full((2, len(cells)), np.nan), np.zeros((2, len(cells)), np.intp)
     calm = np.flatnonzero(same.any(axis=0))
     points = cells.subset(calm).centres()
-    # the arguments are those of `vctune.proof.claims.model_poles`: the model's curve ends within a third of a turn of
-    # its
+    # `vctune.proof.claims.model_poles` gives the arguments: the model's curve ends within a third of a turn of its
     # limit; the sampled loop's curve begins at F(1) > 0 and ends on the real axis
     if demands.passive:
         goal, end = final_angle(device, integral=bool(points.high[1].any())), model_curve_end(device, points)
@@ -90,7 +90,7 @@ def _encirclements(demands: Demands, cells: Cells) -> Encirclements:
 def _turns_at(
     curve: Curve, points: Cells, end: float, turn: float, goal: float = 0.0, fixed: Values | None = None
 ) -> tuple[Floats, Integers]:
-    """Return how often a curve goes around 0 at each point (nan if undecided), and the number of boxes."""
+    """Return how often a curve goes around 0 at each point (nan if undecided), and the number of evaluated boxes."""
     test, angles = misses_zero(curve, fixed or {}), turned_angles(curve, fixed or {})
     found = cells_over_band(test, points, 0.0, end, angles)
     return np.where(found.proved, np.round((goal - found.total) / turn), np.nan), found.boxes
@@ -173,7 +173,7 @@ def model_curve_end(device: Device, cells: Cells, ops: Arithmetic = FLOATS) -> f
     Returns
     -------
     float
-        rad/s; > 0 even if no loop is closed.
+        rad/s; > 0 even without feedback.
     """
     K_v, K_p = (float(row.max(initial=0.0)) for row in cells.high[:2])
     return (1 + NEAR) * max(curve_end(device, K_v, K_p, ops), NEAR / ops.magnitude(device.sample_time))

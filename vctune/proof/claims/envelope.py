@@ -1,4 +1,4 @@
-"""A proved upper bound of the resistance that hands require of a coupling: straight pieces over the angle.
+"""A proved upper bound of the resistance that a coupling needs in hands: straight pieces over the angle.
 
 The requirement in a hand depends on the gains alone. If many couplings have the same gains, the prover bounds it once
 and compares each coupling with the bound, over the angle alone.
@@ -30,27 +30,29 @@ from vctune.proof.engine.branching import Proofs, prove
 from vctune.proof.engine.polynomial_tests import FEW, positive_by_polynomials
 
 STEP = 1.05
-"""Ratio of the edges of a piece. The square root of this ratio takes a third more boxes and leaves as much of a plane
-open. Its square takes a tenth fewer boxes and leaves half as much again open."""
+"""Ratio of the edges of a piece. Its square root takes a third more boxes and leaves as much of a plane of gains open.
+Its square takes 10 % fewer boxes and leaves 50 % more of the plane open."""
 SHARES = (0.0, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0)
-"""Shares of each range of the hands that are evaluated before a piece is proved. Half as many shares miss the maximum
-between them, so that pieces are up to a tenth higher and twice as much of a plane stays open. Twice as many shares take
-twice as long."""
+"""Shares of each range of the hands at which the code evaluates R before it proves a piece. Half as many shares miss
+the maximum between them, so that pieces are up to a tenth higher and twice as much of a plane stays open. Twice as many
+shares take twice as long."""
 WITHIN = 5
-"""Number of angles of a piece at which hands are evaluated. Half and twice as many give the same bound to 1e-4 on
+"""Number of angles of a piece at which the code evaluates R. Half or twice as many give the same bound to 1e-4 on
 average."""
 SLACK, RAISED = 5e-3, 4.0
-"""Relative amount by which a piece is first raised above the evaluated hands, and growth of the amount with each
-further attempt. Half of either takes a third more boxes, twice of either a sixth fewer. Half and twice the first leave
-half as much again of a plane open, half and twice the second a tenth."""
+"""Relative amount by which the first attempt raises a piece above the evaluated hands, and factor of this amount from
+one attempt to the next. With half of either number the proof takes a third more
+boxes, with twice of either a sixth fewer. Half or twice the first number leaves 50 % more of a plane open; half or
+twice the second number leaves 10 % more open."""
 SMALL = 1e-4
-"""Share of the greatest bound. A smaller piece is raised as if it had this size. Half and twice it change nothing."""
+"""Share of the greatest bound. The code raises a smaller piece as if it had this size. Half or twice this share changes
+nothing."""
 ATTEMPTS = 10
-"""Number of attempts to prove a piece. Most pieces take two or three; half and twice as many change nothing."""
+"""Number of attempts to prove a piece. Most pieces take two or three; half or twice as many change nothing."""
 MAX_HALVINGS, MAX_BOXES = 40, 250
-"""Greatest number of halvings of a box of angle and hand, and number of boxes for a piece in the first attempt; each
-further attempt doubles the latter. Half and twice the first change nothing; half and twice the second leave as much of
-a plane open."""
+"""Greatest number of halvings of a box of angle and hand, and number of boxes for a piece in the first attempt. Each
+further attempt doubles the number of boxes. Half or twice the number of halvings changes nothing;
+half or twice the number of boxes leaves as much of a plane open."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +62,8 @@ class Envelope:
     Attributes
     ----------
     low, high : edges of the pieces, rad, shape (n,)
-    offset, slope : N s/m and N s/(m rad), shape (n,); for an impedance display they bound R/s^2. The offset is inf
-        without a bound
+    offset, slope : N s/m and N s/(m rad), shape (n,); for an impedance display they bound R/s^2. The offset is inf if
+        the prover found no bound
     boxes : number of boxes of the proof
     """
 
@@ -72,7 +74,7 @@ class Envelope:
     boxes: int
 
     def over(self, cells: Cells) -> Boxes:
-        """Return the boxes of every piece with every cell. Two rows for the bound precede the rows of the cell."""
+        """Return a box for every pair of a piece and a cell. Two rows for the bound precede the rows of the cell."""
         boxes, rows = over_cells(cells, (self.low, self.high)), np.tile([self.offset, self.slope], len(cells))
         low, high = (np.vstack((edge[:1], rows, edge[1:])) for edge in (boxes.low, boxes.high))
         return Boxes((FREQUENCY, OFFSET, SLOPE, *cells.keys), low, high, boxes.owner, boxes.whole_samples)
@@ -83,7 +85,7 @@ class Envelope:
 def envelope(device: Device, hands: Hands | None, gains: Gains) -> Envelope:
     """Bound R from above in all hands, by a straight line over each piece of the angle.
 
-    For each piece a sample of hands gives a first line. The prover raises the line until it is certainly above R.
+    For each piece, a sample of hands gives a first line. The function raises it until the prover proves it above R.
 
     Parameters
     ----------
@@ -99,7 +101,7 @@ def envelope(device: Device, hands: Hands | None, gains: Gains) -> Envelope:
     low, high = band_of(0.0, HALF_TURN, STEP)
     theta = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, WITHIN)
     some = _some_of(hands) if hands is not None else None
-    # where R <= 0, -inf included, a coupling may be arbitrarily small: the bound is 0 there
+    # where R <= 0, also where R is -inf, a coupling may be arbitrarily small: the bound is 0 there
     asked = np.fmax(_required(device, some, gains, theta.ravel()), 0.0).max(axis=0)
     seen = asked.reshape(theta.shape)
     slope = (seen[:, -1] - seen[:, 0]) / (high - low)

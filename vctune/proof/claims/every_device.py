@@ -30,24 +30,26 @@ from vctune.proof.engine.branching import Proofs, Test, prove
 from vctune.proof.engine.interval import Outcome, Verdict
 
 LITTLE_PHASE = 0.5
-"""Angle omega tau, rad, up to which the prover tries the margin that is regular at omega = 0. Half and twice this angle
-need the same number of boxes for the uncertain friction wheel."""
+"""Angle omega tau, rad, up to which the prover tries the margin that is regular at omega = 0. With half or twice this
+angle, the proof needs the same number of boxes for the uncertain friction wheel."""
 FEW_SAMPLES = 4
-"""Number of whole samples in a box's delays up to which the prover tries them one by one. For more, it first finds the
-angle above which their phase does not matter. Half and twice as many only change the time for long uncertain delays."""
+"""Number of whole samples in a box's delays up to which the prover tries them one by one. For more samples, it first
+finds the angle above which the phase of the delay does not matter. Half or twice as many only change the time for long
+uncertain delays."""
 ANGLES, LEAST_ANGLE = 400, 1e-6
-"""Number of angles at which the size of a loop is estimated, and the least of them. The prover then proves the
-estimate, so that half and twice as many angles only change the time."""
+"""Number of angles, and least of these angles, at which the code estimates the size of a loop. The prover then proves
+the estimate, so that half or twice as many angles only change the time."""
 MAX_BOXES, MAX_BOXES_OF_CURVES = 1_600_000, 40_000
-"""Greatest number of boxes for one claim, and for one curve. A curve that stays away from 0 takes some dozens; the
-uncertain friction wheel takes 27,000 for all claims; a device of two masses with seven uncertain numbers and a disc
-takes a million for one claim. Half and twice as many boxes take half and twice as long to give up."""
+"""Greatest number of boxes for one claim, and for one curve. A curve that stays away from 0 takes some dozens. The
+uncertain friction wheel takes 27,000 for all claims. A device of two masses with seven uncertain numbers and a disc
+takes a million for one claim. The time until the prover gives up is proportional to these numbers."""
 FEW = 64
-"""Number of boxes that are halved again before evaluation, because so many take about as long as one. Without this the
-band around a proved one takes three times as long; with four times as many boxes it takes a third longer."""
+"""Number of boxes up to which the prover halves the halves again before it evaluates them, because so few boxes take
+about as long as one. Without this, extending a proved band takes three times as long. With four times as many boxes it
+takes a third longer."""
 MAX_HALVINGS = 80
-"""Greatest number of halvings of a box: twenty in each of four rows. Half and twice as many halvings need the same
-number of boxes for the uncertain friction wheel."""
+"""Greatest number of halvings of a box: twenty in each of four rows. With half or twice as many halvings, the proof
+needs the same number of boxes for the uncertain friction wheel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +69,7 @@ class RobustDesign:
 
     @property
     def values(self) -> Values:
-        """The numbers of the design, enclosed."""
+        """Enclosures of the design's numbers."""
         numbers = astuple(self.design.gains) + astuple(self.design.coupling)
         return dict(zip(keys_of(len(numbers)), map(decimal_or_inf, numbers), strict=True))
 
@@ -77,7 +79,7 @@ class RobustDesign:
         return tuple(f"device.{name}" for name in self.box.uncertain)
 
     def loops(self) -> list[RobustDesign]:
-        """Return the design with the boxes of devices whose loops must be stable on their own."""
+        """Return the design with each box of devices whose velocity loops must be stable."""
         design = self.design
         return [replace(self, design=replace(design, device=box.nominal), box=box) for box in self.box.loops]
 
@@ -100,7 +102,7 @@ class RobustDesign:
         return self.box.device(dict(zip(self.box.uncertain, within[:, 0].tolist(), strict=True)))
 
     def enclosed(self) -> Device:
-        """Return the nominal device with the ranges of its uncertain numbers enclosed."""
+        """Return the nominal device in which each uncertain number is an enclosure of its range."""
         low, high = self.ends()
         numbers = dict(zip(self.box.uncertain, map(between, low[:, 0], high[:, 0]), strict=True))
         return self.box.nominal.converted(decimal).with_numbers(numbers)
@@ -115,7 +117,7 @@ def prove_conditions_for_all(robust: RobustDesign, alone: NominalProof) -> Outco
 
     Parameters
     ----------
-    robust : the design, proved for the nominal device, and the box
+    robust : the design, whose claim is proved for the nominal device, and the box
     alone : function that judges the conditions for one device, at a frequency in rad/s if its response is perturbed
 
     Returns
@@ -129,7 +131,7 @@ def prove_conditions_for_all(robust: RobustDesign, alone: NominalProof) -> Outco
 def _conditions(robust: RobustDesign, low: float, high: float, max_boxes: int) -> list[Proofs]:
     """Prove the conditions.
 
-    If a response is known to a disc only, prove them at its edge, and that the edge suffices.
+    For a response within a disc, prove them at the edge of the disc, and prove that the edge suffices.
     """
     claims, turning = robust.claims(), _turning(robust)
     beyond = max(1 / robust.box.nominal.sample_time, low)
@@ -155,20 +157,21 @@ def _conditions(robust: RobustDesign, low: float, high: float, max_boxes: int) -
 
 
 def _turning(robust: RobustDesign) -> float:
-    """Return the frequency above which the delays of the box cover a full turn of phase, rad/s; inf for one delay."""
+    """Return the frequency, rad/s, above which the phases of the box's delays cover a full turn; inf for one delay."""
     range_ = robust.box.high.delay - robust.box.low.delay
     return 2 * pi / range_ * (1 + NEAR) if range_ > 0 else inf
 
 
 def _whatever_phase(robust: RobustDesign, margin: Margin, low: float, high: float, max_boxes: int) -> Proofs:
-    """Prove a margin of the frequency model positive at frequencies where omega delay covers a full turn."""
+    """Prove a margin of the frequency model positive at frequencies at which omega times the delay covers a full
+    turn."""
     (least, greatest), row, name = robust.ends(), robust.box.uncertain.index("delay"), "device.delay"
 
     def of_phase(omega: Number, values: Values) -> Number:
         return margin(omega, {**values, name: values[name] / omega})
 
     shortest = least[row, 0]
-    # one full turn of the phase omega delay: the second, so that no delay is 0
+    # the phase omega delay over one full turn, the second turn, so that no delay is 0
     least[row], greatest[row] = 2 * pi * (1 - NEAR), 4 * pi * (1 + NEAR)
     boxes = over_band(robust.names, least, greatest, band_of(low, high, STEP))
     found = _proved(positive(of_phase, robust.values), boxes, max_boxes)
@@ -196,7 +199,7 @@ def prove_sensitivity_for_all(robust: RobustDesign, alone: NominalProof) -> Outc
 
     Parameters
     ----------
-    robust : the design, proved for the nominal device, and the box
+    robust : the design, whose claim is proved for the nominal device, and the box
     alone : function that judges |S| for one device
 
     Returns
@@ -214,8 +217,8 @@ def prove_sensitivity_for_all(robust: RobustDesign, alone: NominalProof) -> Outc
 def _around_circle(robust: RobustDesign, test: Test, gain: Margin, max_boxes: int, *, at_ends: bool) -> list[Proofs]:
     """Test all theta = omega T for each number of whole samples in the box's delays.
 
-    If there are many such numbers, the function treats high frequencies together, where the loop is so small that its
-    phase does not matter.
+    If there are many such numbers, the function tests them together at high frequencies, where the loop gain is so
+    small that its phase does not matter.
     """
     samples, small, parts = _whole_samples(robust), HALF_TURN, []
     if len(samples) > FEW_SAMPLES:
@@ -233,14 +236,14 @@ def _around_circle(robust: RobustDesign, test: Test, gain: Margin, max_boxes: in
 
 
 def _within_a_sample(robust: RobustDesign) -> tuple[Floats, Floats]:
-    """Return the ends of the box with whole samples removed from its delays."""
+    """Return the ends of the box with its delays reduced to one sample, from 0 to T."""
     (low, high), row = robust.ends(), robust.box.uncertain.index("delay")
     low[row], high[row] = 0.0, robust.box.nominal.sample_time
     return low, high
 
 
 def _small_from(robust: RobustDesign, gain: Margin) -> float:
-    """Return an estimate of the theta above which a loop is small, slightly on the safe side; 0 if it always is."""
+    """Return an estimate of the theta above which a loop gain is small, rounded upwards; 0 if it always is."""
     theta = np.geomspace(LEAST_ANGLE, HALF_TURN, ANGLES)
     ends = np.hstack(_within_a_sample(robust))
     margins = []
@@ -279,7 +282,7 @@ def prove_model_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Outc
 
     Parameters
     ----------
-    robust : the design, proved for the nominal device, and the box
+    robust : the design, whose claim is proved for the nominal device, and the box
     alone : function that judges the poles of one device
 
     Returns
@@ -300,11 +303,11 @@ def prove_model_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Outc
 def prove_sampled_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
     """Prove that no pole of the sampled loop crosses the unit circle from one device to another.
 
-    The loop is continuous in the delay where another whole sample is added to it.
+    The loop is a continuous function of the delay, also at a whole number of samples.
 
     Parameters
     ----------
-    robust : the design, proved for the nominal device, and the box
+    robust : the design, whose claim is proved for the nominal device, and the box
     alone : function that judges the poles of one device
 
     Returns
@@ -344,21 +347,23 @@ def part_over_band(
     robust : the design and the box
     test : test of boxes with rows for a frequency and the uncertain numbers
     low, high : edges of the band, in the test's unit of frequency
-    max_boxes : number of boxes after which the proof stays open
+    max_boxes : number of boxes after which the prover leaves the proof open
     at_ends : whether to replace a box by the face at which its margin is least; not for curves
 
     Returns
     -------
     Proofs
-        All results have one owner.
+        All results have one owner, the design.
     """
     boxes = over_band(robust.names, *robust.ends(), band_of(low, high, STEP))
     return _proved(test, boxes, max_boxes, at_ends=at_ends)
 
 
 def _proved(test: Test, boxes: Boxes, max_boxes: int, *, at_ends: bool = True) -> Proofs:
-    """Prove a margin positive, or prove that a curve misses 0, which is not nearest to 0 at an end
-    (`at_ends=False`)."""
+    """Prove a margin positive, or prove that a curve misses 0.
+
+    For a curve set `at_ends=False`, because it need not be nearest to 0 at an end.
+    """
     rows = [True] * len(boxes.names)
     return prove(test, boxes, 1, halved=rows, max_halvings=MAX_HALVINGS, max_boxes=max_boxes, at_ends=at_ends, few=FEW)
 
@@ -371,7 +376,7 @@ def outcome_for_all(robust: RobustDesign, parts: list[Proofs], alone: NominalPro
 
     Parameters
     ----------
-    robust : the design, proved for the nominal device, and the box
+    robust : the design, whose claim is proved for the nominal device, and the box
     parts : proofs of the claim over parts of the band or of the box
     alone : function that judges the claim for one device near a frequency
 

@@ -1,8 +1,8 @@
 """Prove the loop in every hand of a box, with every passive environment or with a box of environments.
 
 See model/README.md, section 14. The prover shows that the margin is positive over angle, hand and uncertain device
-together. Where the margin is positive, no pole of the loop lies on the unit circle. In one hand all poles lie inside,
-and from there to any other hand no pole crosses the circle.
+together. Where the margin is positive, no pole of the loop lies on the unit circle. In one hand it proves that all
+poles lie inside. As the hand changes from there to any other hand, no pole crosses the circle.
 """
 
 from __future__ import annotations
@@ -75,38 +75,40 @@ STEP = 1.4
 """Ratio of the edges of the first intervals. Its square root and its square need the same number of boxes to within a
 tenth."""
 MAX_BOXES = 400_000
-"""Number of boxes after which the claim stays open. An optimal design takes some thousand. Half and twice as many boxes
-take half and twice as long to give up."""
+"""Number of boxes after which the prover leaves the claim open. An optimal design takes some thousand. The time until
+the prover gives up is proportional to this number."""
 EASY_BOXES = 3_000
-"""Number of boxes after which hands near a sharp resonance get boxes of their own. If the constraint leaves a reserve
-there, some hundred boxes suffice. If it does not, half or twice as many cost half or twice as much, some seconds."""
+"""Number of boxes after which hands near a sharp resonance get boxes of their own. If the margin is large there, some
+hundred boxes suffice. If it is small, these boxes are wasted, which takes some seconds; half or twice as many take half
+or twice as long."""
 EASY_WHOLE = 5_000
-"""Number of boxes after which the prover takes the sides of the rectangles of uncertain masses and dampings with the
-hand's. The sides begin with sixteen times as many boxes. An easy proof of the whole takes about a thousand; fewer boxes
-here would give those up, and twice as many cost a proof on sides that much more."""
+"""Number of boxes after which the prover uses only the sides of the rectangles of uncertain masses and dampings of
+device and hand. The sides begin with sixteen times as many boxes. An easy proof over the whole range takes about a
+thousand boxes, and must fit into this limit. With twice this limit, a proof on the sides takes 5,000 boxes more."""
 MANY_PARTS = 3
 """Least number of parts of a box of delays for which the prover first tries the test that holds for any whole samples
-of a servo's delay. Among fewer parts, none may have a delay of whole samples."""
+of a servo's delay. With fewer parts, it may be that no part has a delay of whole samples."""
 EASY_PARTS = 4_000
-"""Number of boxes after which an interval of angles is left to each part. Half and twice as many take the same time."""
+"""Number of boxes after which the prover treats an interval of angles for each part separately. Half or twice as many
+take the same time."""
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
-"""Distances from the ends of the angles, as shares of pi, at which the code looks for a witness. With fewer of them,
-the growth at a witness takes longer to show; with more, no further growth shows."""
+"""Distances from the ends of the angles, as shares of pi, at which the code looks for a witness. With fewer distances,
+the witness grows more slowly in a simulation; with more, it grows no faster."""
 AT_NYQUIST = 1e-5
-"""Share of pi next to it in which only the sides that decide at pi are looked at, so that a box there can fail. A tenth
-and ten times it: the same verdicts."""
+"""Distance from pi, as a share of pi, within which the prover examines only the sides that decide at pi, so that a box
+there can fail. A tenth and ten times this distance lead to the same verdicts."""
 MAX_HALVINGS = 120
-"""Greatest number of halvings of a box: twenty in each of six rows. Half and twice as many give the same proofs."""
+"""Greatest number of halvings of a box: twenty in each of six rows. Half or twice as many give the same proofs."""
 
 
 def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
-    """Prove Re Z_c > factor R in every hand, or that every environment of a box leaves the loop stable in every hand.
+    """Prove Re Z_c > factor R in every hand, or that the loop is stable in every hand with every environment of a box.
 
     Parameters
     ----------
     design : design; its floats stand for the decimals that they print as
     demands : constraints with the hands and the factor
-    box : box of devices for all of which the claim is proved; None for the design's own device
+    box : box of devices; the prover proves the claim for all of them; None for the design's own device
 
     Returns
     -------
@@ -121,9 +123,9 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     looped = design.device.kind.senses_force and design.device.kind.own_loop
     if looped:
         if not design.gains.closed:
-            return Outcome(Verdict.PROVED, 0)  # no gain drives the device
+            return Outcome(Verdict.PROVED, 0)  # without gains nothing drives the device
         if design.gains.position == 0 and demands.hands.high.stiffness == 0:
-            return Outcome(Verdict.UNDECIDED, 0)  # there is no spring anywhere, so the position is free
+            return Outcome(Verdict.UNDECIDED, 0)  # without any spring, nothing holds the position
     stable = prove_stable_in_middle(design, demands)
     if stable.verdict is not Verdict.PROVED:
         return stable
@@ -145,9 +147,9 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
 def prove_stable_in_middle(design: Design, demands: Demands) -> Outcome:
     """Prove the loop stable in the hand at the centre of the box, with one of the required environments.
 
-    With a box of environments, the virtual tool of an impedance display is held, as by an environment of infinite
-    damping.
-    Environments that are not passive as they run have a greatest damping, and one of them is proved too.
+    With a box of environments, the proof holds the virtual tool of an impedance display fixed, as an environment of
+    infinite damping does. Environments that are not passive as they run have a finite greatest damping; the function
+    proves the loop stable with one of them as well.
 
     Parameters
     ----------
@@ -156,7 +158,7 @@ def prove_stable_in_middle(design: Design, demands: Demands) -> Outcome:
     Returns
     -------
     Outcome
-        It names the hand if it is not proved.
+        If it is not proved, it names the hand.
     """
     assert demands.hands is not None
     middle, coupling = demands.hands.middle, design.coupling
@@ -190,7 +192,7 @@ class Asked:
 
     @property
     def limp(self) -> bool:
-        """Whether nothing holds the position near angle 0 in a hand without stiffness."""
+        """Whether the position is free near angle 0 in a hand without stiffness."""
         assert self.demands.hands is not None
         kind, free = self.design.device.kind, self.design.gains.position == 0
         return kind.senses_force and kind.own_loop and free and self.demands.hands.low.stiffness == 0
@@ -208,12 +210,12 @@ class Asked:
 
     @property
     def in_time(self) -> bool:
-        """Whether environments run late or are stepped by Euler's rules."""
+        """Whether the environments run late or step by Euler's rules."""
         return self.demands.worlds is not None and not self.demands.worlds.lossless
 
     @property
     def whenever(self) -> Callable[[Part, Values], Test] | None:
-        """A test that proves as much for parts with any number of whole samples; None if there is no such test."""
+        """A test that implies the claim for parts with any number of whole samples; None if there is no such test."""
         servo = self.design.device.servo
         if servo is None or servo.stiffness is not None or self.demands.worlds is not None:
             return None
@@ -227,7 +229,7 @@ class Asked:
     def ends(self) -> Ends:
         """Return the least and the greatest number of each row except the angle."""
         assert self.demands.hands is not None
-        # the requirement of a servo is convex in the hand; the environments that it meets are not
+        # the requirement of a servo is convex in the hand; with a box of environments it is not
         of_servo = self.design.device.servo is not None and self.demands.worlds is None
         corners = self.demands.hands.corners if of_servo else None
         reserve = self.demands.factor if self.shared else None
@@ -235,9 +237,11 @@ class Asked:
 
     @property
     def affine(self) -> tuple[tuple[str, str], ...]:
-        """The pairs of a device's row and a hand's, given whose sum the one margin is affine in the former.
+        """Pairs of rows, one of the device and one of the hand. If the sum of a pair is given, the margin is affine in
+        it.
 
-        With a box of environments one of several margins has to be positive, and none need be at both ends.
+        With a box of environments, one of several margins has to be positive, and no single margin need be positive at
+        both ends; then there are no pairs.
         """
         if self.box is None or self.demands.worlds is not None or self.demands.hands is None:
             return ()
@@ -250,7 +254,7 @@ class Asked:
         ----------
         part : part of the boxes
         fixed : values by name that are not rows of the boxes
-        near : resonance whose hands get boxes of their own, so that these tests omit them; None for all hands
+        near : resonance; its hands get boxes of their own, and these tests omit them; None for all hands
         """
         return [self._test(part, fixed, near, lead) for lead in (LEADS if self.walls else LEADS[:1])]
 
@@ -281,7 +285,7 @@ def _of_margins(
     lead: float = 0.0,
     sides: tuple[str, ...] | None = None,
 ) -> Test:
-    """Return the test that one of the margins is positive, in hands near resonance or in all hands."""
+    """Return the test that one of the margins is positive, for hands near a resonance or for all hands."""
     both = [hands_margins(demands, uncertain, part.delays, ops, lead, sides) for ops in (ENCLOSURES, TAYLOR)]
     slopes, polynomials = (near.margins(each) for each in both) if near else both
     spans = part.spans
@@ -293,7 +297,7 @@ def _of_margins(
 
 
 def _proved_next_to(near: Resonance, asked: Asked) -> Outcome:
-    """Prove the claim for hands near resonance, with their stiffness relative to the resonant stiffness."""
+    """Prove the claim for hands near a resonance, with their stiffness relative to the resonant stiffness."""
     least, most = (np.array([share]) for share in AROUND)
     ends = _ends(asked.demands.hands, asked.box, asked.uncertain)
     beside = {RATIO if name == STIFFNESS else name: pair for name, pair in ends.items()} | {RATIO: (least, most)}
@@ -306,14 +310,14 @@ def _proved_next_to(near: Resonance, asked: Asked) -> Outcome:
 
 
 def _moved_as_one(design: Design, demands: Demands, hands: Hands, box: DeviceBox, parts: tuple[str, ...]) -> Outcome:
-    """Prove the claim for the device with the least mass and damping; the hands then include the range of both."""
+    """Prove the claim for the device with the least mass and damping. The hands then include the ranges of both."""
     least = {key: box.low.number(key) for key in parts}
     one = replace(design, device=design.device.with_numbers(least))
     rest, longer = in_longer_hands(box, hands, parts)
     found = prove_hands(one, replace(demands, device=demands.device.with_numbers(least), hands=longer), rest)
     if found.hand is None or found.verdict is Verdict.PROVED:
         return found
-    # the hand takes as much as its box permits, the device takes the rest
+    # the hand takes as much of each sum as its box permits, the device takes the rest
     own = {key: min(getattr(found.hand, key), getattr(hands.high, key)) for key in parts}
     beyond = {
         key: min(value + (getattr(found.hand, key) - own[key]), box.high.number(key)) for key, value in least.items()
@@ -323,7 +327,7 @@ def _moved_as_one(design: Design, demands: Demands, hands: Hands, box: DeviceBox
 
 
 def _late_as_one(design: Design, demands: Demands, box: DeviceBox) -> Outcome:
-    """Prove the claim for servos of which one delay, the servo's, has the range of the sum of both delays."""
+    """Prove the claim for servos in which a single delay, the servo's, has the range of the sum of both delays."""
     one = in_one_delay(box)
     found = prove_hands(replace(design, device=one.nominal), replace(demands, device=one.nominal), one)
     if found.hand is None or found.device is None or found.verdict is Verdict.PROVED:
@@ -333,7 +337,7 @@ def _late_as_one(design: Design, demands: Demands, box: DeviceBox) -> Outcome:
 
 
 def _judged_again(found: Outcome, design: Design, demands: Demands, hand: Hand) -> Outcome:
-    """Return an outcome that is not proved with its own device and hand. It is refuted if these refute the claim."""
+    """Judge a claim that is not proved again for the outcome's own device and hand. If they fail, it is refuted."""
     theta = None if found.witness is None else min(found.witness * design.device.sample_time, pi)
     each = [(factor, share) for factor in {demands.factor, 1.0} for share in {1.0, 1 / factor}]
     fails = theta is not None and any(
@@ -353,7 +357,7 @@ def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = Non
     ----------
     design : design; its floats stand for the decimals that they print as
     demands : constraints with the factor
-    box : box of devices for all of which the claim is proved; None for the design's own device
+    box : box of devices; the prover proves the claim for all of them; None for the design's own device
 
     Returns
     -------
@@ -379,9 +383,9 @@ def _and_without_reserve(
     demands: Demands,
     box: DeviceBox | None,
 ) -> Outcome:
-    """Return an outcome that also holds with the factor 1.
+    """Return an outcome that is proved only if the claim also holds with the factor 1.
 
-    For a coupling that may drive, the factor 1 is not weaker.
+    If the coupling may have a negative real part, the claim with the factor 1 is not weaker.
     """
     if found.verdict is not Verdict.PROVED or demands.factor == 1 or not design.device.coupling_may_drive:
         return found
@@ -404,9 +408,9 @@ def _decided(
     asked : the claim about the design
     ends : least and greatest number of each row
     tests : function of a part of the boxes, and of the values that are not rows, that returns the tests
-    max_boxes : number of boxes after which a part stays open
-    near : resonance to which the hands are near; None for all hands
-    whenever : function that returns a test for parts with any whole samples; None without one
+    max_boxes : number of boxes after which the prover leaves a part open
+    near : resonance near which the hands lie; None for all hands
+    whenever : function that returns a test that holds for parts with any whole samples; None without one
     """
     sides, tried = sides_of_rectangles(ends, asked.affine), 0
     if len(sides) > 1:
@@ -453,9 +457,10 @@ def _decided_over(
 
 
 def sides_of_rectangles(ends: Ends, pairs: Sequence[tuple[str, str]]) -> list[Ends]:
-    """Return the sides of rectangles of two rows each, of which a margin is affine along every line of one sum.
+    """Return the sides of rectangles, each of two rows, on which a margin is least.
 
-    Such a line begins and ends on sides, and the margin is least there. Parallel sides are columns of the same ends.
+    The margin is affine along every line on which the sum of the two rows is constant. Such a line begins and ends on
+    sides of the rectangle, and the margin is least at one of these ends. Parallel sides are columns of the same array.
 
     Parameters
     ----------
@@ -470,14 +475,14 @@ def sides_of_rectangles(ends: Ends, pairs: Sequence[tuple[str, str]]) -> list[En
 
 
 def _at_both_ends(ends: Ends, name: str) -> Ends:
-    """Return the ends of two columns for each, one with a row at its least number and one with it at its greatest."""
+    """Return two columns for each column: one with a row at its least number and one with it at its greatest."""
     twice = {key: (np.tile(low, 2), np.tile(high, 2)) for key, (low, high) in ends.items()}
     at = np.concatenate(ends[name])
     return {**twice, name: (at, at)}
 
 
 def fixed_of(design: Design) -> Values:
-    """Return the numbers of a design, which are not rows of the boxes."""
+    """Return the numbers of a design by name, for proofs in which they are not rows of the boxes."""
     numbers = (*astuple(design.gains), *astuple(design.coupling))
     return dict(zip(keys_of(len(numbers)), map(decimal_or_inf, numbers), strict=True))
 
@@ -497,7 +502,7 @@ def boxes_over(part: Part, near: Resonance | None = None) -> Boxes:
 def _left_of_parts(test: Test, boxes: Boxes) -> tuple[Flags, int]:
     """Return which boxes of each part remain to be proved, and the number of evaluated boxes.
 
-    The other boxes are proved in all parts.
+    The function proves the other boxes in all parts at once.
 
     Parameters
     ----------
@@ -550,7 +555,7 @@ def _in_doubt(
         return _fails_at(replace(design, device=device), demands, hand, theta, share)
 
     refuted = fails(theta)
-    if refuted and theta in (0.0, pi):  # at an end of the angles no loop grows, but it may near it
+    if refuted and theta in (0.0, pi):  # no loop grows at an end of the angles, but it may grow close to that end
         theta = next((beside for off in NEAR_ENDS if fails(beside := abs(theta - pi * off))), theta)
     outcome = Outcome(
         Verdict.REFUTED if refuted else Verdict.UNDECIDED, boxes, theta, device if uncertain else None, hand
@@ -559,7 +564,7 @@ def _in_doubt(
 
 
 def prove_poles_in(device: Device, hand: Hand, gains: Gains, held: SpringDamper | None = None) -> Outcome:
-    """Prove that the sampled loop is stable in one hand, with the environment at rest.
+    """Prove that the sampled loop is stable in one hand while the environment is at rest.
 
     Parameters
     ----------
@@ -614,11 +619,11 @@ def _ends(
     limp: bool = False,
     reserve: float | None = None,
 ) -> Ends:
-    """Return the ends of the rows: the hand's numbers if the claim is about hands, the shares, and the device's
-    numbers.
+    """Return the ends of the rows of the boxes.
 
-    With a reserve g, the share of the coupling is a row from 1/g to 1. If the vertices of the hands suffice, each
-    vertex has a column.
+    The rows are the shares, the device's uncertain numbers and, if the claim is about hands, the hand's numbers. With a
+    reserve g, the share of the coupling is a row from 1/g to 1. If the vertices of the hands suffice, each vertex has a
+    column.
     """
     low, high = ([], []) if hands is None else ([hands.low], [hands.high])
     if corners is not None:

@@ -1,6 +1,6 @@
 """Prove the claims of a certificate for many cells at once on arrays. Arb decides the cells that stay open.
 
-See proof/README.md, section 2.
+See proof/README.md, section 8.
 """
 
 from __future__ import annotations
@@ -30,9 +30,10 @@ from vctune.proof.engine.boxes import Cells, Integers, Values, over_each
 from vctune.proof.engine.branching import prove as prove_boxes
 
 ON_ARRAYS: tuple[ClaimId, ...] = "passive", "sensitivity", "stable_model", "stable"
-"""Identifiers of the claims whose boxes are counted, in the order of `Certified.boxes`."""
+"""Identifiers of the claims for which `Certified.boxes` counts boxes, in its order."""
 OF_CELLS: tuple[ClaimId, ...] = *ON_ARRAYS, "any_hand", "hands", "worlds"
-"""Identifiers of the claims that can be proved for cells. If a problem requires another claim, no cell is proved."""
+"""Identifiers of the claims that this module can prove for cells. If a problem requires another claim, no cell is
+proved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +43,7 @@ class Certified:
     Attributes
     ----------
     proved : whether every design in the cell meets all constraints, shape (n,)
-    boxes : number of boxes for each claim of `ON_ARRAYS`, shape (4, n); 0 for a claim that is not made
+    boxes : number of boxes for each claim of `ON_ARRAYS`, shape (4, n); 0 for a claim that the problem does not require
     """
 
     proved: Flags
@@ -50,10 +51,10 @@ class Certified:
 
 
 def prove(demands: Demands, cells: Cells) -> Certified:
-    """Prove all constraints throughout each cell (proof/README.md, section 2).
+    """Prove all constraints throughout each cell (proof/README.md, section 8).
 
-    With K_p = 0 the loop does not contain the position. A cell whose K_p starts at 0 therefore does not include the
-    designs with K_p = 0. A cell with K_p = 0 throughout does include them.
+    With K_p = 0 the loop does not contain the position. If the range of K_p in a cell starts at 0 but is wider, the
+    cell therefore does not include the designs with K_p = 0. A cell with K_p = 0 throughout does include them.
 
     Parameters
     ----------
@@ -63,7 +64,7 @@ def prove(demands: Demands, cells: Cells) -> Certified:
     Returns
     -------
     Certified
-        A cell that is not proved is open, which does not mean refuted.
+        A cell that is not proved stays open; this does not mean that it is refuted.
     """
     proofs = Certified(np.zeros(len(cells), bool), np.zeros((4, len(cells)), np.intp))
     known = set(claims_asked(demands)) <= set(OF_CELLS) and _worlds_are_known(demands)
@@ -74,12 +75,12 @@ def prove(demands: Demands, cells: Cells) -> Certified:
 
 
 def _worlds_are_known(demands: Demands) -> bool:
-    """Return whether the margins of cells cover the environments: those of section 18, on an admittance display."""
+    """Return whether the margins for cells cover the environments: those of section 18, on an admittance display."""
     return demands.worlds is None or (demands.worlds.lossless and not demands.device.kind.inverse)
 
 
 def _proofs(demands: Demands, cells: Cells) -> Certified:
-    """Prove one claim after another for the cells that remain."""
+    """Prove one claim after another, each for the cells in which all earlier claims are proved."""
     claims = claims_of(demands)
 
     def conditions_hold(cells: Cells) -> tuple[Flags, Integers]:
@@ -129,7 +130,7 @@ def _holds_in_any_hand(demands: Demands, claims: Claims, cells: Cells) -> Flags:
     if demands.device.least_damping == 0:
         return np.zeros(len(cells), bool)
     margin, size = (positive(each, {}) for each in claims.any_hand)
-    if _have_the_same_gains(cells):  # with the same gains the cells have the same `size`
+    if _have_the_same_gains(cells):  # equal gains have equal `size`
         one = cells.subset(np.zeros(1, np.intp))
         return cells_over_band(size, one, 0.0, HALF_TURN).proved & _above_envelope(demands, None, claims, cells)
     return cells_over_band(size, cells, 0.0, HALF_TURN).proved & cells_over_band(margin, cells, 0.0, HALF_TURN).proved
@@ -138,15 +139,15 @@ def _holds_in_any_hand(demands: Demands, claims: Claims, cells: Cells) -> Flags:
 def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
     """Prove the constraint in every hand.
 
-    If the margin is positive, no pole of any design of the cell lies on the unit circle in any hand. The poles of one
-    design in one hand then decide for all.
+    If the margin is positive, no pole of any design of the cell lies on the unit circle in any hand. It then suffices
+    to prove one design in one hand stable.
     """
     hands, proved = demands.hands, np.zeros(len(cells), bool)
     assert hands is not None
     kind = demands.device.kind
     looped = kind.senses_force and kind.own_loop
     if looped and hands.high.stiffness == 0 and not cells.high[1].any():
-        return proved  # there is no spring anywhere, so the position is free
+        return proved  # without any spring, nothing holds the position
     left = np.flatnonzero(turns_in_hand(demands, cells.centres()) == 0)
     if demands.worlds is None and _have_the_same_gains(cells):
         proved[left] = _above_envelope(demands, hands, claims, cells.subset(left))
@@ -156,7 +157,7 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
 
 
 def _have_the_same_gains(cells: Cells) -> bool:
-    """Return whether the cells are couplings with the same gains."""
+    """Return whether all cells have the same gains and differ only in the coupling."""
     # rows 0 and 1 are the gains
     return cells.extended and not np.ptp((cells.low[:2], cells.high[:2]), axis=(0, 2)).any()
 
@@ -165,7 +166,7 @@ def _above_envelope(demands: Demands, hands: Hands | None, claims: Claims, cells
     """Prove the constraint in every hand of a box, or in any hand, for couplings with the same gains.
 
     The prover also divides the cells, because dividing the angle alone does not always suffice. The caller divides the
-    cells that remain.
+    cells that stay open.
     """
     if not len(cells):
         return np.zeros(0, bool)
@@ -184,14 +185,14 @@ def _above_envelope(demands: Demands, hands: Hands | None, claims: Claims, cells
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """For each of n cells, the places where a constraint may fail throughout the cell; None for absent constraints.
+    """The places where a constraint may fail throughout a cell, for n cells; None for constraints that do not exist.
 
     Attributes
     ----------
     theta_S : angles omega T for |S|, rad, shape (n,)
-    omega : frequencies in the band of Llewellyn's conditions, rad/s, the hardest first, shape (any number, n)
-    theta : angles for any passive hand on an impedance display, rad, the hardest first, shape (any number, n)
-    in_hands : angles in hands, the hardest first, shape (any number, n)
+    omega : frequencies in the band of Llewellyn's conditions, rad/s, shape (any number, n); the most critical first
+    theta : angles for any passive hand on an impedance display, rad, shape (any number, n); the most critical first
+    in_hands : angles in hands, shape (any number, n); the most critical first
     """
 
     theta_S: Floats
@@ -212,7 +213,7 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
     ----------
     demands : constraints on a design
     cells : n cells of designs, see `prove`
-    places : places where a constraint may fail in each cell; of several places the function uses the first
+    places : places where a constraint may fail in each cell; where there are several, the function uses the first
 
     Returns
     -------
@@ -242,7 +243,7 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
 
 
 def negative_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> Flags:
-    """Return the cells throughout which a margin is negative, each at its own place.
+    """Return the cells throughout which a margin is negative. Each cell has its own place.
 
     Parameters
     ----------
@@ -259,10 +260,10 @@ def negative_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> Fla
 
 
 def fails_in_hands(demands: Demands, cells: Cells, at: PlacesInHands) -> Flags:
-    """Return the cells throughout which the constraint in hands fails, each cell at its own place.
+    """Return the cells throughout which the constraint in hands fails. Each cell has its own place.
 
-    With a box of environments, it fails where every margin is negative: one of the environments then has a pole there,
-    with the coupling divided by a number from 1 to the factor.
+    With a box of environments, the constraint fails where every margin is negative. One of the environments then has a
+    pole there, with the coupling divided by a number from 1 to the factor.
 
     Parameters
     ----------
@@ -288,7 +289,7 @@ def _one_of(margins: Margins, k: int, theta: Number, values: Values) -> Number:
 
 
 def lower_bound_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> Floats:
-    """Return a lower bound of a margin over each cell, at the cell's own place.
+    """Return a lower bound of a margin over each cell. Each cell has its own place.
 
     Parameters
     ----------
@@ -299,6 +300,6 @@ def lower_bound_at(margin: Margin, cells: Cells, at: Floats | PlacesInHands) -> 
     Returns
     -------
     array of float
-        Shape (n,), in the margin's unit; nan if no bound is known.
+        Shape (n,), in the margin's unit; nan if the function has no bound.
     """
     return lower_bound_over(margin, over_each(cells, at), {})

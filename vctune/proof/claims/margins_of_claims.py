@@ -51,7 +51,7 @@ HALF_TURN = nextafter(pi, inf)
 
 @dataclass(frozen=True, slots=True)
 class LoopDelay:
-    """The number of whole samples in a delay, and whether a fraction of a sample remains."""
+    """The number of whole samples in a delay, and whether a fraction of a sample remains beyond them."""
 
     whole_samples: Number
     fractional: bool
@@ -75,10 +75,10 @@ class Design:
 def conditions_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
     """Return 2 r (Re Z_c - factor R) at omega > 0, where r is the loop's resistance (model/README.md, section 4).
 
-    Re Z_c >= factor R where the margin is positive and r > 0. Without an operator the margin is 2 r Re Z_c - factor
+    Where the margin is positive and r > 0, Re Z_c >= factor R. Without an operator the margin is 2 r Re Z_c - factor
     (|C||D| - Re(C conj D)), which is positive only if r > 0. For an ideal device in a hand the margin is 2 r Re Z_c +
-    factor (2 b_h Re C - ...) with Re C <= 0 where r <= 0, so that the same holds. For any other device, r > 0 needs a
-    separate proof (`resistance_apart`).
+    factor (2 b_h Re C - ...). Re C <= 0 where r <= 0, so this margin too is positive only if r > 0. For any other
+    device, r > 0 needs a separate proof (`resistance_apart`).
 
     Parameters
     ----------
@@ -118,11 +118,11 @@ def clamped_margin(design: Design, omega: Number, radius: Number, ops: Arithmeti
 
 
 def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
-    """Return a margin that is regular at omega = 0. Where it is positive, it proves as much as `conditions_margin`.
+    """Return a margin that is regular at omega = 0. Where it is positive, `conditions_margin` is positive.
 
-    Where both sides of 2 Re D Re Z_c >= factor N vanish, they are divided by omega^2. For a coupling with drag, or if
-    an operator eases the constraint, the margin uses only Re Z_c >= b_0. In all other cases with K_p > 0 and b > 0, R
-    does not vanish, and no margin is positive.
+    Where both sides of 2 Re D Re Z_c >= factor N vanish, the function divides them by omega^2. For a coupling with
+    drag, or with an operator that relaxes the constraint, the margin uses only Re Z_c >= b_0. In all other cases with
+    K_p > 0 and b > 0, R does not vanish, and no margin is positive.
 
     Parameters
     ----------
@@ -153,8 +153,9 @@ def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -
 
 
 def high_margin(design: Design, v: Number, factor: Number, ops: Arithmetic) -> Number:
-    """Return `conditions_margin` at omega = 1/v for an ideal device with hold "lag" and no delay; it is smooth at v =
-    0.
+    """Return `conditions_margin` at omega = 1/v, for an ideal device with hold "lag" and no delay.
+
+    The margin is smooth at v = 0.
 
     Parameters
     ----------
@@ -212,8 +213,8 @@ def sensitivity_margin(plant: Plant, gains: Gains, theta: Number, limit: Number,
 def unmodelled_margin(plant: Plant, gains: Gains, theta: Number, radius: Number, ops: Arithmetic) -> Number:
     """Return |F|^2 - radius^2 |F - F_0|^2. It is positive where |1 - S| radius < 1 (model/README.md, section 13).
 
-    By the small-gain theorem, no response within the disc of that radius around the device's then makes a stable loop
-    unstable.
+    By the small-gain theorem, no response in the disc of that radius around the modelled response then makes a stable
+    loop unstable.
 
     Parameters
     ----------
@@ -280,10 +281,9 @@ def hand_margin(plant: AnyPlantInHand, design: Design, theta: Number, factor: Nu
 
 
 def whenever_margin(plant: ServoInHand, design: Design, theta: Number, factor: Number, ops: Arithmetic) -> Number:
-    """Return 2 s (Re Z_c - factor |Z_seen|), including a disc around Z_seen, for a servo with any whole samples of
-    delay.
+    """Return 2 s (Re Z_c - factor |Z_seen|) for a servo whose delay may have any number of whole samples.
 
-    Where it is positive, `hand_margin` is positive, too.
+    If there is a disc around Z_seen, the margin includes it. Where the margin is positive, so is `hand_margin`.
 
     Parameters
     ----------
@@ -316,7 +316,7 @@ def limp_hand_margin(
     plant : the device in the hand, over one sample
     design : design in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
-    rest : shares of rho (`NextToRest`); if this margin is positive for all shares, `hand_margin` is positive
+    rest : shares of rho (`NextToRest`); if this margin is positive for all shares, so is `hand_margin`
     factor : least permitted Re Z_c / R
     ops : arithmetic of the other arguments
 
@@ -332,14 +332,15 @@ def limp_hand_margin(
 def margins_in_worlds(
     plant: AnyPlantInHand, design: Design, theta: Number, met: WorldsMet, ops: Arithmetic, share: Number = 1.0
 ) -> Disjuncts:
-    """Return the margins in a hand with a box of environments, each as its terms. One of them must be positive.
+    """Return the margins in a hand with a box of environments, each as its terms. At least one of them must be
+    positive.
 
     Parameters
     ----------
     plant : the device in the hand
     design : design in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
-    met : the environments and the factor, in numbers of the arithmetic
+    met : the environments that the loop meets, and the factor, in numbers of the arithmetic
     ops : arithmetic of the other arguments
     share : share of an impedance display's coupling admittance, from 1/factor to 1; each share has its own margins
     """
@@ -359,7 +360,7 @@ def limp_margins_in_worlds(
     Parameters
     ----------
     plant, design, theta, rest, ops : see `limp_hand_margin`
-    met : the environments and the factor, in numbers of the arithmetic
+    met : see `margins_in_worlds`
     """
     seen, T = seen_in_limp_hand(plant, design.gains.velocity, theta, rest, ops), design.device.sample_time
     return limp_disjuncts(offered_at(design.series, T, theta, ops), met.worlds, T, seen, met.factor, theta, ops)
@@ -374,17 +375,17 @@ def margins_in_late_worlds(
     names: Sequence[str],
     ops: Arithmetic,
 ) -> tuple[Number, ...]:
-    """Return margins in a hand, of which one must be positive with every environment of any rule (section 20).
+    """Return margins in a hand with every environment of any stepping rule; one of them must be positive (section 20).
 
     Parameters
     ----------
     plant : the device in the hand
-    design : in numbers of the arithmetic
+    design : design in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
-    share : of the coupling, from 1/safety_factor to 1
-    worlds : the box, in numbers of the arithmetic
-    names : of the sides that it has
-    ops : arithmetic of all of these
+    share : share of the coupling, from 1/safety_factor to 1
+    worlds : the box of environments, in numbers of the arithmetic
+    names : names of the sides of the box's polygon
+    ops : arithmetic of all other arguments
     """
     return _beyond(
         seen_in_hand(loop_in_hand(plant, theta, ops), design.gains), design, theta, share, worlds, names, ops
@@ -401,7 +402,7 @@ def limp_margins_in_late_worlds(
     names: Sequence[str],
     ops: Arithmetic,
 ) -> tuple[Number, ...]:
-    """Return `margins_in_late_worlds` over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
+    """Return `margins_in_late_worlds` divided by rho^2, for K_p = 0, theta near 0 and a hand without stiffness.
 
     Parameters
     ----------
@@ -416,7 +417,7 @@ def limp_margins_in_late_worlds(
 def _beyond(
     seen: Seen, design: Design, theta: Number, share: Number, worlds: Worlds, names: Sequence[str], ops: Arithmetic
 ) -> tuple[Number, ...]:
-    """Return how far beyond each side of the environments a loop is."""
+    """Return the distance of a loop beyond each side of the polygon of environments."""
     T, coupling = design.device.sample_time, design.series
     offered, planes = (
         offered_at(coupling, T, theta, ops),
@@ -428,8 +429,9 @@ def _beyond(
 def strip_of_walls(
     plant: AnyPlantInHand, design: Design, theta: Number, share: Number, met: WorldsMet, ops: Arithmetic
 ) -> Strip:
-    """Return the ranges over which the condition of walls must hold in a hand, with a share of the coupling (section
-    19).
+    """Return the ranges over which the condition of walls must hold in a hand, for one share of the coupling.
+
+    See model/README.md, section 19.
 
     Parameters
     ----------
@@ -509,7 +511,7 @@ def hand_curve(
 
 
 def resistance_apart(device: Device) -> bool:
-    """Return whether a loop's resistance needs a proof of its own in addition to the conditions."""
+    """Return whether the loop's resistance needs a proof of its own, besides the conditions."""
     return device.operator is not None and not device.ideal
 
 
@@ -556,8 +558,8 @@ def model_curve(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> Pair:
 def along_drive(at: DeviceResponse, gains: Gains) -> Number:
     """Return Re(D conj(e A H)) with e = 1 + y Z_2. It does not depend on K_p and is regular at omega = 0.
 
-    The integrator's term e K_p A H/(j omega) is perpendicular to e A H. Where Re(D conj(e A H)) > 0, D is not 0 for any
-    K_p. With D = e W + Z_2 the result is |e|^2 Re(W conj(A H)) + Re(Z_2 conj(e A H)).
+    The integrator's term e K_p A H/(j omega) is perpendicular to e A H. If Re(D conj(e A H)) > 0, D is therefore not 0
+    for any K_p. With D = e W + Z_2 the result is |e|^2 Re(W conj(A H)) + Re(Z_2 conj(e A H)).
 
     Parameters
     ----------
@@ -585,7 +587,7 @@ def along_drive(at: DeviceResponse, gains: Gains) -> Number:
 def across_position(plant: Plant, gains: Gains, theta: Number, ops: Arithmetic) -> tuple[Number, Number]:
     """Return Im(F conj P)/theta and |F_0|^2 |P|^2/theta^2 with P = dF/dK_p. Neither depends on K_p.
 
-    Both are regular at theta = 0, where F and F_0 are those of the velocity loop alone times 1 - e^{-j theta}. Where
+    Both are regular at theta = 0. There F and F_0 are those of the velocity loop alone, times 1 - e^{-j theta}. Where
     the first is not 0, F is not 0 for any K_p.
 
     Parameters

@@ -1,5 +1,4 @@
-"""Prove that the frequency model has no pole in the closed right half plane (model/README.md, section 4, condition
-1)."""
+"""Prove that the frequency model has no pole in the closed right half plane (model/README.md, section 4)."""
 
 from __future__ import annotations
 
@@ -18,20 +17,20 @@ from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.proof.engine.winding import turned_angle
 
 NEAR = 1e-6
-"""Relative allowance for rounding errors of 1e-12, for a frequency above which a property holds, and for an angle. Half
-and twice it give the same count."""
+"""Relative allowance for rounding errors, which are about 1e-12, in a frequency above which a property holds, and in an
+angle. Half or twice this allowance leads to the same count."""
 ROOM = 2.0
-"""Greatest difference of the argument at `curve_end` from its limit, rad. The difference is less than pi/2 + 2/7 for
-all loops without a zero to the right, and more than 3 pi/2 - 2/7 for the others. Half this limit would refuse some of
-the former, twice it would admit some of the latter."""
+"""Greatest difference, rad, between the argument at `curve_end` and its limit, for which the loop counts as stable. The
+difference is less than pi/2 + 2/7 if no zero lies to the right, and more than 3 pi/2 - 2/7 otherwise. Half this limit
+would reject some stable loops, twice this limit would accept some unstable ones."""
 
 
 def prove_model_poles(device: Device, gains: Gains) -> Outcome:
     """Prove that the zeros of D, the poles of G_hh, lie in the open left half plane.
 
     The proof follows `model_curve` from omega = 0, where it is real and positive, to `curve_end`. Above that frequency
-    its argument stays within half a turn. If no zero lies on the axis, the argument there is that of a curve without
-    zeros to the right exactly if there are none.
+    the argument of the curve stays within half a turn. If no zero lies on the axis, the argument at `curve_end` equals
+    that of a curve without zeros to the right if and only if the curve has none.
 
     Parameters
     ----------
@@ -60,7 +59,8 @@ def prove_model_poles(device: Device, gains: Gains) -> Outcome:
 def final_angle(device: Device, *, integral: bool) -> float:
     """Return the limit of the argument of `model_curve` for omega -> inf if all poles are stable.
 
-    D grows like s, and with an integrator s D grows like s^2. On a spring, (k + c s) D grows by two more powers of s.
+    D grows like s, and with an integrator s D grows like s^2. For a handle on a spring, (k + c s) D grows by two more
+    powers of s.
 
     Parameters
     ----------
@@ -78,10 +78,10 @@ def final_angle(device: Device, *, integral: bool) -> float:
 def curve_end(device: Device, K_v: float, K_p: float, ops: Arithmetic = FLOATS) -> float:
     """Return a frequency beyond which the argument of `model_curve` stays within `ROOM` of its limit.
 
-    |C_f| <= K_v + K_p/omega, since hold, actuator and velocity estimate never amplify. For a rigid device this is at
-    most 5/16 of m omega. On a spring D = e (C_f + Z_1 + Z_2/e) with |Z_2/e| <= 4/3 (c + k/omega). Together with C_f
-    this is at most half of m_1 omega, so that the bracket's imaginary part is positive. And e (k + j omega c) = k - m_2
-    omega^2 + j omega (c + b_2) lies within 2/7 rad of the negative axis.
+    |C_f| <= K_v + K_p/omega, because hold, actuator and velocity estimate never amplify. For a rigid device this is at
+    most 5/16 of m omega. For a handle on a spring, D = e (C_f + Z_1 + Z_2/e) with |Z_2/e| <= 4/3 (c + k/omega). The sum
+    of |Z_2/e| and |C_f| is at most half of m_1 omega, so that the imaginary part of the bracket is positive. Moreover,
+    e (k + j omega c) = k - m_2 omega^2 + j omega (c + b_2) lies within 2/7 rad of the negative axis.
 
     Parameters
     ----------

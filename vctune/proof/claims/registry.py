@@ -29,13 +29,14 @@ class Claim:
     ----------
     id : public name in design.json; once a file contains it, it never changes
     sentence : the statement; {couples} stands for the response of the display's coupling, Z_c or 1/Z_c
-    quantity : the limited quantity, by the name that the search's constraints use (`in_hand` is the ratio in a hand;
-        the search constrains neither "poles" nor "storage")
+    quantity : the limited quantity, by the name that the search's constraints use. `in_hand` is the ratio in a hand.
+        The search does not constrain "poles" and "storage"
     margin : dotted path within vctune of the function that must be positive, or of the curve that must not go around 0
     witness : description of the place where the claim fails
     label : heading of the claim's row in a report
     explain : meaning of the claim for the reader
-    asked : function that returns whether the constraints require the claim, for a box of devices or one device
+    asked : function of the constraints and the box of devices (or None) that returns whether a certificate makes the
+        claim
     """
 
     id: ClaimId
@@ -77,8 +78,8 @@ CLAIMS: dict[ClaimId, Claim] = {
             witness="a frequency up to Nyquist",
             label="sensitivity of the velocity loop",
             explain=(
-                "The Nyquist curve of the velocity loop stays at least 1/max_sensitivity away from -1, so that no "
-                "smaller change of the loop makes the device unstable when nobody holds it."
+                "The Nyquist curve of the velocity loop stays at least 1/max_sensitivity away from -1. If the loop "
+                "changes by less than this distance, the device remains stable when nobody holds it."
             ),
             asked=lambda demands, _: demands.device.kind.own_loop,
         ),
@@ -87,11 +88,11 @@ CLAIMS: dict[ClaimId, Claim] = {
             sentence="no pole of the frequency model in the closed right half plane",
             quantity="poles",
             margin="proof.claims.margins_of_claims.model_curve",
-            witness="if undecided, a frequency where the curve comes close to 0; poles themselves are only counted",
+            witness="if undecided, a frequency where the curve comes close to 0; the proof only counts poles",
             label="poles of the frequency model",
             explain=(
-                "The frequency model itself is stable, let go and in the hand of `[operator]`. Without this claim, "
-                "`passive` would not imply stability."
+                "The frequency model itself is stable, both without a hand and in the hand of `[operator]`. Without "
+                "this claim, `passive` would not imply stability."
             ),
             asked=lambda demands, _: demands.passive,
         ),
@@ -100,10 +101,10 @@ CLAIMS: dict[ClaimId, Claim] = {
             sentence="spectral radius of the sampled loop below 1",
             quantity="poles",
             margin="model.sampled.let_go.return_difference",
-            witness="if undecided, a frequency where the curve comes close to 0; poles themselves are only counted",
+            witness="if undecided, a frequency where the curve comes close to 0; the proof only counts poles",
             label="poles of the sampled loop",
             explain=(
-                "The exactly sampled velocity loop is stable when nobody holds the device, and in the hand of "
+                "The exactly sampled velocity loop is stable, both when nobody holds the device and in the hand of "
                 "`[operator]`."
             ),
             asked=lambda demands, _: demands.device.kind.own_loop,
@@ -134,7 +135,7 @@ CLAIMS: dict[ClaimId, Claim] = {
             label="any passive hand, at every frequency",
             explain=(
                 "An impedance display is stable in any passive hand with every environment that is passive as it "
-                "runs, in the exact sampled loop, aliasing included."
+                "runs. The claim is about the exact sampled loop, including aliasing."
             ),
             asked=lambda demands, _: demands.any_hand,
         ),
@@ -148,9 +149,9 @@ CLAIMS: dict[ClaimId, Claim] = {
             witness="a frequency up to Nyquist and a hand of `[operator]`",
             label="every hand of the box",
             explain=(
-                "The device is stable in each hand of `[operator]`, a mass, a damper and a spring within their ranges, "
-                "with every environment that is passive as it runs, in the exact sampled loop, aliasing included. "
-                "The claim does not cover a hand outside these ranges."
+                "A hand of `[operator]` is a mass, a damper and a spring, each within its range. In each such hand "
+                "the device is stable with every environment that is passive as it runs. The claim is about the exact "
+                "sampled loop, including aliasing. It does not cover a hand outside these ranges."
             ),
             asked=lambda demands, _: demands.hands is not None and demands.worlds is None,
         ),
@@ -162,10 +163,11 @@ CLAIMS: dict[ClaimId, Claim] = {
             witness="a frequency up to Nyquist and a hand of `[operator]`",
             label="every hand with every environment of the box",
             explain=(
-                "The device is stable in each hand of `[operator]` with each environment of `[environment]`, a mass, a "
-                "damper and a spring within their ranges, stepped by its rule and as many samples late as it states, "
-                "in the exact sampled loop, aliasing included, and with the coupling divided by any number from 1 to "
-                "the safety factor. The claim does not cover other hands and environments."
+                "The device is stable in each hand of `[operator]` with each environment of `[environment]`. Such an "
+                "environment is a mass, a damper and a spring, each within its range, with the stated stepping rule "
+                "and lateness. The device remains stable if the coupling is divided by any number from 1 to the "
+                "safety factor. The claim is about the exact sampled loop, including aliasing. It does not cover "
+                "other hands and environments."
             ),
             asked=lambda demands, _: demands.hands is not None and demands.worlds is not None,
         ),
@@ -180,12 +182,12 @@ CLAIMS: dict[ClaimId, Claim] = {
             witness="a frequency up to Nyquist and a hand of `[operator]`",
             label="every hand with every wall of the box",
             explain=(
-                "The device is stable in each hand of `[operator]` with each wall together with a mass and a damper of "
-                "`[environment]`. The force of a wall depends only on the position, and rises with slopes in the range "
-                "`environment.stiffness`. A wall is one-sided or piecewise linear, at any position, and is stepped by "
-                "the trapezoidal rule or by backward Euler. The walls do not move, and no damper is one-sided. The "
-                "proof uses the multiplier of Zames and Falb. If its condition fails, a wall need not make the device "
-                "unstable."
+                "The device is stable in each hand of `[operator]` with each wall, to which a mass and a damper of "
+                "`[environment]` are added. The force of a wall depends only on the position, and rises with slopes "
+                "in the range `environment.stiffness`. A wall is one-sided or piecewise linear, at any position. It "
+                "steps by the trapezoidal rule or by backward Euler. The claim does not cover walls that move or "
+                "one-sided dampers. The proof uses the multiplier of Zames and Falb. If its condition fails, a wall "
+                "need not make the device unstable."
             ),
             asked=lambda demands, _: demands.hands is not None and demands.worlds is not None and demands.worlds.walls,
         ),
@@ -216,7 +218,7 @@ CLAIMS: dict[ClaimId, Claim] = {
 
 
 IN_HANDS: tuple[ClaimId, ...] = ("hands", "worlds", "walls")
-"""Claims about the hands of a box. A certificate makes one of the first two, and the third only with the second."""
+"""Claims about the hands of a box. A certificate makes either "hands" or "worlds", and "walls" only with "worlds"."""
 
 
 def claims_about(*quantities: Quantity) -> tuple[ClaimId, ...]:
@@ -229,7 +231,7 @@ def claims_asked(demands: Demands, box: DeviceBox | None = None) -> list[ClaimId
 
     Parameters
     ----------
-    demands : constraints on a design; they decide which claims apply
+    demands : constraints on a design; they determine which claims apply
     box : box of uncertain devices, which adds claims; None for one known device
 
     Returns

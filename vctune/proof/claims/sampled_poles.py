@@ -1,4 +1,5 @@
-"""Prove that the exact sampled loop has its poles inside the unit circle and |S| below a limit (model/README.md, 7)."""
+"""Prove that the exact sampled loop has its poles inside the unit circle, and |S| below a limit (model/README.md,
+7)."""
 
 from __future__ import annotations
 
@@ -20,11 +21,11 @@ from vctune.proof.engine.interval import Outcome, Verdict, prove_positive
 from vctune.proof.engine.winding import turned_angle
 
 ISOLATED_DEGREE = 40
-"""Greatest degree for which the displayed spectral radius comes from isolated roots; above it comes from eigenvalues.
-The proof does not use it. Twice this degree takes seconds for a long delay."""
+"""Greatest degree for which the displayed spectral radius comes from isolated roots. Above this degree it comes from
+eigenvalues. No proof uses the displayed radius. Twice this degree takes seconds for a long delay."""
 ROOT_TOLERANCE = 1e-16
-"""Radius of the enclosures of poles, finer than a double. Without it the enclosures are only disjoint. Half and twice
-this radius give the same double."""
+"""Radius of the enclosures of poles, finer than a double. Without a tolerance, FLINT would only separate the
+enclosures from each other. Half or twice this radius gives the same double."""
 
 
 def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:
@@ -55,7 +56,7 @@ def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:
 
 
 def unmodelled_at(device: Device, gains: Gains, radii: tuple[tuple[float, float], ...], theta: float) -> Outcome:
-    """Return whether |1 - S| r > 1 certainly at one angle, where r is the radius of the disc there.
+    """Return whether |1 - S| r > 1 is certain at one angle, where r is the radius of the disc there.
 
     Parameters
     ----------
@@ -78,8 +79,8 @@ def unmodelled_at(device: Device, gains: Gains, radii: tuple[tuple[float, float]
 def prove_sampled_poles(device: Device, gains: Gains) -> Outcome:
     """Prove that the spectral radius of the exact sampled loop is below 1.
 
-    The proof follows z^-n times the characteristic polynomial, of degree n, along the upper half of the unit circle.
-    The curve is real at both ends and must return without a turn.
+    The proof follows a curve along the upper half of the unit circle: z^-n times the characteristic polynomial, whose
+    degree is n. The curve is real at both ends and must return to the positive axis without a turn.
 
     Parameters
     ----------
@@ -138,14 +139,14 @@ def spectral_radius(device: Device, gains: Gains) -> float:
     Returns
     -------
     float
-        Rounded. If poles cannot be isolated, it comes from eigenvalues in double precision: for display, not for a
-        proof.
+        Rounded. If the function cannot isolate the poles, the radius comes from eigenvalues in double precision. It is
+            for display, not for a proof.
     """
     with ctx.workprec(PRECISION):
         coefficients = characteristic_polynomial(exact_plant(device), gains_ball(gains))
         if len(coefficients) <= ISOLATED_DEGREE:
             try:
                 return max(float(abs(root)) for root in acb_poly(coefficients[::-1]).roots(tol=ROOT_TOLERANCE))
-            except ValueError:  # multiple poles cannot be isolated
+            except ValueError:  # FLINT cannot isolate multiple poles
                 pass
         return float(np.abs(np.roots([float(c) for c in coefficients])).max())

@@ -2,8 +2,8 @@
 
 The firmware samples the force just before a new command acts. If the delay is slightly shorter than a whole number of
 samples, that command acts before the sample, and the force of a hand's mass differs by a whole step (model/README.md,
-section 14). Neither side is the safe one. If a device's delay lies near a whole number of samples, its design is
-therefore proved for the stated delay and on both sides of that number.
+section 14). Either of the two cases may be the worse one. If a device's delay lies near a whole number of samples, the
+prover therefore proves its design for the stated delay and on both sides of that number.
 """
 
 from __future__ import annotations
@@ -21,11 +21,12 @@ from vctune.model.servo import latency
 from vctune.proof.device_box import DeviceBox
 
 NEAR = 0.05
-"""Share of a sample within which a delay is near a whole number of samples. Clocks, buses and amplifiers are not known
-better. Half and twice this share would promise something else, but prove it in the same way."""
+"""Share of a sample within which a delay is near a whole number of samples. The delays of clocks, buses
+and amplifiers are not known better. Half or twice this share would change the certificate's promise, but not the
+proof."""
 NEXT_TO = 1e-7
-"""Distance from a whole number of samples, in samples, at which the prover puts a delay. Decimals distinguish both
-sides. Half and twice this distance find the same designs."""
+"""Distance, in samples, between a whole number of samples and the delay just below it that the prover uses. Decimals
+can still distinguish both. Half or twice this distance leads to the same designs."""
 PEAK = 0.75
 """Time of the greatest sensed acceleration, as a share of the lag of a servo and its sensor. At half and 4/3 of this
 time the acceleration is three quarters of the greatest."""
@@ -34,9 +35,9 @@ time the acceleration is three quarters of the greatest."""
 def sensed_force_jumps(device: Device, hands: Hands) -> bool:
     """Return whether the sensed force jumps where the delay passes a whole number of samples.
 
-    It jumps if the sensor feels the acceleration of a hand's mass immediately. Then the command moves the handle
-    directly, without an actuator's low-pass or a spring, and the sensor has no low-pass. A servo of order 1 turns a
-    command into an acceleration immediately.
+    The force jumps if the sensor measures the acceleration of a hand's mass immediately. This requires that the command
+    moves the handle directly, without an actuator's low-pass or a spring, and that the sensor has no low-pass. A servo
+    of order 1 turns a command into an acceleration immediately.
 
     Parameters
     ----------
@@ -55,19 +56,19 @@ def sensed_force_jumps(device: Device, hands: Hands) -> bool:
 
 
 def beside_whole_sample(device: Device, hands: Hands) -> tuple[Device, ...]:
-    """Return the devices with their delay just below and at a whole number of samples, if the device's delay is near
-    one.
+    """Return two devices whose delay is just below a whole number of samples and equal to it.
+
+    The function returns none if the delay of the device is not near a whole number of samples.
 
     Parameters
     ----------
-    device : device with plain floats; the sum of its delay and the force sensor's matters
+    device : device with plain floats; the function considers the sum of its delay and the force sensor's delay
     hands : the box of hands
 
     Returns
     -------
     tuple of Device
-        The device itself is not included. The tuple is empty if the delay is not near a whole number of samples or the
-        force does not jump there.
+        They do not include `device` itself. The tuple is also empty if the force does not jump at that number.
     """
     samples = delay_in_samples(device)
     whole = round(samples)
@@ -87,7 +88,7 @@ def reaching_whole_sample(box: DeviceBox, hands: Hands) -> DeviceBox:
     Returns
     -------
     DeviceBox
-        The box itself if its delay is certain or the sensed force does not jump.
+        The box itself if its delay is known exactly or the sensed force does not jump.
     """
     key = next((key for key in DELAYS if key in box.uncertain), None)
     if key is None or not sensed_force_jumps(box.nominal, hands):
@@ -103,10 +104,10 @@ def reaching_whole_sample(box: DeviceBox, hands: Hands) -> DeviceBox:
 
 
 def kept_at_whole_sample(device: Device, before: Device) -> Device:
-    """Return a device whose delay stays next to the same whole number of samples as another device's.
+    """Return a device whose delay stays next to the same whole number of samples as another device's delay.
 
-    A price compares a device with a slightly better one. If their delay is near a whole number of samples, the
-    constraints of both devices hold on both sides of it.
+    To compute a price, the caller compares a device with a slightly better one. If their delay is near a whole number
+    of samples, the constraints of both devices hold on both sides of that number.
 
     Parameters
     ----------
@@ -124,10 +125,11 @@ def kept_at_whole_sample(device: Device, before: Device) -> Device:
 
 
 def next_to_whole_samples(box: DeviceBox) -> list[Device]:
-    """Return the devices of a box on both sides of whole samples, for the delay and its sum with the force sensor's.
+    """Return the devices of a box on both sides of whole samples, for the delay and for its sum with the sensor's
+    delay.
 
-    There the sensed force jumps, or its slope may jump, with the delay. With a fast low-pass, the acceleration has its
-    peak at a share of its lag below that delay.
+    At whole samples, the sensed force or its slope may jump with the delay. A fast low-pass moves the peak of the
+    sensed acceleration to a delay that is shorter by `PEAK` times the lag.
 
     Parameters
     ----------
@@ -150,7 +152,7 @@ def next_to_whole_samples(box: DeviceBox) -> list[Device]:
 
 
 def _peaks(device: Device) -> tuple[float, ...]:
-    """Return the distances from a whole sample at which a fast servo's sensed acceleration has its peak, in samples."""
+    """Return the distances, in samples, between a whole sample and the peak of a fast servo's sensed acceleration."""
     if device.servo is None:
         return ()
     late = latency(device, FLOATS)
@@ -165,7 +167,7 @@ def delay_in_samples(device: Device) -> float:
 
 
 def _with(device: Device, samples: float, key: str | None = None) -> Device:
-    """Return a device whose delays add up to so many samples, in short decimals.
+    """Return a device whose delays add up to a given number of samples, in short decimals.
 
     The function changes the device's own delay, or the force sensor's delay if the device has no other.
     """

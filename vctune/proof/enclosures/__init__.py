@@ -1,1 +1,1 @@
-"""Arithmetics that enclose: balls, intervals, jets, and polynomials over boxes."""
+"""Arithmetics that enclose exact results: balls, intervals, jets, and polynomials over boxes."""

@@ -19,12 +19,13 @@ from vctune.proof.enclosures.array_intervals import SWELL, TINY, UNIT, Enclosure
 from vctune.proof.enclosures.jets import interpolated_over
 
 PRECISION = 128
-"""Working precision, bits. Half and twice as many bits need the same number of boxes and about as long for the designs
-of problems/. The reserve is for designs that are closer to their constraints than an optimum in decimals is."""
+"""Working precision, bits. With half or twice as many bits, the proofs for the designs of problems/ need the same
+number of boxes and about the same time. The reserve serves designs that are closer to their constraints than an optimum
+rounded to decimals."""
 SMALL = 0.1
-"""Argument below which (1 - sinc x)/x^2 is computed by its series with an enclosed remainder. At half this argument the
-subtractions would lose another factor 4 of the precision. At twice this argument the remainder would be 2e-25 instead
-of 3e-29."""
+"""Argument below which the code computes (1 - sinc x)/x^2 by its series with an enclosed remainder. With half this
+argument, the subtraction in the closed form would lose another factor 4 of the precision. With twice this argument, the
+remainder would be 2e-25 instead of 3e-29."""
 
 
 class _BallArithmetic:

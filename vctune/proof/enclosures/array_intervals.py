@@ -1,9 +1,9 @@
 """Midpoint-radius intervals on NumPy arrays in double precision: many boxes at once, with all rounding errors enclosed.
 
 An `Enclosure` holds every number within `rad` of `mid`. IEEE addition, multiplication, division and square root are
-correct to half a unit in the last place. The radius of each result grows by a whole unit, and by the rounding error of
-the radius itself. A result that overflows or divides by 0 gets a radius that is not finite, with which nothing can be
-proved.
+correct to half a unit in the last place. The code enlarges the radius of each result by a whole unit, and by the
+rounding error of the radius itself. If an operation overflows or divides by 0, the radius of its result is not finite,
+and the result proves nothing.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ UNIT = 2.0**-52
 """Twice the relative rounding error of an operation (IEEE 754, round to nearest)."""
 TINY = 1e-300
 """Upper bound of the loss of a sum of products by underflow; the least normal number is 2e-308. No quantity of a haptic
-device comes near it, so half and twice this bound make no difference."""
+device is as small as this bound, so half or twice the bound makes no difference."""
 SWELL = 1 + 2.0**-49
 """Factor that covers 16 roundings of a radius; each rounding is at most u = 2^-53 of the radius. A reciprocal takes the
-most, 7 roundings: the difference and the sum of magnitude and radius, two quotients, the sum with the value's own
-rounding error, the product with this number, which itself is exact, and the sum with `TINY`. A product takes 6. A sum
-over the rows of a box has no fixed count; the function `raised` raises it by its number of terms. Half this factor's
-excess would cover 8 roundings; twice the excess would widen a radius by 2e-15 of itself."""
+most roundings, 7: the difference and the sum of magnitude and radius, two quotients, the sum with the rounding error of
+the value, the product with this exact number, and the sum with `TINY`. A product takes 6. A sum over the rows of a box
+takes a number of roundings that depends on its terms; the function `raised` covers them. Half this factor's excess over
+1 would cover 8 roundings; twice the excess would widen a radius by 2e-15 of itself."""
 
 
 def raised(total: Floats, terms: int) -> Floats:
-    """Return a rounded sum, increased so that it is not below the exact sum.
+    """Return a rounded sum, increased so that it is at least the exact sum.
 
-    With u = 2^-53, summing n terms takes n - 1 roundings. The terms themselves and this product take n + 5 more: (1 -
-    u)^(2n + 4) (1 + 2 (n + 8) u) > 1.
+    With u = 2^-53, summing n terms takes n - 1 roundings. The terms and the product that this function computes take at
+    most n + 5 more. The result is large enough because (1 - u)^(2n + 4) (1 + 2 (n + 8) u) > 1.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def raised(total: Floats, terms: int) -> Floats:
 
 
 def _enclosed(mid: Floats, rad: Floats) -> Enclosure:
-    """Return an enclosure with a rounded middle, and with the radius raised by the rounding errors."""
+    """Return an enclosure with a rounded midpoint. Its radius includes the rounding errors."""
     return Enclosure(mid, (rad + UNIT * np.abs(mid)) * SWELL + TINY)
 
 
@@ -94,7 +94,7 @@ class Enclosure:
     __radd__, __rmul__ = __add__, __mul__
 
     def _square(self) -> Enclosure:
-        """Return the square, which is negative nowhere."""
+        """Return the square, whose enclosure contains no negative number."""
         size = np.abs(self.mid)
         low, high = np.maximum(size - self.rad, 0.0) ** 2, (size + self.rad) ** 2
         return Enclosure(0.5 * (high + low), (0.5 * (high - low) + 4 * UNIT * high) * SWELL + TINY)
@@ -116,24 +116,25 @@ class Enclosure:
         return Enclosure(mid, (rad + 8 * UNIT * np.abs(mid)) * SWELL + TINY)
 
     def sqrt(self) -> Enclosure:
-        """Return the square root of a number that cannot be negative, whatever its enclosure contains."""
+        """Return the square root of a number that is not negative, although its enclosure may contain negative
+        numbers."""
         low = np.sqrt(np.maximum(self.mid - self.rad, 0.0))
         high = np.sqrt(self.mid + self.rad)
         return Enclosure(0.5 * (low + high), (0.5 * (high - low) + 4 * UNIT * high) * SWELL + TINY)
 
     def positive(self) -> Flags:
-        """Return flags of the elements whose enclosed numbers are all > 0."""
+        """Return for each element whether all of its enclosed numbers are > 0."""
         return np.asarray(self.mid > self.rad)
 
     def negative(self) -> Flags:
-        """Return flags of the elements whose enclosed numbers are all < 0."""
+        """Return for each element whether all of its enclosed numbers are < 0."""
         return np.asarray(self.mid < -np.asarray(self.rad))
 
     def __getitem__(self, at: Any) -> Enclosure:
         return Enclosure(self.mid[at], self.rad[at])
 
     def subset(self, at: Any) -> Enclosure:
-        """Return some of the elements."""
+        """Return the elements that an index selects."""
         return Enclosure(np.asarray(self.mid)[at], np.broadcast_to(self.rad, np.shape(self.mid))[at])
 
 
@@ -151,7 +152,7 @@ def between(low: Any, high: Any) -> Enclosure:
     Returns
     -------
     Enclosure
-        It has their common shape.
+        It has the common shape of both.
     """
     mid = 0.5 * (low + high)
     return Enclosure(mid, np.maximum(high - mid, mid - low) * SWELL)
@@ -168,7 +169,7 @@ def decimal_or_inf(x: float) -> Number:
 
 
 def stacked(numbers: Sequence[Any]) -> Enclosure:
-    """Return numbers as one enclosure with a new first axis.
+    """Return one enclosure whose new first axis runs over the given numbers.
 
     Parameters
     ----------
@@ -182,7 +183,7 @@ def stacked(numbers: Sequence[Any]) -> Enclosure:
 def matmul(a: Enclosure, b: Enclosure) -> Enclosure:
     """Return enclosures of the matrix products A B, one for each index of the further axes.
 
-    A rounded sum of m products is correct to m units of the sum of their magnitudes, in any order.
+    In double precision, a sum of m products is correct to m units of the sum of their magnitudes, in any order.
 
     Parameters
     ----------
@@ -215,6 +216,6 @@ def selected(where: Flags, yes: Enclosure, no: Enclosure) -> Enclosure:
     Returns
     -------
     Enclosure
-        It has their common shape.
+        It has the common shape of the three arguments.
     """
     return Enclosure(np.where(where, yes.mid, no.mid), np.where(where, yes.rad, no.rad))

@@ -1,8 +1,8 @@
 """Lower bounds of polynomials of order two over their boxes.
 
-For any y, with S positive semidefinite, e'S e >= 2 y'S e - y'S y: the tangent at y bounds a convex polynomial from
-below. Over a box a tangent is least at a corner. With the y at the minimum the bound is exact (Boyd and Vandenberghe
-2004, section 5). The part of e'H e that is not convex enters with its magnitude.
+If S is positive semidefinite, then e'S e >= 2 y'S e - y'S y for any y: the tangent at y bounds a convex polynomial from
+below. Over a box, a tangent is least at a corner. If y is the position of the minimum, the bound is exact (Boyd and
+Vandenberghe 2004, section 5). The function subtracts the magnitude of the part of e'H e that is not convex.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from vctune.proof.enclosures.array_intervals import Floats
 from vctune.proof.enclosures.taylor import Taylor
 
 SWEEPS = 4
-"""Number of times that each row of y is moved to its best place. Half and twice as many need the same number of boxes
-to within a hundredth."""
+"""Number of times that the code moves each row of y to its best position. With half or twice this number, the proofs
+need the same number of boxes to within a hundredth."""
 ROUNDING = 2.0**-43
-"""Rounding error of a bound, relative to the magnitudes in its sum: 1024 u with u = 2^-53. For 14 rows, a product of
-two matrices or of a matrix and a vector takes 14 roundings, and so does a sum over rows. There are two of the former
-and eight of the latter. With the sum of 120 coefficients and a dozen further operations, the count is 272. A remainder
-is not among these magnitudes: where it is the greater, nothing is proved. Half this number would suffice; twice it
-widens nothing that matters."""
+"""Rounding error of a bound, relative to the magnitudes in its sum: 1024 u with u = 2^-53. The count of roundings is
+272. For 14 rows, a product of two matrices or of a matrix and a vector takes 14 roundings, and so does a sum over rows.
+The bound takes two such products and eight such sums, the sum of 120 coefficients, and a dozen further operations. The
+remainder is not among these magnitudes: if it exceeds them, the bound proves nothing. Half this number would suffice;
+twice this number makes no difference to a proof."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,10 +31,10 @@ class LowerBound:
 
     Attributes
     ----------
-    bound : no value in the box is below it; -inf without a bound
+    bound : lower bound of all values over the box; -inf if the function has none
     estimate : approximate value at `at`
     at : approximate position of the minimum, each row between -1 and 1, shape (k, n)
-    cost : loss of the bound due to each row, shape (k, n)
+    cost : amount by which each row lowers the bound, shape (k, n)
     """
 
     bound: Floats
@@ -44,11 +44,11 @@ class LowerBound:
 
 
 def least_over_boxes(number: Taylor) -> LowerBound:
-    """Bound a number from below over each of its boxes.
+    """Bound a polynomial from below over each of its boxes.
 
     Parameters
     ----------
-    number : number over n boxes
+    number : polynomial with remainder over n boxes
     """
     k, poly = number.rows, number.poly
     known = np.isfinite(poly).all(axis=0) & np.isfinite(number.rest).all(axis=0)
@@ -74,7 +74,7 @@ def least_over_boxes(number: Taylor) -> LowerBound:
 
 
 def _nearly_least(slopes: Floats, convex: Floats) -> Floats:
-    """Return the approximate position at which g.e + e'S e is least, found row by row."""
+    """Return the approximate position of the minimum of g.e + e'S e. The function moves one row at a time."""
     at, moved = np.zeros_like(slopes), np.zeros_like(slopes)
     for _ in range(SWEEPS):
         for row, own in enumerate(np.einsum("iin->in", convex)):

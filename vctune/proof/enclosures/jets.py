@@ -15,37 +15,42 @@ from vctune.proof.enclosures.array_intervals import TINY, UNIT, Enclosure, betwe
 LIBRARY_ERROR = 8 * UNIT
 """Bound on the error of NumPy's sin, cos, exp and expm1 in double precision: 8 units in the last place.
 
-Errors of exp and expm1 are relative to the value, errors of sin and cos to 1. For |x| < 1, where sinc divides by x, the
-error of sin is also relative to the value. Near other zeros only the reduction of the argument must be correct.
+The errors of exp and expm1 are relative to the value; those of sin and cos are relative to 1. For |x| < 1, where sinc
+divides by x, the error of sin is also relative to the value. Near the other zeros, only the reduction of the argument
+must be correct.
 
 NumPy evaluates these functions by the C library, or by Intel's SVML on processors with AVX-512. The GNU C library
 states 1 unit for each of them ("Known Maximum Errors in Math Functions" in its manual) and 2 units for its vector
 variants. NumPy states at most 4 for SVML (numpy/numpy, pull request 19478), less than 1 for the high-accuracy variants
-that replaced them (24006), and its own tests require 1 (umath-validation-set-*.csv). Eight units are twice the worst of
-these. These numbers are measurements by others, not theorems. Therefore `tests/proof/test_enclosures.py` measures the
-errors on the machine at hand against 60 digits and more. Half this bound would be the worst stated error, without
-reserve; twice it widens a point by 2e-15.
+that replaced them (24006), and its own tests require 1 (umath-validation-set-*.csv). Eight units are twice the greatest
+of these numbers. They are measurements by others, not theorems. Therefore `tests/proof/test_enclosures.py` measures the
+errors on the machine on which it runs, against at least 60 digits. Half this bound would be the greatest stated error,
+without reserve; twice the bound widens an enclosed point by 2e-15.
 """
 PHI_ERROR = 1e-13
-"""Bound on the relative error of `FLOATS.phi_1`, `phi_2` and `sinc_curvature` for 0 <= x <= 1e100. In a problem file, b
-T/m <= 1e60.
+"""Bound on the relative error of `FLOATS.phi_1`, `phi_2` and `sinc_curvature` for 0 <= x <= 1e100. In a problem file,
+b T/m <= 1e60.
 
 Let u = 2^-53, and let expm1 be correct to 16 u (`LIBRARY_ERROR`). phi_1 = -expm1(-x)/x adds one division: 17 u = 2e-15.
-For x >= c = `SERIES_BELOW`, phi_2 = (x + expm1(-x))/x^2. An error of 16 u (1 - e^-x) in the numerator x^2 phi_2 is 16 u
-phi_1/(x phi_2) relative to it. This quotient falls with x and is 39.7 at c: 7.1e-14, plus 3 u for the operations. Below
-c the series of eight terms omits less than x^8/10!, which is 1e-17, of at least 0.49, and Horner's rule adds 3 u. For x
->= c = `CURVATURE_BELOW`, sin(x)/x is correct to 17 u, so that 1 - sinc x >= 0.041 is correct to 18 u/0.041, 4.9e-14.
-Below c the series of sinc_curvature behaves like that of phi_2. If an argument is itself rounded by u, phi_1 and phi_2
-change by at most u, since |x phi'| <= phi, and e^-x changes by x u, 8e-14 until it underflows. Half this bound is not
-proved by this argument; twice it widens an enclosure of width 2e-13 by as much again.
+For x >= c = `SERIES_BELOW`, phi_2 = (x + expm1(-x))/x^2. The error of its numerator x^2 phi_2 is at most 16 u (1 -
+e^-x). Relative to the numerator, this is 16 u phi_1/(x phi_2). The quotient phi_1/(x phi_2) falls with x and is 39.7 at
+c. The error is therefore at most 7.1e-14, and 3 u more for the operations. For x < c, the code sums eight terms of the
+series. The sum is at least 0.49, the omitted terms are below x^8/10!, which is at most 1e-17, and Horner's rule adds 3
+u. For x >= c = `CURVATURE_BELOW`, sin(x)/x is correct to 17 u. The difference 1 - sinc x is at least 0.041, so that it
+is correct to 18 u/0.041 = 4.9e-14. For x < c, the error of the series of sinc_curvature is like that of phi_2. If the
+argument itself has the relative error u, then phi_1 and phi_2 change by at most u, because |x phi'| <= phi, and e^-x
+changes by x u, which is at most 8e-14 until e^-x underflows. This argument does not prove half the bound; twice the
+bound would double the width 2e-13 of an enclosure.
 """
 EXPONENT_ERROR = 1e-12
-"""Bound on the relative error of exp of a rounded sum, short of overflow. The sum's rounding contributes 710 u and exp
-16 u, together 8e-14. Half the bound would suffice, and twice it works as well, because it applies to radii above 1."""
+"""Bound on the relative error of exp of a rounded sum, if exp does not overflow. The rounding of the sum contributes
+710 u and exp contributes 16 u, together 8e-14. Half the bound would suffice, and twice the bound works as well, because
+it applies to radii above 1."""
 SMALL = 0.5
-"""Argument below which the derivative of sinc is enclosed by its series. At half this argument, the quotient (cos x -
-sinc x)/x, whose rounding error is divided by x, would be used down to there. At twice this argument, the series' second
-term, enclosed from 0 to x^2/10, would lose 10 % of the first."""
+"""Argument below which the code encloses the derivative of sinc by its series. Above it, the code uses the quotient
+(cos x - sinc x)/x, and dividing by x enlarges the rounding error. With half this argument, the rounding error would
+apply to smaller x. With twice this argument, the enclosure of the series' second term, from 0 to x^2/10, would be 10 %
+of the first term."""
 
 Slopes = tuple[Enclosure | None, ...]
 Table = tuple[tuple[float, float], ...]
@@ -128,8 +133,7 @@ def variables(values: Sequence[Enclosure], varied: Sequence[bool]) -> list[Enclo
     -------
     list of Enclosure or Jet
         n numbers. A jet has one slope for each variable that varies, in their order. A variable that does not vary
-        stays an
-            enclosure.
+            remains an enclosure.
     """
     order = {index: place for place, index in enumerate(i for i, varies in enumerate(varied) if varies)}
     one = Enclosure(1.0)
@@ -184,7 +188,7 @@ def _sinc_slope(x: Enclosure) -> Enclosure:
 
 
 def _curvature(x: Enclosure) -> Enclosure:
-    """Return (1 - sinc x)/x^2. It falls for x >= 0, because x sinc' + 2 (1 - sinc x) > 0."""
+    """Return (1 - sinc x)/x^2. This function falls for x >= 0, because x sinc' + 2 (1 - sinc x) > 0."""
     return _falling(FLOATS.sinc_curvature, x)
 
 
@@ -276,7 +280,7 @@ class _EnclosureArithmetic:
             return x.mapped(value, value)
         mid = np.exp(x.mid)
         rad = (mid + TINY) * (np.expm1(x.rad) + LIBRARY_ERROR) * (1 + LIBRARY_ERROR) + TINY
-        greatest = np.exp(x.mid + x.rad) * (1 + EXPONENT_ERROR) + TINY  # expm1 of a large radius overflows
+        greatest = np.exp(x.mid + x.rad) * (1 + EXPONENT_ERROR) + TINY  # for a large radius expm1 would overflow
         return Enclosure(mid, np.where(np.asarray(x.rad) < 1, rad, greatest))
 
     @staticmethod
@@ -297,7 +301,7 @@ class _EnclosureArithmetic:
 
     @staticmethod
     def phi_1(x: Number) -> Number:
-        """Return phi_1. Its derivative is minus the mean of t e^-xt over 0 <= t <= 1, which is `phi_2` minus phi_1."""
+        """Return phi_1. Its derivative is phi_2 - phi_1, which is minus the mean of t e^-xt over 0 <= t <= 1."""
         if not isinstance(x, Jet):
             return _falling(FLOATS.phi_1, x)
         mean = _falling(FLOATS.phi_1, x.value)
@@ -307,7 +311,7 @@ class _EnclosureArithmetic:
     def phi_2(x: Number) -> Number:
         """Return phi_2.
 
-        Its derivative is minus the mean of t (1 - t) e^-xt over 0 <= t <= 1, between -1/6 and -e^-x/6.
+        Its derivative is minus the mean of t (1 - t) e^-xt over 0 <= t <= 1. It lies between -1/6 and -e^-x/6.
         """
         if not isinstance(x, Jet):
             return _falling(FLOATS.phi_2, x)
@@ -349,8 +353,8 @@ ENCLOSURES: ArrayArithmetic = _EnclosureArithmetic()
 def reciprocal_over(re: Enclosure, im: Enclosure) -> tuple[Enclosure, Enclosure]:
     """Return 1/x of complex numbers x. The relative width of the result is about that of x.
 
-    With x = (1 + e)/c and any number c, |1/x - c| is |c e/(1 + e)|. The conjugate divided by the squared modulus would
-    be as wide as three independent numbers.
+    For any number c and x = (1 + e)/c, the function uses |1/x - c| = |c e/(1 + e)|. The conjugate divided by the
+    squared modulus would give an enclosure as wide as that of three independent numbers.
 
     Parameters
     ----------
@@ -395,7 +399,8 @@ def interpolated_over(x: Enclosure, table: Table) -> Enclosure:
 
 
 def _exponents(x: Enclosure, table: Table) -> Enclosure:
-    """Return the slopes of a table on logarithmic axes over x. They bound its rise, because the table is continuous."""
+    """Return the slopes of a table on logarithmic axes over x. They bound the slope of the interpolated table, because
+    the table is continuous."""
     low, high = x.mid - x.rad, x.mid + x.rad
     edges = [0.0, *(at for at, _ in table), np.inf]
     slopes = [0.0, *(np.log(d / b) / np.log(c / a) for (a, b), (c, d) in pairwise(table)), 0.0]
@@ -410,18 +415,18 @@ def _exponents(x: Enclosure, table: Table) -> Enclosure:
 
 
 def _beyond(x: Enclosure, table: Table) -> NDArray[np.bool_]:
-    """Return where x certainly lies outside a table; this includes x = 0."""
+    """Return where x certainly lies outside the range of a table; x = 0 does."""
     first, last = table[0][0] * (1 - PHI_ERROR), table[-1][0] * (1 + PHI_ERROR)
     return np.asarray((x.mid + x.rad < first) | (x.mid - x.rad > last))
 
 
 def _cosine(x: Enclosure) -> Enclosure:
-    """Return numbers in [-1, 1] clipped to that range; all of [-1, 1] where nothing else is known."""
+    """Return an enclosure of a cosine, clipped to [-1, 1]; all of [-1, 1] where the enclosure is nan."""
     return between(np.fmax(x.mid - x.rad, -1.0), np.fmin(x.mid + x.rad, 1.0))
 
 
 def _falling(f: Callable[[Any], Any], x: Enclosure) -> Enclosure:
-    """Return an enclosure of a positive function that falls for x >= 0, from its values at the ends."""
+    """Return an enclosure of a positive function that falls for x >= 0, from its values at both ends of x."""
     low, high = np.maximum(x.mid - x.rad, 0.0), x.mid + x.rad
     return between(f(np.asarray(high)) * (1 - PHI_ERROR), f(np.asarray(low)) * (1 + PHI_ERROR))
 

@@ -1,9 +1,9 @@
 """Polynomials of order two in the rows of a box, with enclosed remainders, for many boxes at once.
 
-A `Taylor` is a number as a polynomial in e_1 ... e_k, each between -1 and 1. Each e_i runs from one end of a row of the
-box to the other. A radius holds all terms of higher order and every rounding error (Taylor models: Makino and Berz
-2003). Unlike the slopes of a jet, the polynomial shows how rows act together: at a resonance, mass and stiffness may
-vary much as long as they vary together.
+A `Taylor` represents a number as a polynomial in e_1 ... e_k. Each e_i runs from -1 to 1, which are the ends of a row
+of the box. A radius covers all terms of higher order and every rounding error (Taylor models: Makino and Berz 2003).
+Unlike the slopes of a jet, the polynomial shows how rows act together. At a resonance, for example, the number may
+hardly vary if mass and stiffness vary in proportion.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from vctune.proof.enclosures.array_intervals import TINY, UNIT, Enclosure, Float
 SWOLLEN = 1 + 2.0**-44
 """Factor that covers 512 roundings of a radius; each rounding is at most u = 2^-53 of the radius. The remainder of a
 product needs the most roundings. For 14 rows and 8-by-8 matrices there are 152: 105 for the coefficients of order two,
-14 for the rows, 2 for the constant, 15 for the remainders, 8 for the sum of the products, and 8 more. Half this
-factor's excess would cover 256; twice the excess would widen a radius by 1e-13 of itself."""
+14 for the rows, 2 for the constant, 15 for the remainders, 8 for the sum of the products, and 8 others. Half this
+factor's excess over 1 would cover 256; twice the excess would widen a radius by 1e-13 of itself."""
 HIGHER_ERROR = 1e-13
-"""Bound on the relative rounding error of f' and f''/2: 900 u with u = 2^-53. For a reciprocal 1/m, which is rounded
-once, f''/2 needs the most roundings: three for the cube of 1/m, and 2 for the library's cube. f' needs 3, two of them
-from 1/m. For a square root, f''/2 takes 3: the root, its product with m, and the quotient. The parameter `error` holds
-the errors of a library's exp, sin and cos, and all errors of sinc, whose slopes cancel. Half this bound would suffice;
-twice it works as well."""
+"""Bound on the relative rounding error of f' and f''/2: 900 u with u = 2^-53. The reciprocal 1/m has one rounding. Its
+f''/2 takes the most roundings: three for the cube of 1/m, and 2 for the library's cube. Its f' takes 3, two of them
+from 1/m. For a square root, f''/2 takes 3: the root, its product with m, and the quotient. The parameter `error` covers
+the errors of a library's exp, sin and cos, and all errors of sinc, whose slopes cancel. Half this bound would suffice,
+and twice the bound works as well."""
 
 Times = Callable[[Floats, Floats], Floats]
 
@@ -38,7 +38,7 @@ class Taylor:
     ----------
     rows : number k of rows
     poly : coefficients of 1, of each e_i and of each e_i e_j, i <= j; shape (1 + k + k (k + 1)/2, ..., n)
-    rest : radius of the remainder by the row that causes it, and last the radius of rounding; shape (k + 1, ..., n)
+    rest : radius of the remainder for each row that causes it, and last the radius of rounding; shape (k + 1, ..., n)
     """
 
     __slots__ = ("_sizes", "poly", "rest", "rows")
@@ -52,7 +52,7 @@ class Taylor:
 
     @property
     def sizes(self) -> _Sizes:
-        """The magnitudes of the number's parts."""
+        """The magnitudes of the number's parts, from which products compute their remainder."""
         if self._sizes is None:
             self._sizes = _Sizes(self)
         return self._sizes
@@ -108,12 +108,12 @@ class Taylor:
         return _product(self, other, _matrices, self.poly.shape[2])
 
     def enclosed(self) -> Enclosure:
-        """Return an enclosure of all its values."""
+        """Return an enclosure of all values of this number."""
         rad = self.sizes.slope + self.sizes.curve + self.rest.sum(axis=0)
         return Enclosure(self.poly[0], rad * SWOLLEN)
 
     def reciprocal(self) -> Taylor:
-        """Return 1/x; it is unbounded where x may be 0."""
+        """Return 1/x; its radius is infinite where x may be 0."""
         gap = np.abs(self.poly[0]) - self.enclosed().rad
         one, least = 1 / self.poly[0], np.where(gap > 0, gap, np.nan)
         # 1/(m + e) = 1/m - e/m^2 + e^2/m^3 - e^3/(m^3 (m + e))
@@ -125,9 +125,9 @@ class Taylor:
         Parameters
         ----------
         series : f, f' and f''/2 at the middle of x
-        third : bound of |f'''| over all values of x, or of six times the omitted terms divided by the cube of e
-        error : absolute rounding error of the three numbers of `series`; f' and f''/2 may also have the relative error
-            `HIGHER_ERROR`
+        third : bound of |f'''| over all values of x, or six times a bound of the omitted terms divided by the cube of e
+        error : absolute rounding error of the three numbers of `series`; f' and f''/2 may in addition have the relative
+            error `HIGHER_ERROR`
 
         Returns
         -------
@@ -150,12 +150,13 @@ class Taylor:
 
 
 class _Sizes:
-    """The magnitudes of a number's parts.
+    """The magnitudes of the parts of a number, from which products compute their remainder.
 
     Attributes
     ----------
     linear, quad : magnitude of the e_i terms, and half the magnitude of the e_i e_j terms, for each row
-    slope, curve, known : magnitude of all e_i terms, of all e_i e_j terms, and of both with the constant
+    slope, curve, known : magnitude of all e_i terms, magnitude of all e_i e_j terms, and sum of both with the
+        constant's
     """
 
     __slots__ = ("curve", "known", "linear", "quad", "slope")
@@ -204,7 +205,7 @@ def variables(rows: Sequence[Enclosure], varied: Sequence[bool]) -> list[Taylor 
 
 
 def stacked(numbers: Sequence[Any]) -> Taylor:
-    """Return numbers as one with a new first axis.
+    """Return one `Taylor` whose new first axis runs over the given numbers.
 
     Parameters
     ----------
@@ -225,11 +226,11 @@ def _constant(x: Any) -> tuple[Any, Any]:
 
 
 def _product(a: Taylor, b: Taylor, times: Times, terms: int) -> Taylor:
-    """Return a b.
+    """Return the product a b.
 
     Parameters
     ----------
-    times : function that multiplies arrays of numbers or matrices; one array, or both, may have a further first axis
+    times : function that multiplies arrays of numbers or matrices; either array or both may have a further first axis
     terms : number of products in the sum
     """
     k, A, B = a.rows, a.sizes, b.sizes

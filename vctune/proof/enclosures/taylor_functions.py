@@ -1,4 +1,4 @@
-"""The elementary functions of `Taylor` numbers over many boxes, and of enclosures that depend on no row."""
+"""The elementary functions of `Taylor` numbers over many boxes, also of enclosures that depend on no row."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from vctune.proof.enclosures.jets import ENCLOSURES, LIBRARY_ERROR, Table
 from vctune.proof.enclosures.taylor import SWOLLEN, Taylor, stacked
 
 SINC_TERMS = 12
-"""Number of terms in the series of sinc' and sinc'' below 1, with a remainder below 1e-20. Half as many terms leave
-1e-9; twice as many are no better."""
+"""Number of terms in the series of sinc' and sinc'' for arguments below 1. The remainder is below 1e-20. With half as
+many terms it is 1e-9; more terms are no better in double precision."""
 ASTRIDE = 1e-12
-"""Relative amount by which an interval may extend past a point of a table and still count as on one side of it. Next to
-that point both powers agree up to `POWER_ERROR`. Half and twice this amount change nothing, since no box is cut closer
-than a rounding error."""
+"""Relative amount by which an interval may extend past a point of a table and still count as on one side of it. This
+close to the point, the power laws of both sides agree up to `POWER_ERROR`. Half or twice this amount changes nothing,
+because the prover cuts no box that close to a point."""
 POWER_ERROR = 8e-12
-"""Bound on the relative error of a table's power and of its value, for each unit of the power and of the logarithm
-between two points. It covers roundings and `ASTRIDE`. Half the bound would suffice, and twice it works as well."""
+"""Bound on the relative error of a table's power and of its value, for each unit of the power and of the logarithm of
+the ratio of two points. It covers rounding errors and `ASTRIDE`. Half the bound would suffice, and twice the bound
+works as well."""
 
 
 def _sinc(x: Floats) -> tuple[Floats, Floats, Floats]:
@@ -45,7 +46,7 @@ def _narrower(x: Taylor, over: Enclosure, of: Taylor) -> Taylor:
     """Return a number where its remainder is less than the width of its range; elsewhere return an enclosure of that
     range.
 
-    The enclosure attributes its width to the rows with which the argument of the number varies.
+    The function attributes the width of that enclosure to the rows on which the number's argument depends.
     """
     known = x.rest.sum(axis=0) <= over.rad
     shares = of.sizes.linear + of.sizes.quad + of.rest[:-1]
@@ -74,7 +75,7 @@ def _reciprocal(re: Number, im: Number) -> tuple[Taylor, Taylor]:
 
 
 def _power(x: Taylor, table: Table) -> Taylor:
-    """Return a table's values over x by the power of x between two points; unbounded where x spans several powers."""
+    """Return a table's values over x by the power law between two points; unbounded where x spans several intervals."""
     mid, over = x.poly[0], x.enclosed()
     edges = np.array([at for at, _ in table])
     powers = np.array([0.0, *(log(d / b) / log(c / a) for (a, b), (c, d) in pairwise(table)), 0.0])
@@ -91,7 +92,7 @@ def _power(x: Taylor, table: Table) -> Taylor:
 
 
 def _like(x: Number, one: Taylor) -> Taylor:
-    """Return a matrix over the boxes of another, on which it need not depend.
+    """Return a matrix, on which the boxes may have no influence, as a `Taylor` over the boxes of another matrix.
 
     Parameters
     ----------
@@ -107,7 +108,7 @@ def _like(x: Number, one: Taylor) -> Taylor:
 
 
 class _TaylorArithmetic:
-    """Operations that a loop rarely needs, evaluated on all values of a number without its dependence on the rows."""
+    """Arithmetic of `Taylor` numbers. Operations that a loop rarely needs ignore how the number depends on the rows."""
 
     pi = ENCLOSURES.pi
     precision = UNIT
@@ -162,7 +163,7 @@ class _TaylorArithmetic:
 
     @staticmethod
     def sinc(x: Number) -> Number:
-        """Return sinc x. It is the mean of cos(t x) over 0 <= t <= 1, so that |sinc'''| is at most 1/4."""
+        """Return sinc x. It is the mean of cos(t x) over 0 <= t <= 1, so |sinc'''| is at most 1/4."""
         return x.mapped(_sinc(x.poly[0]), 0.25, 8 * LIBRARY_ERROR) if isinstance(x, Taylor) else ENCLOSURES.sinc(x)
 
     @staticmethod

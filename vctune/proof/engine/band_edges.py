@@ -1,4 +1,4 @@
-"""Edges of a proved band: as far out as the proof reaches, in hertz with the digits that are certain."""
+"""Edges of a proved band: as far out as the proof reaches, with certain digits in hertz."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from math import pi, sqrt
 from vctune.running import OutOfTimeError
 
 FINEST_STEP = 1e-6
-"""Relative step at which the extension of a proved band ends, before the edge is rounded to few digits. Half and twice
-this step end at the same edge."""
+"""Relative step at which the extension of a proved band ends. The code then rounds the edge to few digits. With half or
+twice this step, the extension ends at the same edge."""
 EDGE_DIGITS = 5
-"""Digits of an edge in Hz outside the required band. All of them are displayed, and they are at least ten times as
-coarse as the steps."""
+"""Digits of an edge in Hz outside the required band. The report prints all of them. The last digit is at least ten
+times as coarse as the finest step."""
 BEYOND = 1e-12
-"""Relative amount by which an edge in rad/s exceeds its decimals in hertz: more than the rounding error of 2 pi f."""
+"""Relative amount by which an edge in rad/s exceeds its decimals in hertz. It is more than the rounding error of
+2 pi f."""
 
 
 def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float) -> float:
@@ -32,10 +33,11 @@ def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float)
     Returns
     -------
     float
-        rad/s, between edge and goal; everything between it and the edge is proved. A time limit gives a nearer point.
+        rad/s, between edge and goal. The proof holds from it to the edge. If the time limit ends the search, the result
+            is nearer to the edge.
     """
     down, start = goal < edge, edge
-    step, held = 4.0, True  # a ratio: squared after a second success, replaced by its root after a failure
+    step, held = 4.0, True  # a ratio of frequencies; a second success squares it, a failure takes its square root
     try:
         while step - 1 > FINEST_STEP and edge != goal:
             ahead = max(goal, edge / step) if down else min(goal, edge * step)
@@ -49,7 +51,8 @@ def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float)
 
 
 def _decimal_edge(holds: Callable[[float, float], bool], edge: float, start: float, goal: float) -> float:
-    """Return the farthest proved edge with `EDGE_DIGITS` digits in hertz, near a proved edge, rad/s."""
+    """Return the farthest proved edge, rad/s, that has `EDGE_DIGITS` digits in hertz and is near a given proved
+    edge."""
     away = -1 if goal < start else 1
     inner, place = _rounded(Decimal(edge / (2 * pi)), away)
     for decimals in (inner + away * place, inner, inner - away * place):
@@ -66,7 +69,7 @@ def edge_in_hertz(edge: float, *, upper: bool) -> float:
     Parameters
     ----------
     edge : rad/s, > 0
-    upper : whether it is the upper edge, which is rounded down; the lower one is rounded up
+    upper : whether this is the upper edge; the function rounds an upper edge down and a lower edge up
 
     Returns
     -------
@@ -78,6 +81,6 @@ def edge_in_hertz(edge: float, *, upper: bool) -> float:
 
 
 def _rounded(hertz: Decimal, away: int) -> tuple[Decimal, Decimal]:
-    """Return a frequency rounded inwards to `EDGE_DIGITS`, and the value of its last place."""
+    """Return a frequency rounded inwards to `EDGE_DIGITS` digits, and the value of its last digit's place."""
     place = Decimal(1).scaleb(hertz.adjusted() - EDGE_DIGITS + 1)
     return hertz.quantize(place, ROUND_FLOOR if away > 0 else ROUND_CEILING), place

@@ -9,17 +9,19 @@ from vctune.proof.engine.boxes import Boxes, Cells, band_of, over_cells
 from vctune.proof.engine.branching import Proofs, Test, prove
 
 STEP = 1.4
-"""Ratio of the edges of the first intervals. Its square root takes 60 % more boxes, its square 16 % fewer. Of the cells
-whose margin is nearly blurred, one ratio proves some and the other does not."""
+"""Ratio of the edges of the first intervals. With its square root the proofs take 60 % more boxes, with its square 16 %
+fewer. If rounding and cell size nearly hide the sign of a margin, the ratio decides whether the cell is proved."""
 HALVINGS = 24
-"""Greatest number of halvings of an interval of frequency for a single design. They reach 2e-8 of the interval, where
-an optimal design touches its constraint. Half and twice as many prove the same designs around those of problems/."""
+"""Greatest number of halvings of an interval of frequency for a single design. The narrowest interval is 2e-8 of the
+first one; an optimal design needs it where it touches its constraint. Half or twice as many halvings prove the same
+designs around those of problems/."""
 CELL_HALVINGS = 10
-"""Greatest number of halvings for a cell, whose own size soon blurs a curve more than the interval does. Half as many
-leave cells open, up to half of those near the edge of the feasible ones; twice as many prove no more."""
+"""Greatest number of halvings for a cell. After few halvings, the size of the cell widens an enclosure more than the
+interval does. Half as many halvings leave up to half of the cells near the feasible region's border open. Twice as many
+prove no more cells."""
 MAX_BOXES = 4_000
-"""Number of boxes for one claim after which a cell stays open; most cells take some hundred. Half and twice as many
-prove the same cells."""
+"""Number of boxes for one claim after which the prover leaves a cell open. Most cells take some hundred boxes. Half or
+twice as many prove the same cells."""
 
 
 def cells_over_band(
@@ -38,9 +40,9 @@ def cells_over_band(
     test : test of boxes with rows for frequency and cell
     cells : n cells of designs
     low, high : edges of the band, in the test's unit of frequency
-    measure : function of boxes that is summed over the proved boxes of a cell, such as the angle of a turn; None for no
-        sum
-    in_parts : whether to halve the cells as well as the frequency, in each interval separately
+    measure : function of boxes, such as the angle of a turn; the prover sums its values over the proved boxes of a
+        cell; None for no sum
+    in_parts : whether to halve the cells as well as the frequency, separately in each interval
 
     Returns
     -------
@@ -59,7 +61,7 @@ def cells_over_band(
 
 
 def halved_rows(cells: Cells, rows: int) -> tuple[bool, ...]:
-    """Return which rows of boxes may be halved: all except those of the cell.
+    """Return which rows of boxes the prover may halve: all except the rows of the cell.
 
     Parameters
     ----------

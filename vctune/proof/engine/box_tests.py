@@ -1,8 +1,9 @@
 """Tests of boxes: that a margin is positive throughout, or that a curve misses 0.
 
 The test bounds a margin from below by its value at one point of the box. In a row where the slope keeps its sign, the
-point lies at the worse end, which costs nothing. In any other row it lies in the middle, which costs the slope times
-half the width. So a worst device or a worst design at a vertex of its box is evaluated exactly.
+point lies at the worse end, and the bound loses nothing. In any other row it lies in the middle, and the bound loses
+the slope times half the width. If the worst device or the worst design is at a vertex of its box, the test therefore
+evaluates it exactly.
 """
 
 from __future__ import annotations
@@ -24,20 +25,20 @@ from vctune.proof.engine.interval import WIDE
 from vctune.running import check_time
 
 NARROW = 1.02
-"""Ratio of a box's frequencies below which the test tries a second margin that needs narrow boxes. Half and twice its
-excess over 1 need the same number of boxes."""
+"""Ratio of a box's frequencies below which the test tries a second margin, which needs narrow boxes. With half or twice
+this ratio's excess over 1, the proofs need the same number of boxes."""
 FROM_ZERO = 0.1
-"""Relative width that the test assumes for an interval from frequency 0, since halving does not make it narrower. Half
-and twice this width need the same number of boxes."""
+"""Relative width that the test assumes for an interval that begins at frequency 0, because halving never reduces its
+relative width. With half or twice this value, the proofs need the same number of boxes."""
 
 
 LOST = -1.0
-"""Value of `room` for a margin that would not be positive even with its whole variation."""
+"""Value of `room` for a margin that would not be positive even if it rose by its whole variation."""
 
 Margin = Callable[[Number, Values], Number]
 """A function on enclosures and jets that must be positive; its arguments are a frequency and numbers by name."""
 Margins = Callable[[Number, Values], tuple[Number, ...]]
-"""A function that returns margins of which one must be positive."""
+"""A function that returns several margins; at each point one of them must be positive."""
 Curve = Callable[[Number, Values], Pair]
 """A function that must not be 0."""
 Rows = Sequence[Number]
@@ -51,10 +52,10 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, be
     ----------
     margin : function of a frequency and of values by name
     fixed : values by name that are not rows of the boxes
-    sufficient : a second margin that proves as much and is regular at frequency 0; the test tries it there and on wide
-        intervals
+    sufficient : a second margin that is regular at frequency 0 and whose sign proves the same claim; the test tries it
+        at 0 and on wide intervals
     below : frequency below which the test tries `sufficient` on narrow intervals as well, because a margin that
-        vanishes at 0 may vary little relative to itself
+        vanishes at 0 may vary little relative to its own size
 
     Returns
     -------
@@ -89,8 +90,9 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, be
 def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -> Test:
     """Return the test that a curve misses 0.
 
-    The curve misses 0 in a box if the rectangle around its image does not contain 0, if `sufficient` is positive, or if
-    its component along its own value at the middle of the box is positive.
+    The curve misses 0 in a box if one of three conditions holds. The rectangle around its image does not contain 0. Or
+    `sufficient` is positive. Or the curve's component in the direction of its value at the middle of the box is
+    positive.
 
     Parameters
     ----------
@@ -101,7 +103,7 @@ def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -
     Returns
     -------
     Test
-        The test never refutes a box; a curve that comes near 0 stays open.
+        The test never refutes a box. It leaves a box open if the curve comes near 0.
     """
 
     def test(boxes: Boxes) -> Decided:
@@ -142,8 +144,8 @@ def turned_angles(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
     Returns
     -------
     function
-        Maps n boxes to angles, rad, shape (n,). An angle is nan if rounding errors hide on which side of half a turn it
-        is.
+        Maps n boxes to angles, rad, shape (n,). An angle is nan if rounding errors hide whether it is above or below
+            half a turn.
     """
 
     def turn(boxes: Boxes) -> Floats:
@@ -169,7 +171,7 @@ def lower_bound_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
     Returns
     -------
     array of float
-        Shape (n,), in the margin's unit; nan if no bound is known.
+        Shape (n,), in the margin's unit; nan if the slopes give no bound.
     """
 
     def least(part: Boxes) -> Floats:
@@ -180,13 +182,13 @@ def lower_bound_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
 
 
 def next_to_zero(rows: Sequence[str], sufficient: Sequence[Margin], fixed: Values, test: Test) -> Test:
-    """Return a test that uses other margins where given rows begin at 0 together.
+    """Return a test that uses other margins in boxes in which all given rows begin at 0.
 
     Parameters
     ----------
     rows : names of these rows
-    sufficient : margins, any of which proves as much there, the more so the narrower these rows are; where one is
-        negative, or least, need not be where the claim's margin is
+    sufficient : margins, any of which proves the claim there, the more easily the narrower these rows are; the points
+        and the faces at which such a margin is least say nothing about the margin of the claim
     fixed : values by name that are not rows of the boxes
     test : test of the other boxes
     """
@@ -208,13 +210,13 @@ def next_to_zero(rows: Sequence[str], sufficient: Sequence[Margin], fixed: Value
 
 
 def from_frequency(start: float, there: Test, test: Test) -> Test:
-    """Return a test that is another one from some frequency on.
+    """Return a test that applies one of two tests, depending on the frequency.
 
     Parameters
     ----------
     start : the frequency
-    there : test of the boxes beyond it
-    test : test of the other boxes
+    there : test of the boxes from that frequency on
+    test : test of the boxes below it
     """
 
     def by_place(boxes: Boxes) -> Decided:
@@ -225,12 +227,12 @@ def from_frequency(start: float, there: Test, test: Test) -> Test:
 
 
 def alone(margins: Margins) -> Margin:
-    """Return the only margin of a function that returns margins."""
+    """Return the single margin of a function that returns a tuple of one margin."""
     return lambda frequency, values: margins(frequency, values)[0]
 
 
 def any_of(tests: Sequence[Test]) -> Test:
-    """Return the test that at each point one of several sufficient margins is positive.
+    """Return the test that one of several sufficient margins is positive at each point.
 
     Parameters
     ----------
@@ -240,7 +242,8 @@ def any_of(tests: Sequence[Test]) -> Test:
 
 
 def nearest(found: Sequence[Decided]) -> Decided:
-    """Return the result of the test that is nearest to a proof, with all boxes proved that any test proves."""
+    """Return the result of the test that is nearest to a proof. A box counts as proved if any of the tests proves
+    it."""
     room = np.array([each.room for each in found])
     which, at = np.argmax(room, axis=0), np.arange(room.shape[1])
 
@@ -259,14 +262,14 @@ def nearest(found: Sequence[Decided]) -> Decided:
 
 
 def _kind_by_kind(test: Test, boxes: Boxes) -> Decided:
-    """Test separately the boxes from frequency 0, those wide in frequency, and the others."""
+    """Test three kinds of boxes separately: those from frequency 0, those wide in frequency, and the others."""
     zero = boxes.low[0] == 0
     wide = (boxes.high[0] > WIDE * boxes.low[0]) & ~zero
     return _by_kind([(kind, test) for kind in (zero, wide, ~(zero | wide))], boxes)
 
 
 def _by_kind(tests: Sequence[tuple[Flags, Test]], boxes: Boxes) -> Decided:
-    """Test each box by the test for its kind."""
+    """Apply to each box the test for its kind."""
     present = [(kind, test) for kind, test in tests if kind.any()]
     if len(present) == 1:
         return present[0][1](boxes)
@@ -305,14 +308,14 @@ def _to_halve_in_frequency(boxes: Boxes, proved: Flags) -> Decided:
 
 
 def _by_sufficient(decided: Decided) -> Decided:
-    """Return the result of a sufficient margin without failing points and sides, which are not those of the claim's
-    margin."""
+    """Return the result of a test of `sufficient` without failing points and sides, because these do not apply to the
+    claim's own margin."""
     return replace(decided, fails=np.zeros_like(decided.fails), side=np.zeros_like(decided.side))
 
 
 @dataclass(frozen=True, slots=True)
 class _Bounded:
-    """A lower bound of a margin over each box, its verdict, and the margin's variation with each row."""
+    """A lower bound of a margin over each box, its verdict, and how much the margin varies with each row."""
 
     least: Floats
     decided: Decided
@@ -322,8 +325,8 @@ class _Bounded:
 def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Bounded:
     """Bound a margin from below by its value at one point of each box and by its slopes.
 
-    Halving a row saves the cost of its slope. Where the margin is negative at that point, halving saves the row's
-    variation. Where no slopes are known, the widest row is the choice.
+    The cost of a row is what the bound loses to the row's slope. If the margin is negative at that point, the cost is
+    the variation of the margin with the row. If the slopes are unknown, the widest row costs most.
     """
     check_time()
     varied = boxes.varied()
@@ -358,7 +361,7 @@ def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Boun
 
 
 def halves_and_middles(rows: Rows, n: int) -> tuple[Floats, Floats]:
-    """Return the half-widths and the middles of n boxes. A row that is infinite throughout has width 0.
+    """Return the half-widths and the middles of n boxes. A row whose numbers are all infinite has width 0.
 
     Parameters
     ----------
@@ -374,9 +377,10 @@ def halves_and_middles(rows: Rows, n: int) -> tuple[Floats, Floats]:
 
 
 def room_left(value: Floats, uncertain: Floats, reach: Floats) -> Floats:
-    """Return how near a margin is to a proof, from its least value, the error of that value, and its possible fall.
+    """Return how near a margin is to a proof.
 
-    A negative result is the missing share of the fall. nan, where nothing is known, counts as 0.
+    The result is value / uncertain if the value is positive, so that it exceeds 1 if the margin is proved. For a
+    negative value it is value / reach, but at least `LOST`. It is 0 where the quotient is nan.
 
     Parameters
     ----------
@@ -388,7 +392,8 @@ def room_left(value: Floats, uncertain: Floats, reach: Floats) -> Floats:
 
 
 def lowest(mid: Floats, rad: Floats) -> Floats:
-    """Return mid - rad rounded downwards. Two differences and a sum each take a quarter of the allowed rounding.
+    """Return mid - rad rounded downwards. The two differences and the sum each take a quarter of the rounding
+    allowance.
 
     Parameters
     ----------

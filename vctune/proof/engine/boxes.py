@@ -24,25 +24,26 @@ from vctune.proof.engine.interval import WIDE
 Integers = NDArray[np.intp]
 
 FREQUENCY = "frequency"
-"""Name of the frequency's row: omega in rad/s, theta = omega T in rad, or 1/omega in s, depending on the claim."""
+"""Name of the row of the frequency. The claim determines its unit: omega in rad/s, theta = omega T in rad, or 1/omega
+in s."""
 WHOLE_SAMPLES = "whole samples of device.delay"
 SAMPLES_BEFORE = "whole samples before device.delay"
 """Name of the row for the whole samples of a delay, if the row of the delay holds only the rest of the delay."""
 CHUNK = 4096
-"""Number of boxes evaluated together, whose arrays fit into the processor's cache. With half or twice as many boxes, a
-proof takes the same time."""
+"""Number of boxes that the prover evaluates together, so that their arrays fit into the processor's cache. With half or
+twice as many boxes, a proof takes the same time."""
 
 Values = Mapping[str, Number]
-"""Numbers by name. A claim supplies all other numbers itself."""
+"""Numbers by name. The claim's function supplies all numbers that are not among them."""
 
 
 def gains_of(values: Values) -> Gains:
-    """Return the gains among some values."""
+    """Return the gains that a mapping of values contains."""
     return Gains(values[KEYS[0]], values[KEYS[1]])
 
 
 def coupling_of(values: Values) -> AnyCoupling:
-    """Return the coupling among some values."""
+    """Return the coupling that a mapping of values contains."""
     if SPRING_KEYS[3] in values:
         return SpringDamper(values[SPRING_KEYS[2]], values[SPRING_KEYS[3]])
     return Coupling(values[KEYS[2]], values[KEYS[3]], values[KEYS[4]])
@@ -77,7 +78,7 @@ class Cells:
 
     @property
     def extended(self) -> bool:
-        """Whether some cell is more than a single design."""
+        """Whether a cell contains more than a single design."""
         return bool(np.any(self.low < self.high))
 
 
@@ -90,7 +91,7 @@ class Boxes:
     names : names of the rows, `FREQUENCY` first
     low, high : edges, shape (rows, n)
     owner : number of the proof to which each box belongs, shape (n,)
-    whole_samples : N, the number of whole samples in the delay, shape (n,), if the delay is uncertain
+    whole_samples : number N of whole samples in the delay of each box, shape (n,); 0 if the delay is known
     """
 
     names: tuple[str, ...]
@@ -117,9 +118,9 @@ class Boxes:
         return np.bincount(self.owner, minlength=owners)
 
     def rows(self) -> list[Number]:
-        """Return the rows as enclosures. The edges of all rows except the frequency are decimals.
+        """Return the rows as enclosures. The edges of all rows except the frequency are decimals, not doubles.
 
-        A row that is infinite throughout, such as b_c of a rigid coupling, is an infinite float.
+        If a row is infinite in all boxes, such as b_c of a rigid coupling, it is an infinite float.
         """
         endless: Flags = np.asarray(np.isinf(self.low).all(axis=1))
         low, high = (np.where(endless[:, None], 0.0, edge) for edge in (self.low, self.high))
@@ -129,38 +130,39 @@ class Boxes:
         return [inf if infinite else row for row, infinite in zip(found, endless.tolist(), strict=True)]
 
     def named(self, rows: Sequence[Number], fixed: Values) -> Values:
-        """Return the values of a claim by name: those of the rows, and the fixed ones.
+        """Return the values of a claim by name: those of the rows and the fixed ones.
 
         Parameters
         ----------
-        rows : one number for each of `names` except the frequency, which is first
-        fixed : the other numbers by name; a row replaces the number of its name
+        rows : one number for each of `names` except the first, which is the frequency
+        fixed : the other numbers by name; if a name is also that of a row, the row's number counts
 
         Returns
         -------
         Values
-            They include the boxes' whole samples of delay.
+            They include each box's number of whole samples of delay.
         """
         return {**fixed, **dict(zip(self.names[1:], rows[1:], strict=True)), WHOLE_SAMPLES: self.whole_samples}
 
     def varied(self) -> list[bool]:
-        """Return for each row whether some box has a width in it. The frequency always counts as varied."""
+        """Return for each row whether some box has a width in it. The frequency always counts as a row with width."""
         return [True, *np.any(self.low[1:] < self.high[1:], axis=1).tolist()]
 
     def ends(self, side: Floats) -> Boxes:
-        """Return a face of each box: the lower end of a row for -1, the upper end for 1, the whole row for 0."""
+        """Return a face of each box. `side` selects the lower end of a row by -1, the upper end by 1, the whole row by
+        0."""
         low, high = np.where(side > 0, self.high, self.low), np.where(side < 0, self.low, self.high)
         return replace(self, low=low, high=high)
 
     def halved(self, axis: Integers) -> Boxes:
-        """Return both halves of each box along its own axis.
+        """Return both halves of each box, cut along the axis that is given for the box.
 
         A wide interval is halved in the logarithm. An interval that starts at 0 is cut near 0.
         Whole samples are cut between two whole numbers.
         """
         at = np.arange(len(self))
         low, high = self.low[axis, at], self.high[axis, at]
-        # a product of roots, since low times high may overflow; 0 has no logarithm, so the cut is at a sixteenth
+        # roots, because low times high may overflow; 0 has no logarithm, so the cut is at a sixteenth of high
         wide = np.where(low > 0, np.sqrt(low) * np.sqrt(high), high / 16)
         middle = np.where(high > WIDE * low, wide, (low + high) / 2)
         left, right = self.high.copy(), self.low.copy()
@@ -186,8 +188,8 @@ def band_of(low: float, high: float, ratio: float) -> tuple[Floats, Floats]:
 
     Parameters
     ----------
-    low, high : edges of the band, 0 <= low < high; from low = 0 the first interval ends at 1e-3 high
-    ratio : greatest ratio of an interval's edges, > 1
+    low, high : edges of the band, 0 <= low < high; if low is 0, the first interval ends at 1e-3 high
+    ratio : greatest ratio of the edges of an interval, > 1
 
     Returns
     -------
@@ -204,12 +206,12 @@ def band_of(low: float, high: float, ratio: float) -> tuple[Floats, Floats]:
 def over_band(
     names: Sequence[str], low: Floats, high: Floats, band: tuple[Floats, Floats], whole_samples: int = 0
 ) -> Boxes:
-    """Return the boxes of every interval of a band with every owner.
+    """Return a box for every pair of an interval of a band and an owner.
 
     Parameters
     ----------
     names : names of the rows except the frequency
-    low, high : edges of each owner in these rows, shape (names, owners)
+    low, high : edges of each owner in these rows, shape (names, owners); an owner is a cell or a design
     band : lower and upper edges of m intervals, from `band_of`
     whole_samples : N, the number of whole samples in the delay, the same for all boxes
 
@@ -230,7 +232,7 @@ def over_band(
 
 
 def over_cells(cells: Cells, band: tuple[Floats, Floats]) -> Boxes:
-    """Return the boxes of every interval of a band with every cell.
+    """Return a box for every pair of an interval of a band and a cell.
 
     Parameters
     ----------
@@ -240,13 +242,13 @@ def over_cells(cells: Cells, band: tuple[Floats, Floats]) -> Boxes:
     Returns
     -------
     Boxes
-        n m boxes, each owned by its cell.
+        n m boxes; the owner of each is its cell.
     """
     return over_band(cells.keys, cells.low, cells.high, band)
 
 
 def over_hands(cells: Cells, hands: Hands, band: tuple[Floats, Floats]) -> Boxes:
-    """Return the boxes of every interval of a band with every cell and all hands of a box.
+    """Return a box for every pair of an interval of a band and a cell, each with all hands.
 
     Parameters
     ----------
@@ -257,7 +259,7 @@ def over_hands(cells: Cells, hands: Hands, band: tuple[Floats, Floats]) -> Boxes
     Returns
     -------
     Boxes
-        n m boxes, each owned by its cell; the rows of the hand come before those of the cell.
+        n m boxes; the owner of each is its cell. The rows of the hand come before those of the cell.
     """
     low, high = (
         np.vstack((np.tile(np.array([*hand.by_key.values()], float)[:, None], len(cells)), edge))
@@ -267,17 +269,17 @@ def over_hands(cells: Cells, hands: Hands, band: tuple[Floats, Floats]) -> Boxes
 
 
 def over_each(cells: Cells, at: Floats | PlacesInHands) -> Boxes:
-    """Return each cell as a box at one frequency of its own, or at one frequency in one hand.
+    """Return each cell as a box at a single frequency, or at a single frequency in a single hand.
 
     Parameters
     ----------
     cells : n cells of designs
-    at : frequency of each cell in the claim's unit, shape (n,), or the cell's place in a hand
+    at : frequency for each cell in the claim's unit, shape (n,), or frequency and hand for each cell
 
     Returns
     -------
     Boxes
-        n boxes without width in frequency and hand, each owned by its cell.
+        n boxes without width in frequency and hand; the owner of each is its cell.
     """
     places = {FREQUENCY: at.at, **at.hands.by_key} if isinstance(at, PlacesInHands) else {FREQUENCY: at}
     low, high = (np.vstack((*places.values(), edge)) for edge in (cells.low, cells.high))
@@ -286,11 +288,11 @@ def over_each(cells: Cells, at: Floats | PlacesInHands) -> Boxes:
 
 
 def in_chunks(f: Callable[[Boxes], Any], boxes: Boxes) -> Any:
-    """Evaluate a function on all boxes, `CHUNK` at a time, so that the arrays fit into the processor's cache.
+    """Evaluate a function on all boxes, `CHUNK` boxes at a time, so that the arrays fit into the processor's cache.
 
     Parameters
     ----------
-    f : function that takes boxes and returns an array whose last axis is theirs
+    f : function that takes boxes and returns an array; the last axis of the array runs over the boxes
     boxes : n boxes
 
     Returns

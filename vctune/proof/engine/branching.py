@@ -1,7 +1,8 @@
-"""One prover for all claims over boxes. It halves undecided boxes along the most promising axis.
+"""One prover for all claims over boxes. It halves an undecided box along the axis that contributes most to the
+uncertainty.
 
-Each box belongs to an owner: a cell of designs, or the one design that is proved for a box of devices. A claim is
-proved for an owner when it is proved on all of the owner's boxes.
+Each box belongs to an owner: a cell of designs, or the one design whose box of devices the proof covers. A claim is
+proved for an owner if it is proved on all of the owner's boxes.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ from vctune.proof.engine.boxes import CHUNK, Boxes, Integers, joined
 from vctune.running import check_time, tell
 
 BLUR = 2.0
-"""Ratio above which a box is left open: that of the uncertainty due to rows that may not be halved to that due to the
-other rows, whose halving would then decide nothing. Half and twice this ratio prove the same cells."""
+"""Ratio above which the prover leaves a box open. It compares two uncertainties: that of the rows that the prover must
+not halve, and that of the other rows. Above this ratio, halving the other rows would decide nothing. Half or twice
+this ratio proves the same cells."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,10 +33,11 @@ class Decided:
     fails : whether the claim fails at `point`
     point : a point of each box, shape (rows, n)
     cost : contribution of each row to the uncertainty of each box, shape (rows, n)
-    known : where the cost is based on slopes; elsewhere slopes are not known and the cost is the row's width
-    side : end of each row at which the margin is least for all values of the others, -1 or 1; 0 if that is not known
-    room : nearness of the test to a proof, greater than 1 if it proves the claim; only comparable for tests of one
-        kind. -inf where the claim certainly fails throughout
+    known : where the test has slopes or polynomials with a bound; elsewhere the costs are the rows' relative widths
+    side : end of each row at which the margin is least for all values of the other rows, -1 or 1; 0 if the test does
+        not know such an end
+    room : nearness to a proof, greater than 1 if the test proves the claim; only results of the same kind of test are
+        comparable. -inf where the claim certainly fails throughout
     """
 
     proved: Flags
@@ -56,11 +59,11 @@ class Proofs:
     Attributes
     ----------
     names : names of the rows of the points
-    proved : whether the claim holds throughout, shape (owners,)
-    failing : a point at which the claim fails, nan if none was found, shape (rows, owners)
-    open : a point of a box that stays open, nan if there is none, shape (rows, owners)
-    boxes : number of evaluated boxes
-    total : sum of the measure over the proved boxes
+    proved : whether the claim holds on all boxes of an owner, shape (owners,)
+    failing : a point at which the claim fails, shape (rows, owners); nan if the prover found none
+    open : a point of a box that the prover left open, shape (rows, owners); nan if there is none
+    boxes : number of boxes that the prover evaluated
+    total : sum of `measure` over the proved boxes
     """
 
     names: tuple[str, ...]
@@ -85,22 +88,23 @@ def prove(
     few: int = 0,
     only_whole: bool = False,
 ) -> Proofs:
-    """Test boxes and halve those that are not proved, until each owner is proved or fails, or the effort ends.
+    """Test boxes and halve those that stay undecided, until each owner is proved or fails, or the effort ends.
 
     Parameters
     ----------
     test : test that decides boxes
     boxes : the first boxes
     owners : number of owners
-    halved : for each row, whether it may be halved
+    halved : for each row, whether the prover may halve it
     max_halvings : greatest number of halvings of a box
-    max_boxes : number of an owner's boxes after which the owner stays open
-    measure : function that `Proofs.total` sums over the proved boxes of an owner; None for no sum
+    max_boxes : number of an owner's boxes after which the prover leaves the owner open
+    measure : function of boxes; `Proofs.total` sums its values over the proved boxes of an owner; None for no sum
     at_ends : whether to replace a box by the face at which its margin is least; only for a test of one margin, and
         without `measure`
-    few : number of boxes up to which halves are halved again before the next test, since so few take as long as one
-    only_whole : whether to give an owner up as soon as one of its boxes stays open, without a search for a failing
-        point point
+    few : number of boxes up to which the prover halves the halves again before the next test, because so few boxes take
+        as long as one
+    only_whole : whether to stop work on an owner as soon as one of its boxes stays open, without a search for a failing
+        point
 
     Returns
     -------
@@ -149,15 +153,15 @@ def left_open(test: Test, boxes: Boxes, *, max_boxes: int, share: float) -> Boxe
 
     Parameters
     ----------
-    test : test of one margin; a box is proved by the face at which the margin is least
+    test : test of one margin; it proves a box by the face at which the margin is least
     boxes : the first boxes, with one owner
-    max_boxes : number of boxes after which no more are halved
-    share : share of the remaining boxes in which the claim fails at the end
+    max_boxes : number of boxes after which the function halves no more
+    share : the function ends when the claim fails in this share of the remaining boxes
 
     Returns
     -------
     Boxes
-        The boxes that are not proved. Outside them the claim holds.
+        The boxes on which the test did not prove the claim. Outside them the claim holds.
 
     Raises
     ------
@@ -186,7 +190,7 @@ def _share(some: Flags, among: Flags) -> float:
 
 
 def _axis(decided: Decided, halved: Flags) -> tuple[Integers, Flags]:
-    """Return the row along which each box is halved, and whether halving would not help."""
+    """Return the row along which to halve each box, and whether halving would not help."""
     cost = _known(decided.cost)
     axis = _costliest(cost, halved)
     blurred = decided.known & (cost[~halved].sum(axis=0) > BLUR * cost[halved].max(axis=0))
@@ -198,12 +202,12 @@ def _known(cost: Floats) -> Floats:
 
 
 def _costliest(cost: Floats, halved: Flags) -> Integers:
-    """Return the row that contributes most to each box's uncertainty, among those that may be halved."""
+    """Return the row that contributes most to each box's uncertainty, among the rows that the prover may halve."""
     return np.asarray(np.flatnonzero(halved)[np.argmax(cost[halved], axis=0)])
 
 
 def _halved(boxes: Boxes, axis: Integers, cost: Floats, halved: Flags, few: int) -> Boxes:
-    """Return the halves of boxes, each along its own axis. As long as they are few, halve them again."""
+    """Return the halves of each box along its own axis. If they are at most `few`, halve them again."""
     cost = _known(cost)
     while True:
         at, boxes = np.arange(len(boxes)), boxes.halved(axis)
@@ -217,7 +221,7 @@ def _halved(boxes: Boxes, axis: Integers, cost: Floats, halved: Flags, few: int)
 def _stage(boxes: int, open_: float) -> str:
     """Return the progress of a proof.
 
-    All boxes of a round have been halved equally often, so their number gives a share.
+    In one round the prover has halved all boxes equally often, so the number of open boxes gives a share of the volume.
     """
     return f"{boxes} boxes, {1 - open_:.1%} proved"
 

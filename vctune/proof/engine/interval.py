@@ -19,24 +19,25 @@ from vctune.proof.enclosures.arb_balls import box
 from vctune.running import check_time, tell
 
 MAX_BOXES = 200_000
-"""Number of boxes after which a claim stays undecided; an optimal design takes some hundred. Half and twice as many
-take half and twice as long to give up."""
+"""Number of boxes after which a claim stays undecided. A proof for an optimal design takes some hundred boxes. The time
+until the prover gives up is proportional to this number."""
 RESOLUTION = 1e-13
-"""Least width of a box relative to its place. A box that is still open at this width stays undecided. Doubles are 1e-16
-apart. Half and twice this width are one halving more and less."""
+"""Least width of a box, relative to its position. A box that is still open at this width stays undecided. Neighbouring
+doubles differ by 1e-16. Half this width allows one more halving, twice this width one less."""
 LOWEST = 1e-40
 """Least upper edge of a box that starts at 0, relative to the interval's upper edge. It is far below any frequency at
-which a margin changes, and far above underflow. Half and twice this edge are a quarter of a step."""
+which a margin changes, and far above underflow. Half or twice this edge changes the search by a quarter of a step."""
 WIDE = 2.0
-"""Ratio above which a box is halved without the derivative, whose enclosure is too wide there. Its square root and its
-square need the same number of boxes within 5 % for the designs of problems/."""
+"""Ratio of the ends of a box above which the prover does not use the derivative, because its enclosure is too wide
+there. With the square root or the square of this ratio, the proofs for the designs of problems/ need the same number of
+boxes within 5 %."""
 CURVED = 1.1
-"""Ratio above which a box is halved without the second derivative, which pays off only near a minimum that nearly
-touches 0. Between 1.03 and 1.2 the time of a proof hardly changes."""
+"""Ratio of the ends of a box above which the prover does not use the second derivative. It helps only near a minimum
+that nearly touches 0. Between 1.03 and 1.2 the time of a proof hardly changes."""
 GROWTH = 1.5
-"""Factor by which the next box is wider than a proved box, in the logarithm. With a factor below 1 the proof gets
-stuck. A factor of 1 needs twenty times as many boxes for the designs of problems/; twice this factor needs half as many
-boxes again."""
+"""Power by which the ratio of the ends grows from a proved box to the next. With a power below 1 the prover makes no
+progress. A power of 1 needs twenty times as many boxes for the designs of problems/; twice this power needs
+50 % more boxes."""
 
 
 class Verdict(StrEnum):
@@ -64,7 +65,7 @@ class Outcome:
 
     Attributes
     ----------
-    verdict : proved, refuted, or undecided at the resolution limit
+    verdict : proved, refuted, or undecided
     boxes : number of evaluated boxes
     witness : frequency where the claim is refuted or undecided, rad/s; None without one
     device : device of the box for which the claim is refuted or undecided
@@ -90,9 +91,9 @@ class Outcome:
 def prove_boxes(
     decide: Callable[[float, float], Verdict], low: float, high: float, max_boxes: int = MAX_BOXES
 ) -> Outcome:
-    """Go from low to high in boxes until `decide` has proved all of them or refuted one.
+    """Go from low to high in boxes until `decide` has proved all of them or has refuted one.
 
-    A box that is not proved is halved. After a proved box the next box is wider.
+    The prover halves a box that `decide` leaves undecided. After a proved box it tries a wider one.
 
     Parameters
     ----------
@@ -103,7 +104,7 @@ def prove_boxes(
     Returns
     -------
     Outcome
-        Its witness is the middle of the box that is refuted or stays open.
+        Its witness is the middle of the box that is refuted or undecided.
 
     Raises
     ------
@@ -133,7 +134,7 @@ def _stage(boxes: int, proved: float) -> str:
 
 
 def _middle(low: float, high: float) -> float:
-    """Return where to halve a box: in the logarithm for a wide box, near 0 for a box that starts there."""
+    """Return where to halve a box: at the mean of the logarithms if it is wide, near 0 if it starts at 0."""
     if low == 0:
         return high / 16
     return sqrt(low) * sqrt(high) if high > WIDE * low else (low + high) / 2
@@ -144,21 +145,21 @@ def prove_positive(
 ) -> Outcome:
     """Prove margin > 0 on [low, high], or find a point where it is negative.
 
-    Wide boxes are evaluated directly. Narrow boxes use the mean value form f(mid) + f'(box)(box - mid), whose excess
-    shrinks with the square of the width.
+    The prover evaluates wide boxes directly. For narrow boxes it uses the mean-value form f(mid) + f'(box)(box - mid),
+    whose excess shrinks with the square of the width.
 
     Parameters
     ----------
     margin : function that runs on `flint.arb` and on `flint.arb_series`
     low, high : 0 <= low <= high
     max_boxes : number of boxes after which the proof gives up
-    curved : whether to use the second derivative where the first does not decide. For a margin that nearly touches 0
-        inside the interval it takes a third of the boxes; for one that does so at an end it is wasted
+    curved : whether to use the second derivative where the first does not decide. It reduces the boxes to a third for a
+        margin that nearly touches 0 inside the interval. For a margin that touches 0 at an end it only costs time
 
     Returns
     -------
     Outcome
-        If it is refuted, the witness is the middle of a box, where the margin is certainly negative.
+        If the claim is refuted, the witness is the middle of a box. The margin is certainly negative there.
     """
 
     def decide(left: float, right: float) -> Verdict:
@@ -185,8 +186,8 @@ def prove_positive(
 def _by_curvature(margin: Callable[[Number], Number], omega: arb, centre: arb) -> Verdict:
     """Prove a margin positive on a box by Taylor's formula of second order.
 
-    With h = omega - centre the margin is f + f' h + c h^2, where f and f' belong to the centre and c = f''/2 to some
-    point of the box. Where c > 0, the margin is nowhere less than f - f'^2/(4 c).
+    With h = omega - centre the margin is f + f' h + c h^2. Here f and f' are values at the centre, and c = f''/2 at
+    some point of the box. If c > 0, the margin is at least f - f'^2/(4 c).
     """
     over_box, at_centre = _series(margin, omega, 3), _series(margin, centre, 2)
     if over_box is None or at_centre is None:

@@ -1,4 +1,4 @@
-"""Tests of boxes by Taylor polynomials, for one margin or for several (README.md, section 4)."""
+"""Tests of boxes by Taylor polynomials, for one margin or for several (proof/README.md, section 7)."""
 
 from __future__ import annotations
 
@@ -29,28 +29,28 @@ from vctune.proof.engine.branching import Decided, Test
 from vctune.running import check_time
 
 FEW = 128
-"""Number of boxes that take about as long as one. Half and twice as many take the same time for random devices in
-hands; four times as many take a third longer."""
+"""Number of boxes up to which an array of boxes takes about as long as one box. Half or twice this number takes the
+same time for random devices in hands; four times this number takes a third longer."""
 NEAR_ZERO = 1e-3
-"""Share of its range below which a number that may be 0 counts as that share, if nothing else is known about a box. A
-tenth of this share takes a fifth more boxes, ten times the share takes as many. With 0, such a row would be halved
-forever."""
+"""Least size of a number, as a share of its range, in the relative width of its row. Without it the prover would halve
+a row that contains 0 forever. With a tenth of this share the proof takes 20 % more boxes, with ten times the share it
+takes as many."""
 FREQUENCY_FIRST = 64.0
-"""Weight of the frequency's width if nothing is known about a box and one of several margins must be positive:
-denominators vanish at single frequencies. An eighth of this weight leaves servos with a stiff coupling open; eight
-times the weight needs the same number of boxes."""
+"""Weight of the frequency's relative width if a box has no bound and one of several margins must be positive. Such
+boxes contain a zero of a denominator, and these zeros are at single frequencies. An eighth of this weight leaves servos
+with a stiff coupling open; eight times the weight needs the same number of boxes."""
 WIDER = 0.1
-"""Power of a row's relative width by which its loss is weighted: of two rows that lose together, the wider is halved.
-Half this power needs the same number of boxes, or up to five times as many without an integrator. Two and a half times
-the power takes a fifth more. With 0 some of the proofs without an integrator stay open."""
+"""Exponent of a row's relative width in the weight of its cost: of two rows with equal cost, the prover halves the
+wider one. Half this exponent needs the same number of boxes, but up to five times as many without an integrator. Two
+and a half times the exponent takes a fifth more. With an exponent of 0, some proofs without an integrator stay open."""
 
 
 def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slopes: Test) -> Test:
-    """Return the test that a margin is positive, by polynomials that know how the rows of a box act together.
+    """Return the test that a margin is positive, by polynomials that show how the rows of a box act together.
 
-    If more than `FEW` boxes stay open, the test evaluates their slopes as well. Slopes tell at which end of a row the
-    margin is least, so that the prover can reduce a box to that face. Polynomials cannot tell, because their remainder
-    has no slope.
+    If more than `FEW` boxes stay open, the test evaluates their slopes as well. Slopes show at which end of a row the
+    margin is least, so that the prover can reduce a box to that face. Polynomials cannot show this, because their
+    remainder has no slope.
 
     Parameters
     ----------
@@ -95,11 +95,11 @@ def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slo
 
 
 def any_positive(margins: Margins, slopes: Margins | None, fixed: Values, spans: Floats) -> Test:
-    """Return the test that at each point one of several margins is positive.
+    """Return the test that one of several margins is positive at each point.
 
-    A box is proved if one of the margins is positive throughout. It fails if all of them are negative at one point. Any
-    other box is halved along the row that costs the most in the margin nearest to a proof. A row has a common worst end
-    only if all margins that may be positive are least at that end.
+    The test proves a box if one of the margins is positive throughout. It refutes a box if all of them are negative at
+    one point. The prover halves any other box along the row that costs most in the margin that is nearest to a proof. A
+    row has a common worst end only if all margins that may be positive are least at that end.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def _by_polynomials(number: Number, boxes: Boxes, varied: Sequence[bool], spans:
     known, positive = np.isfinite(least.bound), least.estimate > 0
     relative = _relative(boxes, spans)
     cost = np.where(positive, lost, varies) * relative**WIDER
-    relative[0] *= np.where(boxes.low[0] > 0, FREQUENCY_FIRST, 1.0)  # halving from 0 does not make it narrower
+    relative[0] *= np.where(boxes.low[0] > 0, FREQUENCY_FIRST, 1.0)  # halving from 0 keeps the relative width
     cost = np.where(known, cost, relative)
     room = room_left(least.estimate, least.estimate - least.bound, varies.sum(axis=0))
     room[number.enclosed().negative()] = -np.inf
@@ -195,7 +195,7 @@ def _mean(a: Taylor, b: Taylor) -> Taylor:
 
 
 def _relative(boxes: Boxes, spans: Floats) -> Floats:
-    """Return the width of each row relative to its numbers. Small numbers count as `NEAR_ZERO` of their range."""
+    """Return the width of each row relative to its numbers. A number counts as at least `NEAR_ZERO` of its range."""
     sizes = np.abs(boxes.low) + np.abs(boxes.high)
     sizes[1:] += NEAR_ZERO * spans
     relative = (boxes.high - boxes.low) / sizes
@@ -204,10 +204,10 @@ def _relative(boxes: Boxes, spans: Floats) -> Floats:
 
 
 def _any_by_slopes(margins: Callable[[Rows], tuple[Number, ...]], boxes: Boxes) -> tuple[Flags, Floats]:
-    """Return the boxes throughout which one of several margins is positive, and the row ends where all are least.
+    """Return the boxes on which one of several margins is positive throughout, and the row ends where all are least.
 
-    Each margin is bounded, as by `_by_slopes`, from its value at a point: at these ends, and in the middle of the other
-    rows.
+    The test bounds each margin from its value at one point, as `_by_slopes` does. The point lies at these ends and in
+    the middle of the other rows.
     """
     rows, varied, n = boxes.rows(), boxes.varied(), len(boxes)
     numbers = margins(variables(rows, varied))
@@ -233,7 +233,7 @@ def _any_by_slopes(margins: Callable[[Rows], tuple[Number, ...]], boxes: Boxes) 
 def _common_sides(numbers: Sequence[Number], boxes: Boxes) -> Floats:
     """Return the row ends where all margins that may be positive are least; 0 where the margins differ.
 
-    If all margins are negative throughout a box, any end will do.
+    If all margins are negative throughout a box, the function may return any end.
     """
     least, most = np.ones_like(boxes.low), -np.ones_like(boxes.low)
     for number in numbers:

@@ -1,4 +1,4 @@
-"""Compute shared parts of many boxes once, such as plants with the same hand and device at different frequencies."""
+"""Compute parts that many boxes have in common only once, such as the plant of one hand at different frequencies."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from vctune.proof.enclosures.taylor import Taylor
 
 
 def shared(f: Callable[..., Any], rows: Sequence[Number]) -> Any:
-    """Evaluate f on the rows of boxes, once for each set of boxes with equal rows.
+    """Evaluate f on the rows of boxes, once for each set of boxes that have equal rows.
 
-    For jets the function tightens the result's values by the mean-value form.
+    For jets the function also narrows the values of the result by the mean-value form.
 
     Parameters
     ----------
     f : function of as many numbers as there are rows; returns a dataclass of numbers and tuples of numbers
-    rows : enclosures of n boxes, or jets or Taylor polynomials of n boxes, each in its own variable alone
+    rows : enclosures of n boxes, or jets or Taylor polynomials; each row must depend on its own variable only
 
     Returns
     -------
@@ -54,7 +54,7 @@ def _values(row: Number) -> Enclosure:
 
 
 def _narrowed(over: Number, at: Number, radii: dict[int, Any]) -> Number:
-    """Return a number over a box, with its values narrowed by its value at the middle and its slopes."""
+    """Return a number over a box, narrowed by the value at the middle and by the slopes."""
     if not isinstance(over, Jet):
         return over
     slopes = [(over.slopes[place], rad) for place, rad in radii.items() if place < len(over.slopes)]
@@ -80,7 +80,7 @@ def _selected(number: Number, at: Any) -> Number:
 
 
 def _map_trees(f: Callable[..., Number], *trees: Any) -> Any:
-    """Apply f to the numbers of trees of the same shape. All other content comes from the first tree."""
+    """Apply f to the numbers of several trees of the same shape. Everything else comes from the first tree."""
     first = trees[0]
     if isinstance(first, Enclosure | Jet | Taylor):
         return f(*trees)

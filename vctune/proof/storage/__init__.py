@@ -1,1 +1,1 @@
-"""Storage functions common to all dampings of a hand: found in floats, rounded, proved over boxes of hands."""
+"""Storage functions that serve all dampings of a hand: a search in floats, and a proof over boxes of hands."""

@@ -34,12 +34,12 @@ RIDGE = 1e-13
 
 
 class Family(NamedTuple):
-    """Matrices w_t U_u, the part of the number y_tu, for p sums of matrices.
+    """The terms sum_tu w_t U_u y_tu of p sums of matrices; y_tu are the coefficients.
 
     Attributes
     ----------
-    weights : w, shape (p, t)
-    units : U, symmetric, shape (p, u, n, n)
+    weights : w_t for each of the p sums, shape (p, t)
+    units : U_u for each of the p sums, symmetric matrices, shape (p, u, n, n)
     """
 
     weights: Floats
@@ -85,7 +85,7 @@ def well_inside(sums: Sums) -> Floats | None:
     Returns
     -------
     array of float or None
-        Shape (t, u), 0 where it is not free; None if none are found.
+        Shape (t, u), 0 for coefficients that are not free; None if the search finds none.
     """
     numbers, weight, least = np.zeros(sums.free.shape), 1.0, 0.0
     added = 1 - float(np.linalg.eigvalsh(sums.constant).min())  # a multiple of the identity, to become negative
@@ -117,7 +117,7 @@ def _newton(sums: Sums, numbers: Floats, added: float, price: float) -> tuple[Fl
     twice = np.where(rows == columns, 1.0, np.sqrt(2.0))
 
     def halved(units: Floats) -> Floats:
-        """Return half of each unit, in coordinates in which the matrices are 1; scalar products stay as they are."""
+        """Return half of each unit in coordinates in which the sums are 1. Scalar products do not change."""
         seen = turn[:, None] @ units @ turn[:, None].swapaxes(-1, -2)
         return np.asarray(seen[..., rows, columns] * twice)
 
@@ -144,7 +144,7 @@ def _newton(sums: Sums, numbers: Floats, added: float, price: float) -> tuple[Fl
 
 
 def _crossed(weights: Floats, units: Floats, others: Floats, more: Floats) -> Floats:
-    """Return the scalar products of the parts of two families."""
+    """Return the scalar products of the terms of two families."""
     gram = units @ more.swapaxes(-1, -2)  # (p, u, u)
     outer = weights[:, :, None] * others[:, None, :]
     terms, count = weights.shape[1], units.shape[1]

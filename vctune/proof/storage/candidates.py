@@ -1,4 +1,5 @@
-"""A candidate for a storage function that all dampings of a hand have in common, in floats, rounded to decimals."""
+"""Find a candidate for a storage function that serves all dampings of a hand. The search runs in floats, and rounds its
+result to decimals."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ ACROSS = 3
 DIGITS = 14
 """Significant digits of the decimals. Half are too few for loops with little room; twice are more than a double has."""
 DOUBLINGS = 60
-"""Doublings of the time over which noise drives the states: 2^60 samples, in which all decays that will."""
+"""Number of doublings of the time over which noise drives the states: 2^60 samples, after which the states of every
+stable loop are stationary."""
 
 Places = Floats
 """Hands and devices in which a storage is sought, each with one damping when the force was sampled, which is one of the
@@ -101,7 +103,8 @@ def hand_without(design: Design, box: Holding) -> Hand | None:
     Returns
     -------
     Hand or None
-        A corner with the greatest damping; None if each corner has a storage. Between corners nothing is tried.
+        A corner, with the greatest damping; None if each corner has a storage. The function tries no hand between
+            corners.
     """
     for corner in box.hands.corners:
         if corner.damping < box.hands.high.damping:
@@ -142,7 +145,7 @@ def _affine(design: Design, box: Holding, at: Places) -> tuple[Sums, Floats]:
     stays, held = np.eye(n, n + 1) * (np.arange(n) < loop.staying)[:, None], np.zeros((rows.size, n + 1, n + 1))
     held[:, :n, :n] = basis
     crossed = stays.T @ basis @ moved[:, None]
-    # Y - F' Y F from the changes alone, in which what stays cancels
+    # Y - F' Y F from the changes of the states alone, so that the constant parts cancel before rounding
     grown = crossed + crossed.swapaxes(-1, -2) + moved.swapaxes(1, 2)[:, None] @ basis @ moved[:, None]
     kept = held - stays.T @ basis @ stays - grown
     after, free = held - kept, np.ones((weights_after.shape[1], rows.size), bool)
@@ -155,7 +158,7 @@ def _affine(design: Design, box: Holding, at: Places) -> tuple[Sums, Floats]:
 
 
 def _units(moved: Floats, staying: int, direct: float) -> Floats:
-    """Return the size of each state, and of v_e, of a loop that noise drives: in these units all are alike."""
+    """Return the size of each state, and of v_e, of a loop that noise drives; in these units all have the same size."""
     n = len(moved)
     step, push = moved[:, :n] + np.diag(np.arange(n) < staying), moved[:, n:] / np.sqrt(abs(direct) + TINY)
     spread = push @ push.T
@@ -167,12 +170,12 @@ def _units(moved: Floats, staying: int, direct: float) -> Floats:
 
 
 def _grown(loop: LoopStates, count: int) -> Floats:
-    """Return the growth of p^2/K in a sample, of zeta and v_e."""
+    """Return the growth of p^2/K in one sample, as a form in zeta and v_e."""
     assert loop.pull is not None
     size = len(loop.push) + 1
     return _stacked(tuple(tuple(loop.pull.grown(i, j) for j in range(size)) for i in range(size)), count)
 
 
 def _stacked(matrix: Matrix, count: int) -> Floats:
-    """Return a matrix of arrays as matrices of floats, shape (count, rows, columns)."""
+    """Return a matrix whose entries are arrays as an array of matrices, shape (count, rows, columns)."""
     return np.array([[np.broadcast_to(np.asarray(x, float), count) for x in row] for row in matrix]).transpose(2, 0, 1)

@@ -1,4 +1,4 @@
-"""Symmetric matrices over boxes, polynomials in the boxes' rows, that are surely positive definite.
+"""Positive definite matrices over boxes: symmetric matrices whose entries are polynomials in the rows of a box.
 
 W A W' is positive definite only if A is, whatever W. W is chosen so that the product is nearly 1 in the middle of a
 box. Without its squares of one row, the product is affine in each row. It is then positive definite throughout if it is
@@ -18,13 +18,13 @@ from vctune.proof.enclosures.taylor import SWOLLEN, Taylor
 
 
 class Definite(NamedTuple):
-    """What is known of a matrix over n boxes.
+    """The verdict on a matrix over n boxes.
 
     Attributes
     ----------
-    proved : where it is positive definite throughout, shape (n,)
-    fails : where it is not in the middle, in floats
-    losses : by how much each row of the box lowers the bound, shape (rows, n)
+    proved : whether the matrix is positive definite throughout the box, shape (n,)
+    fails : whether the matrix is not positive definite in the middle of the box, computed in floats
+    losses : amount by which each row of the box lowers the bound, shape (rows, n)
     """
 
     proved: Flags
@@ -33,11 +33,11 @@ class Definite(NamedTuple):
 
 
 def surely_definite(matrix: Taylor) -> Definite:
-    """Return where a matrix is positive definite for all values of a box's rows.
+    """Return on which boxes a matrix is positive definite for all values of the rows.
 
     Parameters
     ----------
-    matrix : of shape (m, m, n)
+    matrix : symmetric matrix of polynomials, shape (m, m, n)
     """
     k, m = matrix.rows, matrix.poly.shape[1]
     poly, rest = (np.moveaxis(part, -1, 1) for part in (matrix.poly, matrix.rest))  # (coefficients, n, m, m)
@@ -45,7 +45,7 @@ def surely_definite(matrix: Taylor) -> Definite:
         middle = 0.5 * (poly[0] + poly[0].swapaxes(-1, -2))
         known = np.asarray(np.isfinite(poly).all(axis=(0, 2, 3)) & np.isfinite(rest).all(axis=(0, 2, 3)))
         middle = np.where(known[:, None, None], middle, np.eye(m))
-        unit = 1 / np.sqrt(np.abs(np.diagonal(middle, axis1=-2, axis2=-1)) + TINY)  # states of any size
+        unit = 1 / np.sqrt(np.abs(np.diagonal(middle, axis1=-2, axis2=-1)) + TINY)  # scales the states
         values, vectors = np.linalg.eigh(unit[:, :, None] * middle * unit[:, None, :])
         fails: Flags = known & (values[:, 0] <= 0)
         usable: Flags = known & ~fails

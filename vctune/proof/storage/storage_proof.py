@@ -28,7 +28,7 @@ AHEAD = 64
 
 
 class StorageProof(NamedTuple):
-    """What a proof found.
+    """The result of a proof.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class StorageProof(NamedTuple):
 
 
 def prove_storage(design: Design, storage: Storage, max_boxes: int) -> StorageProof:
-    """Prove a storage function in all hands of a box, whatever damping of the box they had when the force was sampled.
+    """Prove a storage function in all hands of a box, for every sensed damping of the box.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def prove_storage(design: Design, storage: Storage, max_boxes: int) -> StoragePr
     Returns
     -------
     StorageProof
-        With the first hand that fails, or one that is left open at the end of the effort.
+        It contains the first hand that fails, or a hand that the prover left open.
     """
     low, high = (np.array([[end[side]] for end in storage.box.ends]) for side in (0, 1))
     boxes = 0
@@ -89,7 +89,7 @@ def _halved(low: Floats, high: Floats, losses: Floats) -> tuple[Floats, Floats]:
 
 
 def _judged(design: Design, storage: Storage, low: Floats, high: Floats) -> Definite:
-    """Judge boxes of hands, with the least and with the greatest sensed damping: the matrix is affine in it."""
+    """Judge boxes of hands with the least and with the greatest sensed damping, because the matrix is affine in it."""
     value = between(low, high)
     value.rad += 4 * UNIT * np.abs(high)
     box, count = storage.box, low.shape[1]
@@ -115,9 +115,9 @@ def _enclosed(design: Design) -> tuple[Device, Law]:
 
 
 def _with_spring(Y: Matrix, device: Device, stiffest: Floats) -> Matrix:
-    """Return less than the storage as a matrix of zeta: p^2/K is least in the stiffest hand of a box.
+    """Return a lower bound of the storage as a matrix in zeta: p^2/K is least in the stiffest hand of a box.
 
-    Without a spring p is 0.
+    Without a spring, p is 0.
     """
     if not stiffest.any():
         return tuple(row[1:] for row in Y[1:])
@@ -127,7 +127,7 @@ def _with_spring(Y: Matrix, device: Device, stiffest: Floats) -> Matrix:
 
 
 def _stacked(matrix: Matrix) -> Taylor:
-    """Return a matrix of polynomials as one, shape (m, m, n)."""
+    """Return a matrix of polynomials as a single `Taylor`, shape (m, m, n)."""
     flat = stacked([entry for row in matrix for entry in row])
     m = len(matrix)
     poly, rest = (part.reshape(len(part), m, m, part.shape[-1]) for part in (flat.poly, flat.rest))

@@ -15,12 +15,12 @@ INKS = (BLUE, ORANGE, GREEN, RED, GREY, "#8e5bb5", "#a0703c", "#cc5fa0", "#2aa5a
 MARKS = "osD^vP*X<>hd"
 PANEL_WIDTH, PANEL_HEIGHT = 5.4, 4.2
 MANY = 400
-"""Number of points from which on a picture is smaller than their coordinates."""
+"""Number of points from which a bitmap is smaller than a file with their coordinates."""
 
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """Points with a name."""
+    """A series of points with a name."""
 
     label: str
     x: list[float]
@@ -29,13 +29,13 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One pair of logarithmic axes.
+    """One pair of logarithmic axes and its series.
 
     Attributes
     ----------
     title, x, y : labels
     series : the drawn series
-    floor : place of values at or below it, on a dotted line; None if there are none
+    floor : position of the dotted line that shows values at or below it; None if there are no such values
     """
 
     title: str
@@ -46,12 +46,12 @@ class Panel:
 
 
 def benchmark_figure(panels: list[Panel]) -> Figure:
-    """Return the panels that have points, side by side."""
+    """Return a figure with the panels that have points, side by side."""
     panels = [panel for panel in panels if any(series.x for series in panel.series)]
     with rc_context(STYLE):
         figure = Figure(figsize=(PANEL_WIDTH * len(panels), PANEL_HEIGHT), layout="constrained")
         for axes, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
-            axes.set(xscale="log", yscale="log")  # before there are points: all may be at one place
+            axes.set(xscale="log", yscale="log")  # set before the points are drawn, because all points may coincide
             for k, series in enumerate(panel.series):
                 y = [max(value, panel.floor) for value in series.y] if panel.floor else series.y
                 style = {"color": INKS[k % len(INKS)], "marker": MARKS[k % len(MARKS)], "markersize": 5}

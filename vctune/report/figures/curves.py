@@ -23,15 +23,15 @@ from vctune.model.problem import Problem
 
 POINTS = 400
 UNMOVED = 1e-6
-"""Share of a command below which a servo stands still, as at Nyquist with interpolation; the hand then feels a rigid
-handle. Half and twice show the same curves."""
+"""Share of a command below which a servo counts as at rest, for example at Nyquist with interpolation. The hand then
+feels a rigid handle. Half or twice this share shows the same curves."""
 SPRING, DAMPER = 200.0, 14.0
-"""The paper's two environments on a linear device, sect. 5, N/m and N s/m."""
+"""The two environments of the paper (section 5) on a linear device, N/m and N s/m."""
 
 
 @dataclass(frozen=True, slots=True)
 class Llewellyn:
-    """Re Z_c, the required R (nan if Re G_hh <= 0) and their ratio over hz."""
+    """Re Z_c, the required R (nan if Re G_hh <= 0) and their ratio, as functions of the frequency hz, Hz."""
 
     hz: Floats
     coupling: Floats
@@ -41,7 +41,7 @@ class Llewellyn:
 
 @dataclass(frozen=True, slots=True)
 class Transparency:
-    """|Z_0 G_hh|, |1 - G_he|, |Z_c|/Z_0 and e over hz."""
+    """|Z_0 G_hh|, |1 - G_he|, |Z_c|/Z_0 and the error e, as functions of the frequency hz, Hz."""
 
     hz: Floats
     admittance: Floats
@@ -51,7 +51,10 @@ class Transparency:
 
 
 def frequencies(problem: Problem) -> Floats:
-    """Return the page's frequency axis, Hz: both bands and a decade around, up to Nyquist, closer at a resonance."""
+    """Return the frequencies of the page's curves, Hz.
+
+    They cover both bands and a decade around them, up to Nyquist, and are closer together near a resonance.
+    """
     bands = (problem.transparency.band, problem.stability.band)
     nyquist = problem.nyquist / (2 * pi)
     low = min(band.min for band in bands if band.min > 0) / (2 * pi)
@@ -98,10 +101,11 @@ def transparency(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Trans
 def handle_impedance(
     problem: Problem, gains: Gains, coupling: AnyCoupling
 ) -> tuple[Floats, dict[str, tuple[Floats, Floats]]]:
-    """Return hz and the impedance felt at the handle, free, with a damper, a spring and rigid, and the ideal ones.
+    """Return frequencies and the impedance at the handle for several environments, with the ideal impedance of each.
 
-    The ideal handle feels Z_e itself. For a rotary device, which the paper has not, the damper is Z_0 and the spring
-    has that impedance in the middle of the transparency band.
+    The environments are none, a damper, a spring and a rigid one. At an ideal handle the hand feels Z_e itself. The
+    paper has no rotary device. For such a device the damper is Z_0, and the spring has that impedance in the middle of
+    the transparency band.
 
     Parameters
     ----------
@@ -110,8 +114,8 @@ def handle_impedance(
 
     Returns
     -------
-    hz : shape (`POINTS`,)
-    felt : by environment, both moduli of that shape; the ideal of a rigid environment is inf
+    hz : frequencies, Hz, shape (`POINTS`,)
+    felt : for each environment, the moduli of both impedances; the ideal impedance of a rigid environment is inf
     """
     hz = frequencies(problem)
     s = np.asarray(2j * pi * hz, np.complex128)
@@ -126,7 +130,7 @@ def handle_impedance(
         f"{spring:.3g} {units.stiffness}": spring / s,
         "rigid": None,
     }
-    if problem.device.servo is not None:  # rigid, it stands still
+    if problem.device.servo is not None:  # with a rigid environment a servo is at rest
         del environments["rigid"]
     felt, moves = {}, np.ones(hz.size, bool)
     if problem.device.servo is not None:

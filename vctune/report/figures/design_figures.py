@@ -1,4 +1,4 @@
-"""Figures of a design, from curves."""
+"""The figures of a design, drawn from curves."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from vctune.report.typography import quantity
 ROOM_FOR_WORDS = 2.1
 """End of the axis of latencies over the longest."""
 MAP_LEVELS = 4
-"""How often the map of what may be rendered is halved on a page: to a sixteenth, in about a second."""
+"""Number of times that the code halves the map of what may be rendered, to a sixteenth. It takes about a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +49,9 @@ class Design:
 
     Attributes
     ----------
-    problem, gains, coupling, record : a problem, its design and the record of it
-    least : the least ratios in the problem's hands (`vctune.analysis.in_hands.least_ratios`); empty to work them out
+    problem, gains, coupling, record : a problem, its design and the record of the design
+    least : the least ratios in the problem's hands (`vctune.analysis.in_hands.least_ratios`); if empty, the functions
+        compute them
     """
 
     problem: Problem
@@ -201,7 +202,7 @@ def _impedance(design: Design) -> Drawing:
 def _promised(panel: Panel, design: Design) -> None:
     """Shade the band where stability is proved, or hatch the band of a failed proof, and mark the transparency band.
 
-    In hands there is no band: a proved claim holds everywhere.
+    A proved claim in hands holds at every frequency, so the shade then covers the whole axis.
     """
     problem, proof = design.problem, design.record.certificate
     assert proof is not None, "a design is judged"

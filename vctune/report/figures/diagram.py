@@ -1,6 +1,4 @@
-"""The loop and the force path as a block diagram: it draws the parts that a device has, and a plain line for absent
-parts.
-"""
+"""The loop and the force path as a block diagram: one block for each part of the device, and lines elsewhere."""
 
 from __future__ import annotations
 
@@ -19,21 +17,21 @@ from vctune.report.svg.elements import BLUE, DASHES, GREEN, GREY, INK, path, pol
 from vctune.report.typography import quantity
 
 SIZE = (6.28, 4.2)
-"""Size of the figure, inches, so that a telephone shows all of it; all places below are in inches, too."""
+"""Size of the figure, inches, which fits the screen of a telephone. All positions below are in inches, too."""
 TOP, MIDDLE, BOTTOM = 3.42, 2.02, 0.72
 """Heights of the three rows: firmware, feedback and actuator, mechanism."""
 LEFT, COUPLING, LAW, RIGHT = 0.95, 2.5, 4.05, 5.6
-"""Places of the columns."""
+"""Horizontal positions of the columns."""
 HAND = 0.43
-"""Place of the hand."""
+"""Horizontal position of the hand."""
 WIDTH, HEIGHT, TALL, LINE = 1.26, 0.82, 1.1, 0.195
-"""Sizes of a box, of one in the top row, and of a line of text in it."""
+"""Width and height of a box, height of a box in the top row, and height of a line of text."""
 FITS = 17 / WIDTH
 """Letters of a line that an inch of a box has room for; a longer line is in smaller ones."""
 HEAD = 5.0
 """Length of an arrow's head, points."""
 POSITION_AT = 4.58
-"""Place where the position passes the velocity estimate."""
+"""Horizontal position where the line of the position passes the velocity estimate."""
 
 
 def loop_figure(device: Device, gains: Gains, coupling: AnyCoupling) -> Drawing:
@@ -44,8 +42,8 @@ def loop_figure(device: Device, gains: Gains, coupling: AnyCoupling) -> Drawing:
 
     Parameters
     ----------
-    device : its parts are the blocks
-    gains, coupling : those of the design
+    device : the device, whose parts are the blocks
+    gains, coupling : the design
     """
     drawing = Drawing(*SIZE)
     if device.servo is not None and isinstance(coupling, Coupling):

@@ -1,4 +1,4 @@
-"""The experiments of simulation.json as a figure in the manner of the paper's 6 and 7, and as a table."""
+"""The experiments of simulation.json as a figure in the manner of the paper's figures 6 and 7, and as a table."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _draw(
 
 
 def _asked(experiment: ExperimentRecord, at: np.ndarray[Any, Any]) -> Any:
-    """Return the force of the environment over the figure's axis, as if at rest or at constant speed."""
+    """Return the force of the environment over the figure's axis, for rest or for constant speed."""
     environment = experiment.environment
     if experiment.axis == "velocity":
         return environment.damping * at
@@ -81,7 +81,8 @@ def measured_rows(simulation: SimulationRecord) -> list[tuple[str, ...]]:
 
 
 def simulation_finding(simulation: SimulationRecord) -> str:
-    """Return by how much each felt number is off, with the design and with the regular PID; "" if none is asked for."""
+    """Return the deviation of each felt number from the rendered one, with the design and with the regular PID; "" if
+    the experiments render no number."""
     shown = [(one.name, _worst_off(one.design), _worst_off(one.baseline)) for one in simulation.experiments]
     lines = [
         f"{name}: off by {design}" + (f" ({baseline} with a regular PID)" if baseline else "")
@@ -93,14 +94,14 @@ def simulation_finding(simulation: SimulationRecord) -> str:
 
 
 def _worst_off(run: RunRecord | None) -> str:
-    """Return by how much the felt number that is farthest off is off; "" without one."""
+    """Return the greatest deviation of a felt number from the rendered one; "" without such a number."""
     fits = {} if run is None or run.metrics is None else run.metrics.fits
     off = [fit.value / fit.asked - 1 for fit in fits.values() if fit.value is not None and fit.asked]
     return f"{100 * max(off, key=abs):+.2g} %" if off else ""
 
 
 def dwell_line(simulation: SimulationRecord) -> str:
-    """Return from which dwell time on the design stayed at rest in hands that change; "" without such experiments."""
+    """Return the least dwell time of changing hands with which the loop stayed at rest; "" without such experiments."""
     changing = [(one.dwell_s, one.stayed) for one in simulation.experiments if one.dwell_s is not None]
     if not changing:
         return ""

@@ -1,4 +1,4 @@
-"""The requirement in the hands of a box up to Nyquist, and each hand's share of the coupling's resistance."""
+"""The requirement of a box of hands up to Nyquist, and each hand's share of the coupling's resistance."""
 
 from __future__ import annotations
 
@@ -28,12 +28,13 @@ from vctune.report.svg.labels import label_curves
 from vctune.report.svg.panel import Axes, Panel
 
 CURVES = 40
-"""Angles per decade of the curves. Half shows corners; twice makes the file twice as long."""
+"""Number of angles per decade of the curves. Half as many show corners; twice as many double the file."""
 PLACES, DAMPINGS = 17, (0.0, 0.1, 1.0)
-"""Masses and stiffnesses of the map along each side, and the shares of the range of dampings, of which the worst is
-shown."""
+"""Number of masses and of stiffnesses of the map, and shares of the range of dampings. The map shows the worst of these
+dampings."""
 LOWEST, MAPPED = 1e-3, 24
-"""Least angle and angles per decade of the map. Half as many are 2 % off at the steepest place, twice as many 0.1 %."""
+"""Least angle, rad, and number of angles per decade of the map. With half as many the map is wrong by 2 % where it is
+steepest, with twice as many by 0.1 %."""
 LEVELS = (0, 20, 40, 60, 70, 80, 90, 95, 100, 120)
 """Levels of the map, %: closer where it is tight. Half or twice as many read no better."""
 COLOURS = "#003170", "#434e6c", "#6a6c71", "#868379", "#9b9476", "#b0a571", "#c1b26a", "#cdbb63", "#e9d34e"
@@ -41,20 +42,21 @@ COLOURS = "#003170", "#434e6c", "#6a6c71", "#868379", "#9b9476", "#b0a571", "#c1
 SCALE_WIDTH = 62.0
 """Room for what the colours mean, to the right of the map, points."""
 SHALLOW = 1e-9
-"""Share of the greatest R that is shown at least; at Nyquist R may vanish. Half and twice it: as many decades."""
+"""Least shown R as a share of the greatest R; at Nyquist R may vanish. Half or twice this share shows as many
+decades."""
 WORST = 3
-"""Number of hands with a curve of their own: of the lowest minima, not two of one hand."""
+"""Number of hands with a curve of their own. They are the hands with the lowest minima."""
 
 
 class Met(NamedTuple):
-    """What a coupling offers and the hands of a box require, up to Nyquist.
+    """The resistance of a coupling, and the resistance that the hands of a box require, up to Nyquist.
 
     Attributes
     ----------
     hz, theta : frequencies, Hz, and omega T, rad
-    offered : Re Z_c as it runs, or of an impedance display Re 1/Z_c over s^2
+    offered : Re Z_c as the firmware runs it; for an impedance display, Re 1/Z_c over s^2
     required : the greatest R of the hands
-    least : the least ratio in the hands, the lowest first
+    least : the least ratios in the hands, the lowest first
     """
 
     hz: Floats
@@ -75,10 +77,10 @@ def met_in_hands(
 
     Parameters
     ----------
-    problem : the device
+    problem : problem with the device
     gains, coupling : the design
-    hands : to be met; None for the problem's
-    least : the least ratios in them, before passive environments; None to work them out
+    hands : the hands; None for the problem's hands
+    least : the least ratios in them with any passive environment; None to compute them
     """
     device, hands = problem.device, hands or problem.hands
     where = loops_in_hands(device, hands, per_decade=CURVES)
@@ -96,10 +98,10 @@ def hands_figure(
 
     Parameters
     ----------
-    problem : the device
+    problem : problem with the device
     hands : hands of the claim
     gains, coupling : the design
-    least : the least ratios in the hands, before passive environments; None to work them out
+    least : the least ratios in the hands with any passive environment; None to compute them
 
     Returns
     -------
@@ -120,19 +122,19 @@ def hands_figure(
 def draw_required_in_hands(
     axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling, met: Met | None = None
 ) -> Axes:
-    """Draw Re Z_c of the coupling as it runs, the greatest R of the hands, and that of the worst ones, up to Nyquist.
+    """Draw Re Z_c of the coupling as the firmware runs it, the greatest R of the hands, and R of the worst hands.
 
     Parameters
     ----------
     axes : Matplotlib's, or a panel
     problem : the device and its hands
     gains, coupling : the design
-    met : its curves (`met_in_hands`); None to work them out
+    met : curves of the design (`met_in_hands`); None to compute them
 
     Returns
     -------
     Axes
-        The same.
+        The given axes.
     """
     met, device = met or met_in_hands(problem, gains, coupling), problem.device
     scale, shown = _shown_as(device, met.theta), list[Hand]()
@@ -157,19 +159,19 @@ def draw_required_in_hands(
 def draw_ratio_in_hands(
     axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling, met: Met | None = None
 ) -> Axes:
-    """Draw Re Z_c / R in the worst hand of each frequency, around 1, up to Nyquist.
+    """Draw Re Z_c / R in the worst hand of each frequency, up to Nyquist, on an axis around 1.
 
     Parameters
     ----------
     axes : Matplotlib's, or a panel
     problem : the device and its hands
     gains, coupling : the design
-    met : its curves (`met_in_hands`); None to work them out
+    met : curves of the design (`met_in_hands`); None to compute them
 
     Returns
     -------
     Axes
-        The same.
+        The given axes.
     """
     met, name = met or met_in_hands(problem, gains, coupling), _name(problem.device)
     axes.plot(met.hz, met.offered / _positive(met.required), color=BLUE, label=f"{name} / R")
@@ -223,7 +225,7 @@ def any_hand_figure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Dr
 
     Parameters
     ----------
-    problem : the device
+    problem : problem with the device
     gains, coupling : the design
 
     Returns
@@ -254,7 +256,8 @@ def any_hand_figure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Dr
 
 
 def _shown_as(device: Device, theta: Floats) -> Floats | float:
-    """Return the factor for showing offer and requirement: those of an impedance display are over s^2."""
+    """Return the factor by which the figure multiplies both curves; those of an impedance display are divided by
+    s^2."""
     return np.sin(theta / 2) ** 2 if device.kind.inverse else 1.0
 
 
@@ -268,5 +271,5 @@ def _axis(device: Device) -> str:
 
 
 def _positive(required: Floats) -> Floats:
-    """Return positive numbers, nan elsewhere, for a logarithmic axis."""
+    """Return the positive numbers for a logarithmic axis; nan in place of the others."""
     return np.where(required > 0, required, np.nan)

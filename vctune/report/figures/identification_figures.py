@@ -1,4 +1,4 @@
-"""Figures of an identification: force in time, response, residual, and each number with its limit."""
+"""Figures of an identification: force over time, response, residual, and each number with its limit."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from vctune.report.figures.with_matplotlib import STYLE, canvas, legend_above
 from vctune.report.svg.elements import BLUE, GREEN, GREY, ORANGE
 
 WINDOW = 2.0
-"""How long the part of the log is that is shown closely, s."""
+"""Length, s, of the part of the log that the figure enlarges."""
 MOST_POINTS = 2000
 SPECTRUM_BINS = 120
 
@@ -34,7 +34,7 @@ def identification_figures(found: Identified, record: IdentificationRecord) -> d
     Parameters
     ----------
     found : device, box and studies of the recordings
-    record : the same identification as identification.json holds it
+    record : the same identification, with the content of identification.json
     """
     figures = {}
     moved = [study for study in found.records if study.motion is not None]
@@ -136,7 +136,10 @@ def _residual_spectra(studies: list[RecordStudy], units: Units) -> Figure:
 
 
 def _motion_left(study: RecordStudy, motion: MotionStudy) -> tuple[Floats, Floats, Floats]:
-    """Return frequencies, the residual's and the encoder's root mean square in bands of a fifth of an octave."""
+    """Return frequencies, and the root mean squares of the residual and of the encoder's noise.
+
+    Both are in bands of a fifth of an octave.
+    """
     fit, samples = motion.directional, motion.samples
     T = samples.step
     whole = np.zeros(ceil(fit.samples[1] * study.sample_time / T * (1 - 1e-12)))

@@ -1,4 +1,4 @@
-"""The panels of a design's figures, each drawn on given axes: those of a report, or your own."""
+"""The panels of a design's figures. Each function draws one panel on given axes: those of a report, or your own."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Demanded:
 
     Attributes
     ----------
-    own : of the device
-    bare : without its least operator; None where it has none
-    others : of the devices at the corners of its box
+    own : curves of the device
+    bare : curves without the least operator; None if the problem has none
+    others : curves of the devices at the corners of the box of uncertain devices
     """
 
     own: Llewellyn
@@ -42,7 +42,7 @@ def demanded(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Demanded:
 
     Parameters
     ----------
-    problem : of an admittance display
+    problem : problem of an admittance display
     gains, coupling : the design
     """
     virtual, bare = series_coupling(coupling), None
@@ -62,12 +62,12 @@ def draw_required(
     axes : Matplotlib's, or a panel
     problem : of an admittance display
     gains, coupling : the design
-    curves : of both (`demanded`); None to work them out
+    curves : curves of the design (`demanded`); None to compute them
 
     Returns
     -------
     Axes
-        The same.
+        The given axes.
     """
     curves = curves or demanded(problem, gains, coupling)
     own = curves.own
@@ -93,20 +93,20 @@ def draw_ratio(
     least: tuple[float | None, float | None] = (None, None),
     curves: Demanded | None = None,
 ) -> Axes:
-    """Draw Re Z_c / R over frequency, around 1.
+    """Draw Re Z_c / R over frequency, on an axis around 1.
 
     Parameters
     ----------
     axes : Matplotlib's, or a panel
     problem : of an admittance display
     gains, coupling : the design
-    least : the least ratio and where it is, Hz, to be marked; None for no mark
-    curves : of both (`demanded`); None to work them out
+    least : the least ratio and its frequency, Hz, which the function marks; None for no mark
+    curves : curves of the design (`demanded`); None to compute them
 
     Returns
     -------
     Axes
-        The same.
+        The given axes.
     """
     curves = curves or demanded(problem, gains, coupling)
     axes.plot(curves.own.hz, curves.own.ratio, color=BLUE, label="ratio Re Z_c / R")
@@ -126,7 +126,7 @@ def _on_band(axes: Axes, problem: Problem, curves: Llewellyn) -> None:
 
 
 def _asymptotes(axes: Axes, problem: Problem, gains: Gains, coupling: Coupling) -> None:
-    """Draw the finite limits of R: omega -> 0 with K_p > 0, omega -> inf with hold "lag".
+    """Draw the finite limits of R: for omega -> 0 if K_p > 0, and for omega -> inf with hold "lag".
 
     See model/README.md, section 6.
     """
@@ -141,12 +141,12 @@ def _asymptotes(axes: Axes, problem: Problem, gains: Gains, coupling: Coupling) 
 
 
 def least_view(problem: Problem) -> tuple[float, float, float]:
-    """Return the left and the right edge and half the height of what a picture of Nyquist has to show."""
+    """Return the left edge, the right edge and half the height that a Nyquist plot must at least show."""
     return -1.2 - 1 / problem.stability.max_sensitivity, 1.1, 1.1
 
 
 def draw_nyquist(axes: Axes, problem: Problem, gains: Gains) -> Axes:
-    """Draw the sampled velocity loop L up to Nyquist, its margins, and where |S| is above its limit.
+    """Draw the sampled velocity loop L up to Nyquist, its margins, and the circle in which |S| exceeds its limit.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def draw_nyquist(axes: Axes, problem: Problem, gains: Gains) -> Axes:
     Returns
     -------
     Axes
-        The same.
+        The given axes.
     """
     limit, curve = problem.stability.max_sensitivity, Loop(problem.device, gains).L.at()
     margins = loop_margins(problem.device, gains)
@@ -182,7 +182,7 @@ def draw_nyquist(axes: Axes, problem: Problem, gains: Gains) -> Axes:
 
 
 def draw_error(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling, part: str = "error") -> Axes:
-    """Draw the transparency error of a design or one of its terms over frequency, and without coupling or loop.
+    """Draw the transparency error of a design, or one of its terms, over frequency, also without coupling or loop.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def draw_error(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling
     Returns
     -------
     Axes
-        The same.
+        The given axes.
     """
     draw_part(axes, problem, compared(problem, gains, coupling), part)
     axes.set(ylabel="transparency error" if part == "error" else f"term of the error: {part}")
@@ -202,15 +202,15 @@ def draw_error(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling
 
 
 Cases = dict[str, tuple[Transparency, str, float]]
-"""Curves with their line and its width, by name."""
+"""Curves by name, each with its line style and width."""
 
 
 def compared(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Cases:
-    """Return the transparency of a design, and what it is compared with: no coupling, no loop.
+    """Return the transparency of a design and of the two cases to compare it with: no coupling, and no loop.
 
     Parameters
     ----------
-    problem : the device and its band
+    problem : problem with the device and its band
     gains, coupling : the design
     """
     cases: Cases = {"designed": (transparency(problem, gains, coupling), "-", 1.8)}
@@ -224,7 +224,7 @@ def compared(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Cases:
 
 
 def draw_part(axes: Axes, problem: Problem, cases: Cases, part: str) -> None:
-    """Draw one part of the transparency of some cases.
+    """Draw one part of the transparency for several cases.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ def draw_part(axes: Axes, problem: Problem, cases: Cases, part: str) -> None:
 
 
 def draw_impedance(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoupling) -> Axes:
-    """Draw what the hand feels of some environments, beside the ideal, over frequency.
+    """Draw the impedance that the hand feels with several environments, and the ideal one, over frequency.
 
     Parameters
     ----------
@@ -254,7 +254,7 @@ def draw_impedance(axes: Axes, problem: Problem, gains: Gains, coupling: AnyCoup
     Returns
     -------
     Axes
-        The same.
+        The given axes.
     """
     hz, felt = handle_impedance(problem, gains, coupling)
     for number, (name, (impedance, ideal)) in enumerate(felt.items()):

@@ -1,4 +1,4 @@
-"""The picture of a region: the verdict on each cell, the optimum, contours of the error, the low-frequency limit."""
+"""The picture of a region: verdict of each cell, optimum, contours of the error, and the low-frequency limit."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ MESH = 48
 
 
 def region_figure(problem: Problem, region: Region, designs: Sequence[Design], marked: Design | None = None) -> Figure:
-    """Return the cells in the optimiser's coordinates, in which their areas are counted.
+    """Return the figure of a region in the optimiser's coordinates; the areas of its cells count in these coordinates.
 
     Parameters
     ----------
-    problem : problem for contours of the error and, with any passive hand, the limit of K_p, where the axes are K_v
-        and K_p
-    region : the cells and their verdicts; the title says if it was interrupted
-    designs : optima to mark
-    marked : given design to mark, if it lies in the plane
+    problem : problem; the figure shows contours of its error and, with any passive hand, the limit of K_p if the axes
+        are K_v and K_p
+    region : the cells and their verdicts; the title states if the computation was interrupted
+    designs : optimal designs to mark
+    marked : a given design, which the figure marks if it lies in the plane
     """
     plane = region.plane
     with rc_context(STYLE):
@@ -67,7 +67,7 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design], m
 
 
 def lost_figure(again: Recheck) -> Figure:
-    """Return the figure of a baseline's feasible cells and gain sets: still proved, or lost."""
+    """Return the figure of a baseline's feasible cells and gain sets, each either proved again or lost."""
     plane, kept = again.region.plane, again.region.kinds == Kind.FEASIBLE
     with rc_context(STYLE):
         figure, axes = _frame(plane, again.units)
@@ -115,7 +115,7 @@ def _marked(axes: Axes, plane: Plane, designs: Sequence[Design], mark: str, colo
 
 
 def _contours(axes: Axes, problem: Problem, region: Region) -> None:
-    """Draw the least error that any feasible coupling gives, where gains are proved feasible."""
+    """Draw contours of the least error of any feasible coupling, where gains are proved feasible."""
     check_time()
     prepared, (marks, gains) = prepare(problem), _mesh(region.plane)
     K_v, K_p, *_ = prepared.units.to_dimensionless((gains.velocity, gains.position, 0.0, 0.0, 0.0))
@@ -134,7 +134,7 @@ def _contours(axes: Axes, problem: Problem, region: Region) -> None:
 
 
 def _mesh(plane: Plane) -> tuple[NDArray[np.intp], Gains]:
-    """Return the edges that a mesh of a plane of gains takes, and its gains."""
+    """Return the edges that form a mesh of a plane of gains, and the gains at its nodes."""
     marks = np.linspace(0, len(plane.edges[0]) - 1, MESH).astype(int)
     x, y = np.meshgrid(plane.edges[0][marks], plane.edges[1][marks], indexing="ij")
     return marks, Gains(x, y) if plane.axes == (0, 1) else Gains(y, x)
@@ -145,7 +145,7 @@ def _idle(problem: Problem, design: Design) -> bool:
 
 
 def _idle_side(axes: Axes, problem: Problem, plane: Plane) -> None:
-    """Draw the line on one side of which loops hardly work."""
+    """Draw the line beyond which velocity loops have hardly any effect."""
     marks, gains = _mesh(plane)
     with np.errstate(all="ignore"):
         tracking = tracking_terms(problem, gains)
@@ -156,7 +156,7 @@ def _idle_side(axes: Axes, problem: Problem, plane: Plane) -> None:
 
 
 def _feasible(region: Region) -> NDArray[np.bool_]:
-    """Return which crossings of the edges belong to a cell that is proved feasible."""
+    """Return which nodes of the mesh belong to a cell that is proved feasible."""
     count = len(region.plane.edges[0])
     inside = np.zeros((count, count), bool)
     for x_low, x_high, y_low, y_high in region.squares[:, region.kinds == Kind.FEASIBLE].T:

@@ -19,7 +19,7 @@ from vctune.report.figures.with_matplotlib import canvas, legend_above
 from vctune.report.svg.elements import BLUE, GREEN, GREY, ORANGE
 
 WINDOW = 200
-"""Rows of the part of a log that is shown closely."""
+"""Number of rows of the part of a log that the figure enlarges."""
 MOST_POINTS = 2000
 
 
@@ -64,12 +64,12 @@ def _made(servo: ServoStudy) -> Floats:
 
 
 def servo_response(found: Identified, studies: list[RecordStudy]) -> Figure:
-    """Return size and phase of the response in bands, those of the fits, and those of the box.
+    """Return the figure of the response's magnitude and phase: measured in bands, of the fits, and of the box.
 
     Parameters
     ----------
     found : device and box
-    studies : studies of servos whose response shows
+    studies : studies of servos with a measurable response
     """
     figure = canvas(WIDTH, 4.2, left=0.75, top=0.35, gaps=(0.0, 0.12))
     size, phase = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
@@ -106,5 +106,5 @@ def servo_response(found: Identified, studies: list[RecordStudy]) -> Figure:
 
 
 def _phase(response: Complex, near: Floats) -> Floats:
-    """Return the phase of a response, less than half a turn from another, degrees."""
+    """Return the phase of a response, degrees. It differs from a given phase by less than half a turn."""
     return np.asarray(near + np.degrees(np.angle(response * np.exp(-1j * np.radians(near)))))

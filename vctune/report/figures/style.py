@@ -22,7 +22,7 @@ column of 8 cm."""
 
 
 def frequency_axis(axes: Axes, low: float, high: float) -> None:
-    """Make the x axis one of frequencies, in plain decimals.
+    """Turn the x axis into a frequency axis with plain decimals.
 
     Parameters
     ----------
@@ -38,12 +38,12 @@ def frequency_axis(axes: Axes, low: float, high: float) -> None:
 
 
 def in_prefixed(values: Floats, unit: str) -> tuple[Floats, str]:
-    """Return values in the unit whose prefix suits their greatest size, and that unit.
+    """Return values in their unit with a prefix that suits the greatest of them, and that unit.
 
     Parameters
     ----------
-    values : to be drawn
-    unit : theirs, without a prefix
+    values : values to draw
+    unit : their unit without a prefix
     """
     power, named = prefixed(float(np.max(np.abs(values), initial=0.0)), unit)
     return values / 10.0**power, named
@@ -58,14 +58,14 @@ def decades(axes: Axes) -> None:
 
 
 def around_one(axes: Axes, factor: float, least: float | None, worst_hz: float | None, where: str = "") -> None:
-    """Draw the limit, the safety factor and the least ratio, on an axis that is linear around them.
+    """Draw the limit, the safety factor and the least ratio. The axis is linear around them.
 
     Parameters
     ----------
     axes : axes of a ratio
     factor : the safety factor
     least, worst_hz : the least ratio and its frequency, Hz; None for inf
-    where : hand of the least ratio, in words
+    where : description of the hand with the least ratio
     """
     axes.axhline(1.0, color=RED, linewidth=1.2, linestyle="-.", label="1: the limit")
     axes.axhline(factor, color=INK, linewidth=1, linestyle=(0, (1, 1)), label=f"safety factor {factor:g}")
@@ -94,14 +94,14 @@ def stamp(drawing: Drawing, words: str) -> None:
 
 
 def shade(axes: Axes, band: Band, colour: str, label: str, hatch: str = "") -> None:
-    """Shade the part of a band that is on the axis.
+    """Shade the part of a band that lies on the axis.
 
     Parameters
     ----------
     axes : axes whose limits are set, Hz
     band : rad/s
-    colour, label : those of the shade and in the legend
-    hatch : over the shade
+    colour, label : colour of the shade and its label in the legend
+    hatch : hatching over the shade; "" for none
     """
     low, high = axes.get_xlim()
     ends = max(band.min / (2 * pi), low), min(band.max / (2 * pi), high)

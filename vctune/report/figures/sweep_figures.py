@@ -23,7 +23,7 @@ FEW = 40
 
 
 def sweep_figure(table: Table, *, grid: bool) -> Figure | None:
-    """Return the error over the one or two axes that vary, or None if more or fewer do.
+    """Return the figure of the error over one or two axes that vary; None if there are no or more such axes.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def _map(table: Table, across: tuple[str, Floats], up: tuple[str, Floats], *, gr
 
 
 def terms_figure(front: Table) -> Figure:
-    """Return the front between the three terms: two of them as axes, the third as colour."""
+    """Return the front between the three terms. Two terms are the axes, and the colour shows the third."""
     with rc_context(STYLE):
         figure, axes = _frame()
         x, y, colour = (front.numbers[term] for term in ("coupling_term", "tracking_term", "admittance_term"))
@@ -109,8 +109,8 @@ def band_figure(front: Table, transparency_edge_hz: float) -> Figure:
 
     Parameters
     ----------
-    front : designs that none other beats, by the edge, Hz
-    transparency_edge_hz : upper edge of the transparency band, to be marked
+    front : the designs that no other design dominates, by the upper edge, Hz
+    transparency_edge_hz : upper edge of the transparency band, Hz, which the figure marks
     """
     with rc_context(STYLE):
         figure, axes = _frame()
@@ -126,7 +126,7 @@ def band_figure(front: Table, transparency_edge_hz: float) -> Figure:
 
 
 def _ring_idle(axes: Axes, table: Table, x: Floats, y: Floats) -> None:
-    """Put rings around the designs that hardly use their velocity loop."""
+    """Draw rings around the designs whose velocity loop has hardly any effect."""
     at, label = table.idle, "idle: the loop hardly works"
     if at.any():
         axes.plot(x[at], y[at], "o", markersize=9, markerfacecolor="none", markeredgecolor=RED, label=label)

@@ -1,4 +1,4 @@
-"""The page of a problem with several axes: a line for each, with a link to its report."""
+"""The page of a problem with several axes: a row for each axis, with a link to its report."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vctune.report.page.templates import templates
 
 HEADINGS = ("axis", "status", "mass", "drag", "least ratio", "error")
 VERDICTS = {"certified": "proved", "undecided": "undecided"}
-"""Verdict on a claim that a status is marked as. The others are marked as refuted."""
+"""Verdict that the page shows for a status. It shows every other status as refuted."""
 
 
 def axis_row(name: str, record: DesignRecord) -> tuple[str, ...]:
@@ -21,7 +21,7 @@ def axis_row(name: str, record: DesignRecord) -> tuple[str, ...]:
     Parameters
     ----------
     name : name of the axis
-    record : record of its design, or of the reason why there is none
+    record : record of the axis's design, or of the reason why there is none
     """
     units, coupling, certificate = record.units, record.coupling, record.certificate
     mass, drag = getattr(coupling, "mass", None), getattr(coupling, "drag", None)
@@ -38,7 +38,7 @@ def axis_row(name: str, record: DesignRecord) -> tuple[str, ...]:
 
 
 def promises(designs: Mapping[str, DesignRecord]) -> list[str]:
-    """Return the proved claims of the axes: each sentence once, after the names of its axes.
+    """Return the proved claims of the axes. Each sentence occurs once, after the names of its axes.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def axes_page(name: str, designs: Mapping[str, DesignRecord], *, reported: bool)
     ----------
     name : name of the problem
     designs : designs by the name of the axis
-    reported : whether each axis has a report, which its name then leads to
+    reported : whether each axis has a report; its name is then a link to the report
     """
     rows = {axis: axis_row(axis, record) for axis, record in designs.items()}
     axes = [

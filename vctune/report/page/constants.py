@@ -1,6 +1,6 @@
-"""A device as complex constants per frequency, in which every response is affine, for the script of a page.
+"""A device as complex constants for each frequency, for the script of a page; every response is affine in the gains.
 
-The script closes the loop with them for any gains (README.md, section 1); it does not know the device.
+The page's script combines them with any gains (README.md, section 1); it does not know the device.
 """
 
 from __future__ import annotations
@@ -33,16 +33,17 @@ from vctune.model.transparency import log_quadrature
 from vctune.report.figures.curves import frequencies
 
 PANELS = 8
-"""Parts of the transparency band with Gauss's nodes in each: the sampled error is the design's to 1e-6 and better. Half
-misses a resonance in the band, twice is a longer page."""
+"""Number of intervals of the transparency band with Gauss's nodes in each. The sampled error then agrees with the
+design's to 1e-6 or better. Half as many miss a resonance in the band; twice as many make the page longer."""
 SHOWN = 100
-"""Frequencies of the curves beside the nodes. Half shows corners, twice is a longer page."""
+"""Number of frequencies of the curves, besides the nodes. Half as many show corners; twice as many make the page
+longer."""
 ANGLES, PER_SAMPLE = 120, 16
-"""Angles of the sampled loop up to Nyquist, and the additional ones for each sample of delay, so that its curve turns
-by less than half a turn from one to the next. Half shows corners in Nyquist's picture."""
+"""Number of angles of the sampled loop up to Nyquist, and number of additional angles for each sample of delay. Between
+two of them the curve turns by less than half a turn. Half as many show corners in the Nyquist plot."""
 IN_HAND, LOWEST = 128, 1e-3
-"""Angles in each hand, and the least beside 0. Half steps over the narrow minima of stiff hands, twice is a longer
-page."""
+"""Number of angles in each hand, and the least angle besides 0, rad. Half as many miss the narrow minima of stiff
+hands; twice as many make the page longer."""
 
 
 def frequency_model(problem: Problem, record: DesignRecord) -> dict[str, Any]:
@@ -51,7 +52,7 @@ def frequency_model(problem: Problem, record: DesignRecord) -> dict[str, Any]:
     Parameters
     ----------
     problem : problem of the design
-    record : record of the design, whose bands are shown
+    record : record of the design, whose bands the page shows
     """
     wanted, axis = problem.transparency.band, frequencies(problem)
     nodes, weights = log_quadrature(wanted.min, wanted.max, PANELS)
@@ -84,9 +85,9 @@ def frequency_model(problem: Problem, record: DesignRecord) -> dict[str, Any]:
 
 
 def _force_model(device: Device, known: LoopConstants, omega: Floats) -> dict[str, Any]:
-    """Return the constants of an impedance display; those of k_c take the place of an admittance display's K_p.
+    """Return the constants of an impedance display. Those of k_c replace those of an admittance display's K_p.
 
-    Before a wall b_c acts as K_v does, and k_c as b_c times the quotient of their factors in Z_c.
+    At a rigid wall b_c acts as K_v does. k_c acts as b_c times the quotient of the factors of k_c and b_c in Z_c.
     """
     theta = omega * device.sample_time
     low_pass, drive = firmware_filter(device, theta, FLOATS), known.controller.velocity
@@ -116,12 +117,12 @@ def _complex(pair: Pair) -> Complex:
 
 
 def sampled_loop(device: Device, record: DesignRecord) -> dict[str, Any] | None:
-    """Return the parts of the sampled loop's return difference; None if the firmware closes no loop.
+    """Return the parts of the sampled loop's return difference; None if the firmware has no feedback.
 
     Parameters
     ----------
-    device : let go
-    record : record of the design, whose frequencies are shown
+    device : device without a hand
+    record : record of the design, whose frequencies the page shows
     """
     if not device.kind.own_loop:
         return None
@@ -142,12 +143,12 @@ def sampled_loop(device: Device, record: DesignRecord) -> dict[str, Any] | None:
 
 
 def in_hands(device: Device, met: list[Hand | None], worst: list[float]) -> dict[str, Any]:
-    """Return the parts of the loop in some hands, at angles up to Nyquist and at the worst frequencies.
+    """Return the parts of the loop in each of several hands, at angles up to Nyquist and at the worst frequencies.
 
     Parameters
     ----------
     device : device of the design
-    met : the hands; None for any passive one
+    met : the hands; None instead of a hand means any passive hand
     worst : frequencies of the least ratios, rad/s
     """
     theta = np.geomspace(LOWEST, pi, IN_HAND)
@@ -156,7 +157,7 @@ def in_hands(device: Device, met: list[Hand | None], worst: list[float]) -> dict
     if device.kind.inverse:
         theta = theta[
             theta > 0
-        ]  # where F of a hand without stiffness is 0; at the least angle the rest is at its limit
+        ]  # where F in a hand without stiffness is 0; at the least angle the other factors are at their limits
         offered = [of + 0 * theta for form in spring_forms(device, theta, FLOATS) for of in form]
         required = [_required(device, hand, theta) for hand in met]
         return {"theta": _numbers(theta), "offered": _numbers(np.stack(offered, axis=-1)), "required": required}
@@ -173,7 +174,8 @@ def in_hands(device: Device, met: list[Hand | None], worst: list[float]) -> dict
 
 
 def _felt(loop: LoopInHand, sample_time: float, theta: Floats) -> EvenOdd:
-    """Return f of P = f (2 j s K_v + T c K_p): both of its parts, from the one that does not vanish."""
+    """Return f of P = f (2 j s K_v + T c K_p). Each part comes from the one of K_v and K_p whose factor does not
+    vanish."""
     square, cos = np.sin(theta / 2) ** 2, np.cos(theta / 2)
     with np.errstate(all="ignore"):
         odd = np.where(
@@ -183,9 +185,10 @@ def _felt(loop: LoopInHand, sample_time: float, theta: Floats) -> EvenOdd:
 
 
 def _required(device: Device, hand: Hand | None, theta: Floats) -> str:
-    """Return R/s^2 in a hand, or in any passive one, as coefficients of 1, K_v and, below, K_v^2, at each angle.
+    """Return R/s^2 in a hand, or in any passive hand, as coefficients at each angle.
 
-    They are known from its numerator and denominator at three gains.
+    The numerator is affine in K_v, and the denominator is quadratic in K_v. The function computes their coefficients
+    from both at three values of K_v.
     """
     delays, unit = delays_of(device), device.mass / device.sample_time
 
@@ -204,12 +207,12 @@ def _required(device: Device, hand: Hand | None, theta: Floats) -> str:
 
 
 def numbered(constants: Any, numbers: dict[str, int]) -> Any:
-    """Return constants with the place of each array instead of the array.
+    """Return constants in which each array is replaced by its number.
 
     Parameters
     ----------
-    constants : as this module returns them
-    numbers : places of the arrays, each once; the function adds to it
+    constants : constants as the functions of this module return them
+    numbers : number of each different array; the function adds new arrays to it
     """
     if isinstance(constants, str):
         return numbers.setdefault(constants, len(numbers))
@@ -224,20 +227,20 @@ def _affine(number: Affine, omega: Floats) -> dict[str, str | None]:
 
 
 def _pair(number: Pair, like: Floats) -> str:
-    """Return a complex number at each place as its real and imaginary parts in turn."""
+    """Return a complex number at each place; its real and imaginary parts alternate."""
     return _numbers(np.stack([number.re + 0 * like, number.im + 0 * like], axis=-1))
 
 
 def _even_odd(number: EvenOdd, shape: tuple[int, int]) -> list[str]:
-    """Return even and odd parts in turn, at each angle, for each hand."""
+    """Return even and odd parts that alternate, at each angle, for each hand."""
     parts = np.stack([np.broadcast_to(part, shape) for part in (number.even, number.odd)], axis=-1)
     return [_numbers(each, 5) for each in parts]
 
 
 def _numbers(values: Floats, size: int = 6) -> str:
-    """Return doubles as their highest bytes, rounded, in base 64, after the number of bytes: half as long as decimals.
+    """Return the highest bytes of doubles, rounded, in base 64, after the number of bytes.
 
-    Six bytes are 36 bits of mantissa, five are 28.
+    This text is half as long as decimals. Six bytes contain 36 bits of mantissa, five contain 28.
     """
     whole = np.ascontiguousarray(values, dtype="<f8").view("<u8").ravel() + np.uint64(1 << (63 - 8 * size))
     return f"{size}{b64encode(whole.astype('<u8').view('u1').reshape(-1, 8)[:, 8 - size :].tobytes()).decode()}"

@@ -1,4 +1,4 @@
-"""The parts of a report: the page, its figures and how to read each. Draws nothing, imports nothing heavy."""
+"""The parts of a report: the page, its figures and texts that explain them. Imports no heavy package."""
 
 from __future__ import annotations
 
@@ -11,30 +11,31 @@ IN_WORDS = {"admittance": "does not yield", "tracking": "does not follow", "coup
 """The terms of the error in words."""
 READINGS = {
     "hands": (
-        "Coupling against what the worst hand asks for",
+        "Coupling against the requirement of the worst hand",
         "Top: Re Z_c, as the firmware runs it, must lie above R in each hand, up to the Nyquist frequency. No "
         "environment that is passive as it runs then makes the loop grow. Bottom: the share of Re Z_c that R takes at "
         "the worst damping and frequency of each hand; 100 % is the limit.",
     ),
     "llewellyn": (
-        "Coupling against what any passive hand asks for",
-        "Re Z_c must lie above R, and their ratio above 1, on the band between the dashed lines. There no passive hand "
-        "and no passive environment can make the handle unstable, as far as the frequency model goes.",
+        "Coupling against the requirement of any passive hand",
+        "Re Z_c must lie above R, and their ratio above 1, on the band between the dashed lines. There, in the "
+        "frequency model, no passive hand and no passive environment can make the handle unstable.",
     ),
     "any-hand": (
-        "Coupling against what any passive hand asks for",
+        "Coupling against the requirement of any passive hand",
         "Re 1/Z_c, as the firmware runs it, must lie above R up to the Nyquist frequency. No passive hand and no "
         "environment that is passive as it runs then make the handle unstable.",
     ),
     "latency": (
         "Drag is stiffness times latency",
-        "A contact of stiffness K pushes back late, by L. At rest that acts as a damping of −K L, and the drag D must "
-        "make up for it, part by part.",
+        "The force of a contact of stiffness K comes late, by the latency L. At rest this acts as a damping of −K L. "
+        "The drag D must compensate for it. Each bar shows one part of the latency.",
     ),
     "z-width": (
         "What may be rendered",
-        "Each point is a spring and a tool, with any damping: blue is proved stable in every hand, in orange there is "
-        "a hand in which it holds an oscillation with the reserve used up. The frame is what the problem asks for.",
+        "Each point is a spring and a tool, with any damping. Blue points are proved stable in every hand. At an "
+        "orange point the loop can oscillate in some hand once the safety factor is used up. The frame shows "
+        "the environments that the problem requires.",
     ),
     "impedance": (
         "What the hand feels, beside what it should feel",
@@ -43,8 +44,8 @@ READINGS = {
     ),
     "transparency": (
         "Which term makes the error",
-        "All should be small in the shaded band. Grey: the same loop without a coupling, and the device without a "
-        "loop.",
+        "All terms should be small in the shaded band. Grey curves show the same loop without a coupling, and the "
+        "device without a loop.",
     ),
     "nyquist": (
         "How far the velocity loop stays from -1",
@@ -52,8 +53,8 @@ READINGS = {
     ),
     "loop": (
         "The loop as designed",
-        "From the hand's force to its velocity, or from its motion to a force. Blue parts are designed, green parts "
-        "delay the loop.",
+        "The diagram leads from the hand's force to its velocity, or from its motion to a force. vctune designs the "
+        "blue parts. The green parts delay the loop.",
     ),
     "optimality": (
         "How much better any design could be",
@@ -62,18 +63,18 @@ READINGS = {
     ),
     "simulation": (
         "The design and a regular PID in simulated experiments",
-        "Force of the hand over position (springs) or velocity, without the first cycle: on the left a regular PID, on "
-        "the right this design, on the same device with the same friction. Loading and unloading should lie on each "
-        "other and on the dashed line, which is the rendered environment.",
+        "Each panel shows the force of the hand over position (springs) or velocity, without the first cycle. The left "
+        "column has a regular PID, and the right column has this design, on the same device with the same friction. "
+        "The curves of loading and unloading should coincide with the dashed line, which is the rendered environment.",
     ),
 }
 """Title of each figure and a text that explains it, by the name of the figure."""
 OF_DISPLAY: dict[str, dict[str, str]] = {
     "servo": {
-        "loop": "From the hand's force to the motion of the arm. Blue parts are designed, green parts delay it. The "
-        "hand does not move the arm; it feels the late answer of the coupling.",
-        "hands": "Top: the late answer of a hand or a contact acts as a negative resistance of size R, whatever the "
-        "design. Re Z_c, as the firmware runs it, must lie above it up to the Nyquist frequency. Bottom: the share of "
+        "loop": "The diagram leads from the hand's force to the motion of the arm. vctune designs the blue parts. The "
+        "green parts delay the motion. The hand does not move the arm; it feels the late response of the coupling.",
+        "hands": "Top: the late response of a hand or a contact acts as a negative resistance of size R, whatever the "
+        "design. Re Z_c, as the firmware runs it, must lie above R up to the Nyquist frequency. Bottom: the share of "
         "Re Z_c that R takes at the worst damping and frequency of each hand; 100 % is the limit.",
         "transparency": "Both should be small in the shaded band: the motion should follow its command, which depends "
         "on the servo alone, and the hand should not feel the coupling, which is designed.",
@@ -85,23 +86,23 @@ OF_DISPLAY: dict[str, dict[str, str]] = {
 
 
 IN_WORLDS = (
-    " The curves are before any passive environment, which is more than the claim covers: where the ratio is below 1, "
-    "the environments of the problem are what keeps the loop stable."
+    " The curves are for any passive environment, which is more than the claim covers. Where the ratio is below 1, the "
+    "loop is stable only because the problem limits its environments."
 )
-"""What the curves of hands show where the environments are stated."""
+"""Addition to the text about curves in hands if the problem states its environments."""
 IN_ACTIVE_WORLDS = (
-    " The environments of the problem are not passive as they run, so that these curves do not decide about them. The "
-    "claim does: the ratio above is with them."
+    " The environments of the problem are not passive as they run, so these curves do not show whether the loop is "
+    "stable with them. The claim does: its ratio above includes them."
 )
-"""The same where the stated environments are late or stepped by explicit Euler."""
+"""The same addition if the stated environments run late or step by explicit Euler."""
 
 
 def reading(figure: str, display: str, worlds: Worlds | None) -> str:
-    """Return how to read a figure of a kind of display.
+    """Return the text that explains a figure for a kind of display.
 
     Parameters
     ----------
-    figure, display : their names
+    figure, display : name of the figure and of the kind of display
     worlds : the environments that the problem states; None if it states none
     """
     own = OF_DISPLAY.get(display, {}).get(figure, READINGS[figure][1])
@@ -118,24 +119,25 @@ def report_paths(folder: Path) -> list[Path]:
 IDENTIFICATION_READINGS = {
     "time-fit": (
         "Force in time",
-        "The recorded force, and the force of mass and friction for the motion, where the difference is largest. The "
-        "lower panel shows the difference over the whole log.",
+        "The upper panel shows the recorded force, and the force that mass and friction need for the motion, where the "
+        "difference is largest. The lower panel shows the difference over the whole log.",
     ),
     "following": (
         "How the servo follows",
-        "Commanded position, measured position and fit, where the fit is furthest off. The lower panel shows the "
-        "difference over the whole log. A velocity that arrives early or late shifts the position permanently.",
+        "The upper panel shows commanded position, measured position and fit, where the fit is worst. The "
+        "lower panel shows the difference over the whole log. A velocity that arrives early or late shifts the "
+        "position permanently.",
     ),
     "response": (
         "Response",
-        "Measured lines or bands with twice their standard deviation, the fit, and in grey the box with the unmodelled "
-        "disc, which contains every size. Dry friction, which the box leaves out, turns the phase of slow lines beyond "
-        "it. The lower panel shows how well each line repeats.",
+        "The panels show measured lines or bands with twice their standard deviation, and the fit. The grey area is "
+        "the box with the unmodelled disc. It contains every measured magnitude. The box does not include dry "
+        "friction, which shifts the phase of slow lines out of it. The lower panel shows how well each line repeats.",
     ),
     "residual-spectrum": (
         "The residual",
-        "Power of the residual over frequency. The dashed line is the noise of the encoder alone. Power above it is "
-        "model error, and the intervals allow for it.",
+        "The curve shows the power of the residual over frequency. The dashed line is the noise of the encoder "
+        "alone. Power above it is model error, and the intervals allow for it.",
     ),
     "numbers": (
         "Each number and what limits it",

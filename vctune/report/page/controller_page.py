@@ -17,9 +17,9 @@ BLOCKS = {
     "environment": "Environment, built in",
     "law": "Coupling, and the law on the velocity error",
 }
-"""The blocks of a controller in the order in which they are executed."""
+"""Titles of a controller's blocks, in the order in which the firmware executes them."""
 FOLLOWED = BLOCKS | {"law": "Coupling, and the command that the servo follows"}
-"""The same blocks for a servo, whose motion is the vendor's."""
+"""The same titles for a servo, whose motion the vendor's loop controls."""
 
 
 def controller_page(controller: dict[str, Any], device: Device, gains: Gains, coupling: AnyCoupling) -> str:
@@ -28,7 +28,7 @@ def controller_page(controller: dict[str, Any], device: Device, gains: Gains, co
     Parameters
     ----------
     controller : the object of controller.json
-    device, gains, coupling : that the block diagram shows
+    device, gains, coupling : device and design that the block diagram shows
     """
     titles, written = BLOCKS if device.kind.own_loop else FOLLOWED, controller["equations"]
     blocks = {title: [one for one in written if one["block"] == block] for block, title in titles.items()}

@@ -1,4 +1,4 @@
-"""What a design's figures show and what limits it, in sentences from its record."""
+"""Sentences from a design's record: what its figures show, and what limits the design."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from vctune.model.problem import Problem
 from vctune.report.typography import quantity
 
 MOST = 3
-"""Active constraints on the first screen. The others are in the table of every number."""
+"""Greatest number of active constraints on the first screen. The table of every number contains all of them."""
 
 
 NAMES = {
@@ -20,11 +20,11 @@ NAMES = {
     "in a hand": "Stability in the stated hands",
     " R": "Stability in any passive hand",
 }
-"""Names of active constraints by a part of their formula; the first that fits counts."""
+"""Names of active constraints by a part of their formula. The first part that the formula contains counts."""
 
 
 class Limit(NamedTuple):
-    """What limits a design: in words, its formula and frequencies, and the effect of easing it."""
+    """A limit of a design: in words, with its formula and frequencies, and with the effect of weakening it."""
 
     words: str
     formula: str
@@ -32,7 +32,7 @@ class Limit(NamedTuple):
 
 
 def limits(record: DesignRecord) -> list[Limit]:
-    """Return the active constraints, the dearest first, the hand that binds, and the number worth improving most.
+    """Return the active constraints, the most expensive first, then the worst hand and the best change of the device.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def limits(record: DesignRecord) -> list[Limit]:
 
 
 def _named(demand: str) -> str:
-    """Return the name of an active constraint, for readers who do not know its formula."""
+    """Return a name of an active constraint for readers who do not know its formula."""
     return next((name for part, name in NAMES.items() if part in demand), "Constraint")
 
 
@@ -69,12 +69,12 @@ def _binding(record: DesignRecord) -> str:
 
 
 def findings(record: DesignRecord, problem: Problem) -> dict[str, str]:
-    """Return what each figure of a design shows, by the figure's name.
+    """Return a sentence about each figure of a design, by the figure's name.
 
     Parameters
     ----------
     record : record of the design
-    problem : stated by the record
+    problem : problem that the record states
     """
     proof, design, terms = record.certificate, record.design, record.transparency
     if proof is None or design is None or terms is None:

@@ -41,7 +41,7 @@ def page(
     record : record of the design, which the page embeds as the object of design.json
     problem : the problem that the record's text states
     drawn : figures as SVG, by name
-    places : places of the axes in which tried curves are drawn (`vctune.report.page.sliders.overlays`)
+    places : positions of the axes in which the script draws tried curves (`vctune.report.page.sliders.overlays`)
     simulation : simulation of this design, if there is one
     least : the least ratios in the problem's hands
     """
@@ -94,14 +94,14 @@ def _shown(
 
 
 def _stated(text: str, problem: Problem) -> str:
-    """Return a text with the numbers of a problem instead of the names of its keys."""
+    """Return a text in which the numbers of a problem replace the names of its keys."""
     for key in ("safety_factor", "max_sensitivity"):
         text = re.sub(rf"(?<![.\w]){key}\b", f"{getattr(problem.stability, key):g}", text)
     return text
 
 
 def _reading_terms(record: DesignRecord) -> list[Row]:
-    """Return the terms of the error, with few digits, and in words."""
+    """Return the terms of the error in words, with few digits."""
     terms = record.transparency
     if terms is None:
         return []
@@ -115,28 +115,28 @@ def _reading_terms(record: DesignRecord) -> list[Row]:
 
 
 def _marked(record: DesignRecord) -> str:
-    """Return the marks that a printed sheet bears: date and digest of its problem."""
+    """Return the text in the head of each printed sheet: date and digest of the problem file."""
     date = f"{record.date} · " if record.date else ""
     return f"{date}problem {record.problem.sha256[:16]} · "
 
 
 def _css_text(text: str) -> str:
-    """Return a text as a string of CSS that ends neither it nor its element."""
+    """Return a text as a string of CSS. The text can end neither the string nor the style element."""
     return '"' + re.sub(r'[\\"<>&\n\r]', lambda found: f"\\{ord(found[0]):x} ", text) + '"'
 
 
 def _embedded(data: dict[str, Any]) -> str:
-    """Return data as JSON that no text in it can end."""
+    """Return data as JSON in which no text can end the script element."""
     return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def inline(text: str, said: str) -> str:
-    """Return an SVG file as an element that takes its ink from the page's text colour and lets its ground through.
+    """Return an SVG file as an element. It uses the page's text colour and has a transparent background.
 
     Parameters
     ----------
     text : the file
-    said : the figure in words
+    said : description of the figure in words
     """
     text = re.sub(r"^.*?(?=<svg)", "", text, flags=re.DOTALL)
     text = text.replace("<svg ", f'<svg role="img" aria-label="{escape(plain(said))}" ', 1)

@@ -1,4 +1,4 @@
-"""How late each part is: the phases of a design as the rows of a table."""
+"""The phases of a design's parts as the rows of a table: how much each part delays the loop."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from vctune.model.problem import Problem
 from vctune.report.typography import quantity
 
 POINTS = 200
-"""Frequencies of the mean of |1 - F_s|, midpoints of log-spaced intervals. Half and twice show the same digits."""
+"""Number of frequencies for the mean of |1 - F_s|: midpoints of intervals that are equal in the logarithm. Half or
+twice as many give the same digits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +26,7 @@ class PhaseTable:
     ----------
     headings : headings of the columns
     rows : part, and its phase in each column; the last row is their sum
-    remark : loss of the force sensor; empty without one
+    remark : sentence about the force sensor's loss; empty without a sensor
     """
 
     headings: tuple[str, ...]
@@ -34,11 +35,11 @@ class PhaseTable:
 
 
 def phase_table(problem: Problem, gains: Gains) -> PhaseTable:
-    """Return the phases of the loop at its crossover, and of the force path there and at the upper edge of the band.
+    """Return the phases of the loop at its crossover, and those of the force path there and at the band's upper edge.
 
     Parameters
     ----------
-    problem : its device and transparency band
+    problem : problem with the device and the transparency band
     gains : gains of the design
     """
     device, edge, push = problem.device, problem.transparency.band.max, problem.units.force_name

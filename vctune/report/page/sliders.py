@@ -1,4 +1,4 @@
-"""The data of the page's sliders: the numbers to try, and the device as constants (README.md, section 1)."""
+"""The data of the page's sliders: the numbers that a reader can try, and the constants of the device (README.md, 1)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vctune.report.svg.drawing import Drawing
 from vctune.report.svg.panel import Panel
 
 REACH = 10.0
-"""Factor between a slider's ends and the shipped value."""
+"""Factor between the shipped value and the ends of a slider."""
 PANELS_OF = {
     "llewellyn": ("resistance", "ratio"),
     "hands": ("in_hand", "hand_ratio"),
@@ -25,8 +25,8 @@ PANELS_OF = {
     "impedance": ("impedance",),
     "nyquist": ("nyquist",),
 }
-"""Which axes of a figure the script draws tried curves in, in the order of the figure's axes; in the figure of the
-transparency each is labelled."""
+"""Names of the curves that the script draws into a figure, in the order of the figure's axes. In the figure of the
+transparency, each axes has its own label."""
 
 
 def sliders(
@@ -36,13 +36,13 @@ def sliders(
     record: DesignRecord,
     worst: Sequence[RatioInHand | RatioInAnyHand],
 ) -> dict[str, Any]:
-    """Return the object that the page's script works on.
+    """Return the object that the page's script reads.
 
     Parameters
     ----------
     problem : problem of the nominal device
     gains, coupling : the shipped design
-    record : record of the claim; the samples contain the places of its extrema
+    record : record of the claim; the sampled frequencies include those of its extrema
     worst : the least ratios in the problem's hands
     """
     stability, transparency, operator = problem.stability, problem.transparency, problem.device.operator
@@ -73,7 +73,7 @@ def sliders(
 
 
 def _hands(problem: Problem, worst: Sequence[RatioInHand | RatioInAnyHand]) -> list[Hand | None]:
-    """Return the vertices of the box of hands and the worst hands in it; None for any passive hand."""
+    """Return the vertices of the box of hands and its worst hands; None stands for any passive hand."""
     if problem.any_hand:
         return [None]
     corners = [] if problem.hands_met is None else problem.hands_met.corners
@@ -105,7 +105,7 @@ def _panel(panel: Panel, curve: str) -> dict[str, Any]:
 
 
 def _variables(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[dict[str, Any]]:
-    """Return the sliders: name, unit, shipped value and ends of each; a value of 0 is at the beginning."""
+    """Return the sliders: name, unit, shipped value and ends of each. A slider whose value is 0 starts there."""
     bounds, device, damping, units = problem.bounds, problem.device, coupling.damping, problem.units
     named: list[tuple[str, str, str, float, Range, float]]
     coupled: list[tuple[str, str, str, float, Range, float]]

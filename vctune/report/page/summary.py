@@ -1,4 +1,4 @@
-"""The head of a page: the verdict as a word and a sign, one sentence, the error on its scale, and a stamp of doubt."""
+"""The head of a page: the verdict as a word and a sign, one sentence, the error on its scale, and a warning stamp."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from vctune.proof.claims.registry import CLAIMS
 from vctune.report.typography import quantity
 
 LITTLE_USE = 0.75
-"""Share of the error without a loop above which a design is of little use: a design that removes less than a quarter of
-that error is hardly worth a force sensor. At half this share, designs that halve the error would count as of little
-use; at twice, even some that are worse than no loop would not."""
+"""Share of the error without a loop above which a design is of little use. Such a design removes less than a quarter of
+that error and hardly justifies a force sensor. With half this share, designs that halve the error would count as of
+little use. With twice this share, even some designs that are worse than no loop would not count."""
 LINEAR_UP_TO = 10.0
-"""Greatest error on a linear scale; a greater one needs a logarithmic scale. Half takes it from the errors of devices
-without a loop; at twice that nobody can tell 0.1 from 0.4."""
+"""Greatest error on a linear scale; a greater error needs a logarithmic scale. Half this limit would make the scale
+logarithmic for typical devices without a loop. With twice this limit, 0.1 and 0.4 would look alike."""
 MARGIN = 1.08
-"""End of a linear scale over its greatest error."""
+"""Ratio of a linear scale's end to its greatest error."""
 NOTHING = Coupling(1e-18, 1e-18, 0.0)
-"""Practically no coupling, but not 0, because formulas divide by it."""
+"""A coupling that is practically absent. Its numbers are not 0, because formulas divide by them."""
 
 Kind = Literal["good", "doubtful", "bad"]
 
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A place on the error's scale.
+    """A mark on the error's scale.
 
     Attributes
     ----------
-    label : its name, or the text of a tick
-    share : its place as a share of the scale's length
-    value : the error as text; "" at a tick
+    label : name of the mark, or text of a tick
+    share : position as a share of the scale's length
+    value : the error as text; "" for a tick
     """
 
     label: str
@@ -56,8 +56,8 @@ class Scale:
     ----------
     marks : errors, this design first
     ticks : ticks of the scale
-    little_use : place above which a design is of little use; 1 if there is no such place
-    logarithmic : whether a length is a ratio
+    little_use : position above which a design is of little use; 1 if there is no such position
+    logarithmic : whether the scale is logarithmic
     """
 
     marks: list[Mark]
@@ -67,7 +67,7 @@ class Scale:
 
     @property
     def said(self) -> str:
-        """The picture in words."""
+        """The scale in words."""
         axis = "logarithmic, 1 is off by the reference impedance" * self.logarithmic
         return "; ".join(
             [f"{mark.label} {mark.value}" for mark in self.marks]
@@ -77,16 +77,16 @@ class Scale:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """The summary of a design at a glance.
+    """The summary of a design for the first screen.
 
     Attributes
     ----------
     kind : good, doubtful or bad
     sign : the kind as one character
     word : the verdict
-    sentence : what is proved, or why nothing is
-    measure : how good the design is; "" without a design
-    next : what to do with it
+    sentence : the proved claim, or the reason why nothing is proved
+    measure : quality of the design; "" without a design
+    next : advice on the next step
     scale : the error on its yardstick; None without a design
     """
 
@@ -108,7 +108,7 @@ def summary(record: DesignRecord, problem: Problem) -> Summary:
     Parameters
     ----------
     record : record of the design, or of the reason why there is none
-    problem : stated by the record
+    problem : problem that the record states
     """
     kind, word, sentence = _verdict(record, problem)
     measure, scale = _measure(record, problem), _scale(record, problem)
@@ -116,7 +116,7 @@ def summary(record: DesignRecord, problem: Problem) -> Summary:
 
 
 def _next(record: DesignRecord, problem: Problem, kind: Kind) -> str:
-    """Return what to do with a design."""
+    """Return advice on the next step with a design."""
     if kind == "good":
         return "`vctune export design.json` makes the controller."
     if record.repairs:
@@ -124,9 +124,9 @@ def _next(record: DesignRecord, problem: Problem, kind: Kind) -> str:
     if record.status == "certified":
         if problem.bounds.fixed:
             return "delete gains from the problem file; `vctune solve` then looks for better ones."
-        return "a design of more use takes weaker constraints or a better device; see what limits it."
+        return "a more useful design needs weaker constraints or a better device; see what limits this one."
     if record.status == "undecided":
-        return "solve it with more time, or ask for less: nothing is proved."
+        return "solve it with more time, or with weaker constraints: nothing is proved."
     return "weaken several constraints, or take a better device: no change of one number is known to suffice."
 
 
@@ -136,7 +136,7 @@ def doubt(record: DesignRecord, problem: Problem) -> str:
     Parameters
     ----------
     record : record of the design
-    problem : stated by the record
+    problem : problem that the record states
     """
     if record.status != "certified":
         return f"{record.status}: not for use"
@@ -144,7 +144,7 @@ def doubt(record: DesignRecord, problem: Problem) -> str:
 
 
 def _little_use(record: DesignRecord, problem: Problem) -> bool:
-    """Return whether a design is idle, has no error, or has an error that is too near that without a loop."""
+    """Return whether a design is idle, has no error, or hardly reduces the error of the device without a loop."""
     error = record.transparency.error if record.transparency is not None else None
     return record.idle or error is None or error >= _useless_from(problem)
 
@@ -183,7 +183,7 @@ def _certified(record: DesignRecord, problem: Problem) -> tuple[Kind, str, str]:
 
 
 def _for_devices(problem: Problem) -> str:
-    """Return for which devices the claim holds; "" for exactly the stated one."""
+    """Return the devices for which the claim holds, in words; "" if it holds only for the stated device."""
     if problem.uncertainty is None:
         return ""
     known = [
@@ -195,7 +195,7 @@ def _for_devices(problem: Problem) -> str:
 
 
 def _measure(record: DesignRecord, problem: Problem) -> str:
-    """Return how good a design is, whether it is proved or not."""
+    """Return a sentence about the quality of a design, whether it is proved or not."""
     transparency = record.transparency
     if transparency is None:
         return ""
@@ -204,10 +204,10 @@ def _measure(record: DesignRecord, problem: Problem) -> str:
         moved = f"in free motion the handle is {text(transparency.admittance, 3)} of Z_0 = {_reference(problem)}"
         return f"{wall}; {moved}, {_mean(problem)}."
     if (contact := record.contact) is not None and contact.stiffest_contact is not None:
-        bears = f"It bears contacts of {text(contact.stiffest_contact, 7)} {problem.units.stiffness}"
+        bears = f"The stiffest contact is {text(contact.stiffest_contact, 7)} {problem.units.stiffness}"
         late = (
-            f"the lightest drag for contacts up to {text(contact.stiffness, 7)} {problem.units.stiffness} behind "
-            f"{text(1e3 * contact.latency_s, 3)} ms is {text(contact.rest_drag, 4)} {problem.units.damping}"
+            f"with a latency of {text(1e3 * contact.latency_s, 3)} ms, contacts up to {text(contact.stiffness, 7)} "
+            f"{problem.units.stiffness} need a drag of at least {text(contact.rest_drag, 4)} {problem.units.damping}"
         )
         return f"{bears}; {late}."
     if record.idle:
@@ -215,12 +215,12 @@ def _measure(record: DesignRecord, problem: Problem) -> str:
             f"The velocity loop hardly moves the handle: |1 - G_he| is {text(transparency.tracking, 3)}, "
             "and 1 means no loop at all."
         )
-    off = f"The handle is off the ideal by {text(transparency.error, 3)} of Z_0 = {_reference(problem)}"
-    return f"{off}, {_mean(problem)}; the device without a loop by {text(_without_loop(problem), 3)}."
+    off = f"The handle differs from the ideal by {text(transparency.error, 3)} of Z_0 = {_reference(problem)}"
+    return f"{off}, {_mean(problem)}; the device without a loop differs by {text(_without_loop(problem), 3)}."
 
 
 def _failed(proof: CertificateRecord, verdict: str, units: Units) -> str:
-    """Return the first claim with a verdict and where it fails; the certificate's own verdict if no claim has it."""
+    """Return the first claim with a given verdict and where it fails; the certificate's verdict if no claim has it."""
     claim = next((claim for claim in proof.claims if claim.verdict == verdict), None)
     if claim is None:
         return f"the certificate is {proof.verdict}"

@@ -24,7 +24,7 @@ from vctune.report.typography import Quantity, quantity, span
 
 
 class Line(NamedTuple):
-    """A number for people: its label, value, unit and note."""
+    """A number in a table: label, value, unit and note."""
 
     label: str
     value: str
@@ -33,7 +33,7 @@ class Line(NamedTuple):
 
 
 class ClaimLine(NamedTuple):
-    """A claim under its label, with its verdict, the value found and its limit."""
+    """A claim in a table: its label, its verdict, the computed value and the limit of this value."""
 
     label: str
     claim: str
@@ -43,7 +43,7 @@ class ClaimLine(NamedTuple):
 
 
 class FeelLine(NamedTuple):
-    """A number of how the design feels, with its unit, beside that of the bare device."""
+    """A quantity that describes how the design feels, with its unit, and the same quantity of the bare device."""
 
     label: str
     design: str
@@ -125,12 +125,12 @@ def _band(band: Band) -> Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """The data behind the claims of a design.
+    """The data from which the rows of claims are made.
 
     Attributes
     ----------
-    proof, loop : the certificate's record and the velocity loop's, None for a servo
-    problem : stated by the record
+    proof, loop : records of the certificate and of the velocity loop; the latter is None for a servo
+    problem : problem that the record states
     gains, coupling : the design
     """
 
@@ -142,17 +142,17 @@ class Found:
 
     @property
     def factor(self) -> str:
-        """The limit of a ratio."""
+        """The limit of a ratio, as text."""
         return f"≥ {self.problem.stability.safety_factor:g}"
 
 
 def claim_lines(record: DesignRecord, problem: Problem) -> list[ClaimLine]:
-    """Return each claim of a design with the value found and its limit; no claims without a design.
+    """Return each claim of a design with its computed value and limit; an empty list without a design.
 
     Parameters
     ----------
     record : record of the design
-    problem : problem that it states
+    problem : problem that the record states
     """
     proof, loop, design = record.certificate, record.inner_loop, record.design
     if proof is None or design is None:
@@ -189,7 +189,7 @@ def _least_at_walls(known: Found) -> tuple[str, str]:
 
 
 def _world(world: WorldRecord, units: Units) -> str:
-    """Return the binding environment."""
+    """Return the environment in which the ratio is least, in words."""
     row = world.row(None, units)
     return f"{row.value} {row.unit}"
 
@@ -218,9 +218,10 @@ def _peak_unmodelled(known: Found) -> tuple[str, str]:
 
 
 def _least_in_any_hand(known: Found) -> tuple[str, str]:
-    """Return the least ratio in any passive hand; for an admittance display on the band.
+    """Return the least ratio in any passive hand; for an admittance display, the least ratio on the band.
 
-    If the record only has the ratio in hands, the function computes that of the nominal device.
+    If the record contains only the ratio in the hands of a box, the function computes this ratio for the nominal
+    device.
     """
     proof, problem = known.proof, known.problem
     if proof.any_hand is not None:
@@ -242,7 +243,7 @@ FOUND: dict[ClaimId, Callable[[Found], tuple[str, str]]] = {
     "worlds": _least_in_hands,
     "walls": _least_at_walls,
 }
-"""Functions that return the value found for a claim and its limit, for claims with a number to show."""
+"""Functions that return a claim's computed value and its limit, for the claims that limit a number."""
 
 
 def _at(value: float | None, hz: float | None) -> str:
@@ -327,16 +328,16 @@ def _stated(device: Device) -> str:
 
 
 def _parts(device: Device) -> list[str]:
-    """Return the names of the parts that a device has beside a servo."""
+    """Return the names of the parts that a device has besides a servo."""
     return [part.stated for key, part in PARTS.items() if key != "servo" and getattr(device, key) is not None]
 
 
 def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[FeelLine]:
-    """Return how a design feels, beside the bare device (analysis/README.md, section 1).
+    """Return the rows that describe how a design feels, beside the bare device (analysis/README.md, section 1).
 
     Parameters
     ----------
-    problem : its device
+    problem : problem with the device
     gains, coupling : the design
     """
     here, units = feel(problem.device, gains, coupling), problem.units
@@ -367,7 +368,7 @@ def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Fe
         ("loop latency", here.loop_latency),
         (f"{units.force_name}-path latency at {WALL_HZ:g} Hz", here.force_latency),
     ]
-    if not problem.device.kind.senses_force:  # which moves at once, and whose force path is its loop
+    if not problem.device.kind.senses_force:  # its motion responds at once, and its force path is the loop
         late = late[:1]
     return lines + [
         FeelLine(label, *(("", "") if seconds is None else (str(quantity(seconds, "s", 3)), "no loop")))
@@ -376,7 +377,8 @@ def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Fe
 
 
 def _feel_of_servo(here: Feel, units: Units) -> list[FeelLine]:
-    """Return how a servo feels; it has no bare device, because it does not move without a coupling."""
+    """Return the rows for a servo. There is no bare device to compare with, because without a coupling a servo stands
+    still."""
     rows = [
         (f"apparent {name} in free motion at {hz:g} Hz", _felt(of[k], unit))
         for name, unit, of in ((units.mass_name, units.mass, here.mass), ("damping", units.damping, here.damping))

@@ -1,4 +1,4 @@
-"""The folder of the pages' templates, and how they set numbers and mathematics."""
+"""The environment of the pages' templates, with its filters for numbers and mathematics."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from vctune.report.typography import DIGITS, html, quantity
 
 
 def templates(put: Callable[[str], str] = lambda text: text) -> Environment:
-    """Return the folder of the pages' templates.
+    """Return Jinja's environment of the pages' templates.
 
-    Its filter `math` sets a sentence (`vctune.report.typography.html`), `amount` a number with its unit.
+    Its filter `math` converts a sentence to HTML (`vctune.report.typography.html`), and `amount` formats a number with
+    its unit.
 
     Parameters
     ----------
-    put : applied to sentences before they are set
+    put : function that is applied to sentences before the filter `math`
     """
     folder = PackageLoader("vctune", "report")
     found = Environment(loader=folder, autoescape=True, undefined=StrictUndefined, trim_blocks=True)

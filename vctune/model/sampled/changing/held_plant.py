@@ -33,7 +33,7 @@ class HeldPlant(NamedTuple):
 
     Attributes
     ----------
-    change : change over a sample, for the states that change little
+    change : change over a sample, for the states that hardly change
     memory : next value, for all other states
     position, velocity : position and velocity that the firmware reads or estimates
     moved : change of the position over a sample

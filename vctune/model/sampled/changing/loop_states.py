@@ -1,4 +1,4 @@
-"""Write the sampled loop in a hand whose damping changes in state-space form (model/README.md, section 21).
+"""Write, in state-space form, the sampled loop in a hand whose damping changes (model/README.md, section 21).
 
 All numbers are dimensionless, in units of the sample time T and of the device's mass m. The states are those of the
 device in the hand, the delayed commands and sensed forces, the memory of the firmware's filters, the position q that
@@ -57,7 +57,7 @@ class LoopStates(NamedTuple):
     Attributes
     ----------
     names : names of zeta
-    staying : number of leading states that change little over a sample
+    staying : number of leading states that hardly change over a sample
     change : zeta[k+1]; for the leading states, zeta[k+1] - zeta[k]
     push, seen : n numbers each
     direct : immediate response of y to v_e
@@ -91,7 +91,7 @@ class Law(NamedTuple):
 def loop_states(
     plain: tuple[Device, Law], exact: tuple[Device, Law], hand: Hand, sensed: Number, ops: Arithmetic
 ) -> LoopStates:
-    """Sample a device with its velocity loop or a servo in a hand exactly.
+    """Sample a device in a hand exactly. The device has a velocity loop or is a servo.
 
     Parameters
     ----------

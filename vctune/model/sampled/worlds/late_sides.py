@@ -1,10 +1,10 @@
-"""Sides of the environments of a box that run late or by Euler's rules, in double precision (model/README.md, section
-20).
+"""Sides of the set of environments that run late or step by Euler's rules, in double precision (model/README.md, 20).
 
-A search looks at a greater set: the polygon of the environments z^-n (m f_m + b + k f_k), with any damping on time
-beside each of them. If -Y is never in it, the loop is stable without further proof, for with the greatest damping v_e =
-0. Sides of this set are those of the polygon with a normal of positive real part, and two along the real axis. Masses
-by explicit Euler that are on time do not bear any damping; of these the search looks at the polygon itself.
+The search uses a set that is greater than the polygon of the environments z^-n (m f_m + b + k f_k): it adds any damping
+on time to each of them. If -Y is never in this set, the loop is stable without further proof, because it is stable with
+infinite damping, v_e = 0. The sides of the set are the sides of the polygon whose normal has a positive real part, and
+two sides along the real axis. Masses that step by explicit Euler on time do not tolerate any damping. For them the
+search uses the polygon itself.
 """
 
 from __future__ import annotations
@@ -22,16 +22,17 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complexfloating[Any, Any]]
 SIDES = 8
 """Number of sides: perpendicular to three factors on both sides of the polygon, and along the real axis and across it
-on both sides. Of these some are unposed."""
+on both sides. A box need not have all of these sides."""
 LEAST = 1e-9
-"""Least distance of an angle from 0 and pi, rad, where factors may be infinite. Half and twice it: the same sides."""
+"""Least distance of an angle from 0 and pi, rad, because factors may be infinite there. Half or twice this distance
+leads to the same sides."""
 UNPOSED = -1e30
-"""Room of a side that no loop is beyond."""
+"""Value of `room` for a side that the box does not have: no loop is beyond such a side."""
 
 
 @np.errstate(all="ignore")
 def open_sides(worlds: Worlds, sample_time: float, theta: Floats) -> list[HalfPlane]:
-    """Return `SIDES` half-planes, of which a loop has to be beyond one; the first is the real part's.
+    """Return `SIDES` half-planes. A loop has to be beyond one of them; the first belongs to the real part.
 
     Parameters
     ----------
@@ -41,7 +42,7 @@ def open_sides(worlds: Worlds, sample_time: float, theta: Floats) -> list[HalfPl
     """
     theta = np.clip(theta, LEAST, np.pi - LEAST)
     each, across, along = _factors(worlds, sample_time, theta), 1 + 0j * theta, 1j + 0 * theta
-    factors = each[:2] if worlds.rule == "trapezoid" else each  # those of mass and spring are along one line then
+    factors = each[:2] if worlds.rule == "trapezoid" else each  # here mass and spring have parallel factors
     normals = [1j * factor / np.abs(factor) for factor in factors]
     normals = [np.where(normal.real < 0, -normal, normal) for normal in normals]
     others = [-across, *(-normal for normal in normals)] if worlds.ahead else [along, -along]
@@ -53,7 +54,7 @@ def open_sides(worlds: Worlds, sample_time: float, theta: Floats) -> list[HalfPl
 
 
 def _factors(worlds: Worlds, T: float, theta: Floats) -> list[Complexes]:
-    """Return what multiplies mass, damping and stiffness."""
+    """Return the factors of mass, damping and stiffness in the impedance."""
     z, q = np.exp(1j * theta), LEADING[worlds.rule]
     moved = 2j / T * np.sin(theta / 2)
     mass = moved / np.cos(theta / 2) if q == 0 else moved * z ** (q / 2)
@@ -63,7 +64,7 @@ def _factors(worlds: Worlds, T: float, theta: Floats) -> list[Complexes]:
 
 
 def _half_plane(normal: Complexes, factors: Sequence[Complexes], worlds: Worlds, sin: Floats, cos: Floats) -> HalfPlane:
-    """Return a half-plane, times the sine and the cosine that make it regular."""
+    """Return a half-plane, multiplied by the powers of sine and cosine that make it regular."""
     room = np.zeros(sin.shape)
     for factor, low, high in zip(factors, _numbers(worlds.low), _numbers(worlds.high), strict=True):
         along = (np.conj(normal) * factor).real

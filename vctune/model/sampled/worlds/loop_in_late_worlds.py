@@ -1,14 +1,14 @@
-"""The sampled loop in a hand with every environment of a box that runs late or is stepped by Euler's rules.
+"""The sampled loop in a hand with every environment of a box that runs late or steps by Euler's rules.
 
 An environment z^-n (m f_m + b + k f_k) of the box holds a pole of the loop at the angle theta if -Y' is a point of the
 polygon of all m f_m + b + k f_k, with Y' = z^n (y Z_c + Z_seen) (model/README.md, section 20). The factors are
 
     f_m = (2 j s/T) e^(j q theta/2),   f_k = T/(2 j s) e^(-j q theta/2),   s = sin(theta/2),
 
-with q = 1 for explicit Euler and q = -1 for implicit Euler; by the trapezoidal rule f_m = (2 j s/T)/c and f_k = 1/f_m,
-c = cos(theta/2). A point is outside of a polygon if and only if it is beyond one of its sides. Each of these is a
-half-plane, whose normal is perpendicular to 1, f_m or f_k. The real direction decides at theta = pi, where all three
-are real, or infinite.
+with q = 1 for explicit Euler and q = -1 for implicit Euler. For the trapezoidal rule, f_m = (2 j s/T)/c and f_k = 1/f_m
+with c = cos(theta/2). A point is outside a polygon if and only if it is beyond one of the polygon's sides. Each side
+defines a half-plane, whose normal is perpendicular to 1, f_m or f_k. At theta = pi all three are real or infinite, so
+that the real direction decides.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from vctune.model.sampled.worlds.loop_in_worlds import Offered, Seen
 from vctune.model.worlds import World, WorldRule, Worlds
 
 Normal = Literal["real", "imaginary", "to the mass", "to the spring"]
-"""The direction of a normal: to 1, to j, or perpendicular to the factor of the mass or of the spring."""
+"""The direction of a normal: along 1, along j, or perpendicular to the factor of the mass or of the spring."""
 
 
 class Side(NamedTuple):
@@ -31,8 +31,8 @@ class Side(NamedTuple):
 
     Attributes
     ----------
-    normal : its direction
-    sign : 1 if Y' + Z_e is on the positive side for every environment, -1 for the other side
+    normal : direction of the side's normal
+    sign : 1 if Y' + Z_e is on the positive side for every environment, -1 if it is on the negative side
     """
 
     normal: Normal
@@ -51,20 +51,20 @@ SIDES: Mapping[str, Side] = MappingProxyType(
         "driven_past_spring": Side("to the spring", -1),
     }
 )
-"""The sides by the names of their margins."""
+"""The sides, by the names of their margins."""
 LEADING: Mapping[WorldRule, int] = MappingProxyType({"trapezoid": 0, "explicit": 1, "implicit": -1})
 """q of each rule."""
 
 
 class HalfPlane(NamedTuple):
-    """A margin as a function of Y', regular at both ends: what multiplies its parts, and the least of the environments.
+    """A margin as a function of Y', regular at both ends: the factors of the parts of Y', and the environment's part.
 
     Attributes
     ----------
-    resistance : of |F|^2 Re Y
-    reactance : of |F|^2 c Im Z_c
-    swing : of the swing of Z_seen
-    room : of |F|^2
+    resistance : factor of |F|^2 Re Y
+    reactance : factor of |F|^2 c Im Z_c
+    swing : factor of the swing of Z_seen
+    room : factor of |F|^2, from the nearest environment
     """
 
     resistance: Number
@@ -77,7 +77,7 @@ class HalfPlane(NamedTuple):
 
         Parameters
         ----------
-        offered : by the coupling
+        offered : response of the coupling
         seen : Z_seen of the loop in a hand
         share : y, from 1/g to 1
         """
@@ -113,12 +113,12 @@ def sides_of(worlds: Worlds) -> tuple[str, ...]:
 
 
 def sides_at_nyquist(worlds: Worlds, *, rigid: bool) -> tuple[str, ...]:
-    """Return the names of the sides that decide at theta = pi, where the margins of the others are 0.
+    """Return the names of the sides that decide at theta = pi. The margins of all other sides are 0 there.
 
     Parameters
     ----------
     worlds : the box, in plain numbers
-    rigid : whether the coupling is
+    rigid : whether the coupling is rigid
     """
     if worlds.rule != "trapezoid":
         return sides_of(worlds) if rigid else _only(worlds, "real")
@@ -138,11 +138,11 @@ def half_planes(
     Parameters
     ----------
     worlds : the box, in numbers of the arithmetic
-    names : of `sides_of`
+    names : names of the sides, from `sides_of`
     sample_time : T, s
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of all of these
-    rigid : whether the coupling is
+    rigid : whether the coupling is rigid
     """
     return {name: _half_plane(SIDES[name], worlds, sample_time, theta, ops, rigid=rigid) for name in names}
 
@@ -165,7 +165,7 @@ def _half_plane(side: Side, worlds: Worlds, T: Number, theta: Number, ops: Arith
         parts = cos * ops.cos(p * (theta / 2)), -(sin * U), cos * U
     scale: Number = side.sign
     if side.normal == "real" and rigid and worlds.rule == "trapezoid":
-        # the masses of coupling and environment have poles at -1, and where these cancel the loop has one there
+        # the masses of coupling and environment have poles at z = -1; if these cancel, the loop has a pole there
         scale, room = scale * (cos * cos), room * (cos * cos)
     resistance, reactance, swing = (scale * part for part in parts)
     return HalfPlane(resistance, reactance, swing, room)
@@ -180,7 +180,7 @@ def _quotient(p: int, theta: Number, ops: Arithmetic) -> Number:
 
 
 def _signs(normal: Normal, rule: WorldRule) -> dict[str, int]:
-    """Return the signs of the parts of f_m, 1 and f_k along a normal, of those that are not 0."""
+    """Return the signs of the parts of f_m, 1 and f_k along a normal. Parts that are 0 are absent."""
     q = LEADING[rule]
     if normal == "imaginary":
         return {"mass": 1, "stiffness": -1}
@@ -192,7 +192,7 @@ def _signs(normal: Normal, rule: WorldRule) -> dict[str, int]:
 
 
 def _ends(side: Side, worlds: Worlds) -> dict[str, Number]:
-    """Return the numbers of the environment that is nearest to a side."""
+    """Return the numbers of the environment nearest to a side."""
     signs = _signs(side.normal, worlds.rule)
     return {name: _end(worlds, nearest=side.sign * sign, name=name) for name, sign in signs.items()}
 
@@ -203,9 +203,9 @@ def _end(worlds: Worlds, *, nearest: int, name: str) -> Number:
 
 
 def _sizes(normal: Normal, rule: WorldRule, sin: Number, cos: Number, T: Number) -> dict[str, Number]:
-    """Return the sizes of the parts of f_m, 1 and f_k along a normal, times what makes the margin regular.
+    """Return the sizes of the parts of f_m, 1 and f_k along a normal, times a factor that makes the margin regular.
 
-    That is s c for the imaginary direction and c for the perpendiculars.
+    The factor is s c for the imaginary direction and c for the perpendicular ones.
     """
     square, moved = cos * cos, sin * sin * (2 / T)
     if normal == "imaginary":

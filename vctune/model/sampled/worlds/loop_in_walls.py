@@ -10,7 +10,7 @@ a), let
     r = Re Y + b,               g = w r + u^2 r^2/kappa,   w = w_c + l h t^2 (1 + 2 k_1/kappa),
 
 and C = l k_1 (w_c/h + t^2 (1 + k_1/kappa)). E = f(p) + g(r) must be positive for all masses and dampings of the box.
-Both terms are convex. So E is at least the sum of two tangents,
+Both terms are convex. E is therefore at least the sum of two tangents,
 
     f >= tau/c^2 p - kappa/4 (tau/c^2 - n)^2 + C,   g >= (w + 2 u^2 r_0/kappa) r - u^2 r_0^2/kappa,
 

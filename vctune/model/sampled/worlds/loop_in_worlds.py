@@ -6,18 +6,18 @@ Z_seen, s_d = j u and u = (2/T) tan(theta/2). Since b has no upper limit, the bo
     Re Y + b_1 > 0,   or   -Im Y > m_2 u - k_1/u,   or   -Im Y < m_1 u - k_2/u.
 
 The safety factor g requires this for every y from 1/g to 1. The first condition fails below some y, the second above
-some y, the third below some y. So the values of y at which all three fail form an interval. The interval is outside
-[1/g, 1] if the first or the third condition holds at y = 1/g, if the second holds at y = 1, or if the first holds from
-the y at which the second fails. The last is
+some y, and the third below some y. The values of y at which all three fail therefore form an interval. This interval
+contains no y from 1/g to 1 in any of four cases: the first condition holds at y = 1/g, the third holds at y = 1/g, the
+second holds at y = 1, or the first holds at the y above which the second fails. The last case is
 
     Re Z_c (-Im Z_seen - m_2 u + k_1/u) > Im Z_c (R - b_1).
 
-These numbers are multiplied by s c |F|^2, with s = sin(theta/2) and c = cos(theta/2), and are then regular at both
-ends.
+The code multiplies these numbers by s c |F|^2, with s = sin(theta/2) and c = cos(theta/2). The products are regular at
+both ends.
 
-The coupling of an impedance display is a part of the loop that the environment meets: with a share y of its coupling
-that loop is Z_seen = 1/(y/Z_c + G), and no coupling is left (`vctune.model.sampled.hand_loop.seen_by_tool`). The same
-inequalities then hold with Z_c = 0, for each y by itself.
+The coupling of an impedance display is a part of the loop that the environment meets. With a share y of the coupling's
+admittance, that loop is Z_seen = 1/(y/Z_c + G), and there is no other coupling
+(`vctune.model.sampled.hand_loop.seen_by_tool`). The same inequalities then hold with Z_c = 0, for each y separately.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Disjuncts(NamedTuple):
 
     If one of the margins is positive, no environment puts a pole at this angle.
 
-    A field is None if no coupling can have such an environment, or if another margin covers it.
+    A field is None if no coupling can make this margin positive, or if another margin covers it.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class Disjuncts(NamedTuple):
 
 
 UNCOUPLED = Offered(0, 0)
-"""The coupling of an impedance display, whose loop contains it."""
+"""No coupling, for an impedance display, because its loop already contains the coupling."""
 
 
 def offered_at(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> Offered:
@@ -123,7 +123,7 @@ def posed(worlds: Worlds, factor: float, *, inverse: bool = False) -> tuple[str,
 def disjuncts(
     offered: Offered, worlds: Worlds, sample_time: Number, seen: Seen, factor: Number, theta: Number, ops: Arithmetic
 ) -> Disjuncts:
-    """Return the margins of which one must be positive.
+    """Return margins; at least one of them must be positive.
 
     Parameters
     ----------

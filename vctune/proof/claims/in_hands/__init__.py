@@ -1,1 +1,1 @@
-"""Boxes of hands for what is asked in every hand: along a resonance, next to rest, on the sides of a rectangle."""
+"""Boxes of hands for the claims in every hand: along a resonance, and next to rest."""

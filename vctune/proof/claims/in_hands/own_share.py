@@ -1,4 +1,4 @@
-"""Shares of what the margin vanishes with next to rest: boxes that no hand has at any angle are left out."""
+"""Omit boxes near rest that contain no hand, because their share of the stiffness belongs to no hand at any angle."""
 
 from __future__ import annotations
 
@@ -15,20 +15,21 @@ from vctune.proof.engine.boxes import Boxes
 from vctune.proof.engine.branching import Decided, Test
 
 WITHIN = 1e-9
-"""Share by which a box lies apart from the shares of its angles and hands before it is left out: beyond rounding."""
+"""Least distance between a box and the shares of its angles and hands at which the test omits the box. It exceeds the
+rounding errors."""
 
 
 def with_own_share(test: Test, device: Device, names: tuple[str, ...]) -> Test:
-    """Return a test that reports boxes as proved that contain no share of the stiffness of their own angles and hands.
+    """Return a test that reports a box as proved if its share of the stiffness belongs to none of its angles and hands.
 
-    Next to rest the share of K in rho = 2 s + K T^2/m is a row of its own. At any angle and in any hand beside rest it
-    is known, and the boxes with another share hold no hand at all.
+    Near rest, the share of K in rho = 2 s + K T^2/m is a row of its own. Away from rest, the angle and the hand
+    determine this share, and boxes with another share contain no hand.
 
     Parameters
     ----------
-    test : of boxes with a row for that share, without an integrator
-    device : has T, and m if it is not a row
-    names : names of the boxes' rows, but the frequency
+    test : test of boxes with a row for that share, for loops without an integrator
+    device : device that states T, and m if m is not a row
+    names : names of the boxes' rows, without the frequency
     """
     share, stiffness = (1 + names.index(name) for name in (SHARES[1], STIFFNESS))
     heavy = 1 + names.index(row_of("mass")) if row_of("mass") in names else None
@@ -40,7 +41,7 @@ def with_own_share(test: Test, device: Device, names: tuple[str, ...]) -> Test:
     def tested(boxes: Boxes) -> Decided:
         decided, low, high = test(boxes), boxes.low, boxes.high
         lightest, heaviest = (device.mass,) * 2 if heavy is None else (low[heavy], high[heavy])
-        with np.errstate(invalid="ignore"):  # at rest the share may be any
+        with np.errstate(invalid="ignore"):  # at rest the share may have any value
             least, most = of(high[0], low[stiffness], heaviest), of(low[0], high[stiffness], lightest)
             beside = (low[share] > most * (1 + WITHIN)) | (high[share] < least * (1 - WITHIN))
         return replace(decided, proved=decided.proved | beside)

@@ -1,9 +1,9 @@
 """Hands near a resonance with the device, in coordinates along the resonance (README.md, section 10).
 
 A hand with little damping resonates with the device on the surface theta = T sqrt(K/(m + M)). Across this surface a
-margin changes within a share of the damping ratio. Boxes of mass, stiffness and angle cut across it and would have to
-be that small in all three. Boxes of mass, angle and the relative stiffness y = K/((m + M) (theta/T)^2) lie along the
-surface.
+margin changes within a fraction of the damping ratio. Boxes of mass, stiffness and angle lie across the surface and
+would have to be that small in all three rows. Boxes of mass, angle and the relative stiffness
+y = K/((m + M) (theta/T)^2) lie along the surface.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ RATIO = "stiffness of the hand over the resonant one"
 ROWS = tuple(RATIO if key == STIFFNESS else key for key in HAND)
 """The numbers of a hand in these coordinates."""
 SHARP = 0.03
-"""Damping ratio of hand and device below which resonance gets boxes of its own. For loops with a damping ratio of 0.02,
-half this limit takes up to two thirds fewer boxes. Loops with 1e-5 take 34,000 boxes with it and more than half a
-million without it."""
+"""Damping ratio of hand and device below which the resonance gets boxes of its own. For loops with a damping ratio of
+0.02, half this limit takes up to two thirds fewer boxes. Loops with a ratio of 1e-5 take 34,000 boxes with this limit,
+and more than half a million without it."""
 DAMPED = 0.1
-"""Damping ratio above which a softer hand resonates no more sharply. Half and twice this ratio need the same number of
-boxes to within a third."""
+"""Damping ratio above which a hand with less stiffness has no sharper resonance. Half or twice this ratio needs the
+same number of boxes to within a third."""
 AROUND = (0.5, 2.0)
-"""Multiples of the resonant stiffness that such boxes cover. Half this range in the logarithm takes up to half as many
-boxes again; twice the range takes as many within a tenth."""
+"""Multiples of the resonant stiffness that such boxes cover. Half this range in the logarithm takes up to
+50 % more boxes; twice the range takes as many boxes within 10 %."""
 SLOWEST = 1e-5
-"""Least angle of such boxes, rad. Half and twice it take as many boxes; 1e-3 leaves slow devices of hardly any damping
-open."""
+"""Least angle of such boxes, rad. Half or twice this angle takes as many boxes; 1e-3 leaves slow devices with hardly
+any damping open."""
 WITHIN = 1e-9
-"""Relative margin against rounding, by which a box must lie inside the range to be left to the other boxes, or outside
-the range to be omitted."""
+"""Relative allowance for rounding. The test leaves a box to the other boxes only if it lies inside the range by this
+allowance, and omits a box only if it lies outside by it."""
 DEVICE_MASS = "device.mass"
 
 
@@ -50,7 +50,7 @@ class Resonance:
 
     Attributes
     ----------
-    mass, sample_time : m, kg, unless it is a row; and T, s
+    mass, sample_time : m, kg, unless m is a row; and T, s
     least, greatest : least and greatest stiffness of the hands, N/m
     first : least angle of the resonance, rad, > 0
     """
@@ -72,10 +72,10 @@ class Resonance:
         return of_ratio
 
     def left_to_it(self, test: Test, names: tuple[str, ...]) -> Test:
-        """Return a test that leaves boxes of `HAND` near resonance to the boxes of `ROWS`.
+        """Return a test that leaves boxes of `HAND` near the resonance to the boxes of `ROWS`.
 
         The test reports such a box as proved; `in_range` and `margins` then prove it in the relative stiffness. If the
-        resonance crosses a box, the test halves the box until it lies inside.
+        border of the resonance's range crosses a box, the test halves the box until its parts lie inside or outside.
 
         Parameters
         ----------
@@ -95,7 +95,7 @@ class Resonance:
             low, high = boxes.low[stiffness], boxes.high[stiffness]
             inside = (low >= AROUND[0] * most * (1 + WITHIN)) & (high <= AROUND[1] * least * (1 - WITHIN))
             beyond = boxes.low[0] >= self.first
-            # boxes to halve until they lie inside
+            # boxes that the prover halves until they lie inside
             across = (boxes.low[0] > 0) & ~inside & (low <= most) & (high >= least)
             cost = decided.cost.copy()
             cost[:, across] = 0.0
@@ -108,7 +108,7 @@ class Resonance:
         return tested
 
     def in_range(self, test: Test, names: tuple[str, ...]) -> Test:
-        """Return a test that omits boxes of `ROWS` in which no hand has the stiffness.
+        """Return a test that omits boxes of `ROWS` whose stiffness no hand has.
 
         Parameters
         ----------
@@ -132,7 +132,7 @@ class Resonance:
             outside = (low > self.greatest * (1 + WITHIN)) | (high < self.least * (1 - WITHIN))
             whole = (low >= self.least) & (high <= self.greatest)
             side = decided.side.copy()
-            side[np.ix_(tied, ~whole)] = 0.0  # the end may lie outside the range, where it does not count
+            side[np.ix_(tied, ~whole)] = 0.0  # an end outside the range is not a valid point
             had = (at >= self.least) & (at <= self.greatest)
             return replace(decided, proved=decided.proved | outside, fails=decided.fails & had, side=side)
 
@@ -171,7 +171,7 @@ def resonance(design: Design, hands: Hands, box: DeviceBox | None = None) -> Res
     ----------
     design : design with plain floats
     hands : the box of hands
-    box : uncertain devices, of which the least damping and the greatest mass count; None for the design's own device
+    box : uncertain devices; the function uses their least damping and greatest mass; None for the design's own device
 
     Returns
     -------

@@ -29,21 +29,21 @@ from vctune.proof.engine.band_edges import extend_band
 from vctune.proof.engine.interval import Outcome, Verdict, prove_positive
 
 EXTENSION_BOXES = 2_000
-"""Number of boxes for one step beyond the band; a step that needs more is shortened. Half and twice as many boxes give
-the same band where the ratio falls below 1, except for the last printed digits."""
+"""Number of boxes for one step beyond the band. The code shortens a step that needs more. Half or twice as many boxes
+give the same band where the ratio falls below 1, except for the last printed digits."""
 LOWEST_EDGE = 1e-18
-"""Lowest frequency to which a proof that does not reach 0 is extended, relative to the edge of the required band. The
-prover treats a band from 0 separately, and still lower edges have no practical meaning. Half and twice this share
-change nothing."""
+"""Lowest frequency, relative to the edge of the required band, to which the code extends a proof that does not reach 0.
+The prover treats a band from 0 separately, and lower edges have no practical meaning. Half or twice this share changes
+nothing."""
 
 
 Margin = Callable[[Number], Number]
 
 
 def _margins(design: Design, factor: float) -> list[Margin]:
-    """Return the margins of a design's decimals as functions of omega, with `conditions_margin` first.
+    """Return the margins of a design's decimals as functions of omega. The first is `conditions_margin`.
 
-    Without a loop C = 0, and Re G_hh > 0 depends on the damping alone.
+    Without feedback C = 0, and Re G_hh > 0 depends on the damping alone.
     """
     exact, threshold = design_ball(design), arb(repr(factor))
     if not design.gains.closed:
@@ -66,7 +66,7 @@ def prove_conditions(design: Design, low: float, high: float, factor: float) -> 
     """Prove Re G_hh > 0 and Re Z_c >= factor R on [low, high], in the hand of the least operator.
 
     See model/README.md, section 4. An ideal device with hold "lag" and no delay permits the band [0, inf], and its
-    proof is exact. Finite edges are widened by the rounding error of 2 pi f.
+    proof is exact. The function widens finite edges by the rounding error of 2 pi f.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def _low_start(design: Design, factor: float, high: float) -> float | None:
 
 
 def _end_failure(verdict: Verdict, margin: Margin, start: float) -> Outcome:
-    """Return the outcome if omega = 0 is not proved, with a witness if the conditions certainly fail."""
+    """Return the outcome if the proof fails at omega = 0, with a witness if the conditions certainly fail."""
     omega = start
     for tries in range(1, 400):
         if margin(arb(omega)) < 0:

@@ -12,14 +12,14 @@ from vctune.proof.enclosures.arb_balls import BALLS, box, design_ball
 from vctune.proof.engine.interval import Verdict, prove_boxes
 
 SHRINK = 4.0
-"""Factor between two trial frequencies up to which the margin near 0 is proved. With half its logarithm the margin is
-proved up to slightly higher frequencies, with twice its logarithm up to slightly lower ones. The ordinary margin proves
-the frequencies above in any case."""
+"""Factor between two trial frequencies; the margin near 0 is proved up to one of them. With its square root, the proof
+reaches slightly higher frequencies, with its square slightly lower ones. The ordinary margin proves the frequencies
+above in any case."""
 STEPS = 120
 """Number of trial frequencies, down to 1e-72 of the first. Half as many would suffice for every device whose numbers
 are within twenty decades."""
 END_BOXES = 64
-"""Number of boxes for a trial frequency. Half and twice as many shift the result by about one step."""
+"""Number of boxes for a trial frequency. Half or twice as many boxes shift the result by about one step."""
 
 
 def low_end_verdict(design: Design) -> Verdict:
@@ -43,10 +43,10 @@ def prove_low_end(design: Design, factor: float, below: float) -> float | None:
     Returns
     -------
     float or None
-        omega_0, rad/s; None if none of `STEPS` trial frequencies is proved.
+        omega_0, rad/s; None if the proof fails for all `STEPS` trial frequencies.
     """
     exact, threshold = design_ball(design), arb(repr(factor))
-    if not design.gains.closed:  # without a loop R = 0
+    if not design.gains.closed:  # without feedback R = 0
         return below if design.device.least_damping > 0 else None
 
     def met(omega: arb) -> bool:
@@ -57,7 +57,7 @@ def prove_low_end(design: Design, factor: float, below: float) -> float | None:
 
 
 def _largest(met: Callable[[arb], bool], start: float) -> float | None:
-    """Return the greatest of start, start/4, start/16, ... such that the conditions are proved from 0 up to it."""
+    """Return the greatest of start, start/4, start/16, ... for which the conditions are proved from 0 up to it."""
 
     def decide(low: float, high: float) -> Verdict:
         return Verdict.PROVED if met(box(low, high)) else Verdict.UNDECIDED

@@ -1,9 +1,9 @@
-"""One environment of a box proved stable in one hand, by the turns of Y + Z_e around 0 (model/README.md, section 20).
+"""Prove one environment of a box stable in one hand, by the turns of Y + Z_e around 0 (model/README.md, section 20).
 
-Y + Z_e has no pole outside of the unit circle, for the loop with v_e = 0 is stable. Its factors take the poles on the
-circle away: 1 - 1/z that of springs at z = 1, 1 + 1/z that of masses by the trapezoidal rule at z = -1. A mass by
-explicit Euler has a pole at infinity, which 1/z takes away. The number of turns is then that of the poles of the loop
-outside.
+Y + Z_e has no pole outside the unit circle, because the loop with v_e = 0 is stable. Factors remove the poles on the
+circle: 1 - 1/z removes the pole of springs at z = 1, and 1 + 1/z removes the pole at z = -1 of masses that step by the
+trapezoidal rule. A mass that steps by explicit Euler has a pole at infinity, which 1/z removes. The number of turns is
+then the number of the loop's poles outside the circle.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.proof.engine.winding import turned_angle
 
 UNBOUNDED = 1e30
-"""A size of an imaginary part that nothing depends on where the real part is positive."""
+"""Bound of an imaginary part whose value does not matter, because the real part is positive there."""
 
 
 def prove_member(design: Design, hand: Hand, worlds: Worlds) -> Outcome:
-    """Prove that the loop is stable with the environment in the middle of a box, given that it is with v_e = 0.
+    """Prove the loop stable with the environment in the middle of a box, given that it is stable with v_e = 0.
 
     Parameters
     ----------
-    design : taken as the decimals that it is written as
+    design : design; its floats stand for the decimals that they print as
     hand : M, B and K
-    worlds : the box, finite
+    worlds : the box of environments, with finite ends
 
     Returns
     -------
@@ -77,10 +77,10 @@ class _Curve:
 
     Attributes
     ----------
-    design, plant : in balls
-    worlds : the rule and the lateness
-    member : the environment, in balls
-    sprung, heavy, ahead : whether there is a pole at 1, at -1 and at infinity
+    design, plant : design and plant in balls
+    worlds : environments with their rule and lateness
+    member : the environment in the middle, in balls
+    sprung, heavy, ahead : whether the environment has a pole at 1, at -1 and at infinity
     """
 
     design: Design
@@ -99,7 +99,7 @@ class _Curve:
         return _turned(found, -(self.sprung + self.heavy + 2 * self.ahead), theta)
 
     def _alone(self, seen: Seen, theta: arb) -> Pair:
-        """Return Y |F|^2 times (2 j s) if there are springs, and 2 c if there is a pole at -1."""
+        """Return Y |F|^2 times 2 j s if the environment has a pole at 1, and times 2 c if it has one at -1."""
         T, sin, cos = self.design.device.sample_time, (theta / 2).sin(), (theta / 2).cos()
         at = offered_at(self.design.series, T, theta, BALLS)
         scale = 2 * cos if self.heavy else 1
@@ -107,16 +107,16 @@ class _Curve:
         reactive = 2 * at.reactance if self.heavy else _reactance(self.design.series, T, sin, cos)
         if self.sprung:
             return Pair(-2 * (sin * reactive * seen.size - scale * seen.swing), 2 * sin * scale * real)
-        if bool(sin.contains(0)):  # the real part alone decides next to rest
+        if bool(sin.contains(0)):  # near rest the real part alone decides
             return Pair(scale * real, arb(0, UNBOUNDED) if theta.rad() > 0 else arb(0))
         return Pair(scale * real, reactive * seen.size - scale * (seen.swing / sin))
 
     def _rendered(self, theta: arb) -> Pair:
-        """Return the environment on time, times the same."""
+        """Return the environment without its lateness, times the same factors."""
         T, sin, cos, q = self.design.device.sample_time, (theta / 2).sin(), (theta / 2).cos(), LEADING[self.worlds.rule]
         mass, damping, stiffness = self.member.mass, self.member.damping, self.member.stiffness
         scale, moved = (2 * cos if self.heavy else arb(1)), 2 * sin / T * mass
-        # times j s for the mass' factor, 1/(j s) for the spring's
+        # times j s for the factor of the mass, times 1/(j s) for that of the spring
         if q == 0:
             inertia = Pair(arb(0), 2 * moved if self.heavy else arb(0))
             spring = stiffness * T * cos * scale
@@ -134,6 +134,6 @@ def _turned(number: Pair, halves: int, theta: arb) -> Pair:
 
 
 def _reactance(coupling: Coupling, sample_time: Number, sin: Number, cos: Number) -> Number:
-    """Return Im Z_c of a coupling of finite damping."""
+    """Return Im Z_c of a coupling with finite damping."""
     reactance, slack = coupling.mass * 2 * sin / sample_time, coupling.damping * cos
     return reactance * coupling.damping * slack / (slack * slack + reactance * reactance)

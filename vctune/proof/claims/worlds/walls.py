@@ -1,7 +1,8 @@
-"""Prove the condition of walls over boxes, by tangents that each box chooses for itself (model/README.md, section 19).
+"""Prove the condition of walls over boxes, with tangents of each box's own (model/README.md, section 19).
 
-Any tangents bound E from below, so each box may have its own: the best tangents at its centre. A bound by these
-tangents does not carry over to a face of the box, where other tangents are best. So the margins have no useful slopes.
+Any tangents bound E from below. Each box therefore uses the tangents that are best at its centre. A bound by these
+tangents does not apply to a face of the box, where other tangents are best. The margins therefore have no useful
+slopes.
 """
 
 from __future__ import annotations
@@ -38,23 +39,23 @@ from vctune.proof.enclosures.taylor import Taylor
 COUPLING_SHARE = "share of the coupling"
 """Name of the row with the share y of the coupling, from 1/safety_factor to 1."""
 INWARDS = 1 - 1e-9
-"""Factor that keeps rounding from making the slope of a tangent negative. Half and twice its distance from 1 work as
+"""Factor that keeps rounding from making the slope of a tangent negative. Half or twice its distance from 1 works as
 well."""
 
 
 def walls_margins(
     strip: Strip, met: WorldsMet, plain: Worlds, lead: float, sample_time: Number, theta: Number, ops: ArrayArithmetic
 ) -> tuple[Number, ...]:
-    """Return the margins over boxes of which one must be positive with every wall.
+    """Return margins over boxes; with every wall one of them must be positive.
 
-    The first margin has f at its minimum and is regular at the Nyquist frequency; the second has the best tangents.
+    The first margin has f at its minimum and is regular at the Nyquist frequency. The second uses the best tangents.
 
     Parameters
     ----------
     strip : ranges of p and r over masses and dampings
     met : environments with the corner, in numbers of the arithmetic
     plain : environments in plain numbers
-    lead : 0 for walls by the trapezoidal rule, 1 for walls by backward Euler
+    lead : 0 for walls that step by the trapezoidal rule, 1 for walls that step by backward Euler
     sample_time : T, s
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of the other arguments
@@ -89,7 +90,7 @@ def limp_walls_margin(
 
 
 def fails_with_a_wall(design: Design, demands: Demands, hand: Hand, theta: float, share: float) -> bool:
-    """Return whether E is negative, in ball arithmetic, at the mass and damping of the box where it is about least.
+    """Return whether E is negative, in ball arithmetic, at the mass and damping of the box where E is about least.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """Decide for many boxes of environments at once which of them leave a design stable in every hand.
 
-For a refuted box there is a witness: a hand, a share of the coupling and two angles. Between the angles the real part
-is negative, and the reactance passes from one side of every environment of the box to the other. So each environment
-cancels the reactance somewhere between them (model/README.md, section 18).
+A witness refutes a box: a hand, a share of the coupling and two angles. Between the angles the real part is negative,
+and the reactance passes from one side of that of every environment of the box to the other. Each environment therefore
+cancels the reactance at some angle between them (model/README.md, section 18).
 """
 
 from __future__ import annotations
@@ -36,17 +36,18 @@ from vctune.proof.engine.interval import Verdict
 from vctune.proof.engine.polynomial_tests import FEW
 
 MAX_BOXES, CELL_BOXES = 60_000, 5_000
-"""Number of boxes after which the proof by the real part alone ends, and number after which a cell of environments
-stays open."""
+"""Number of boxes after which the proof by the real part alone ends, and number of boxes after which the prover leaves
+a cell of environments open."""
 FAILING = 0.8
-"""Share of the open boxes in which the real part certainly fails somewhere. Above it, halving them decides little."""
+"""Share of the open boxes in which the real part certainly fails somewhere. Above this share, halving decides
+little."""
 FEW_BOXES = 1000
-"""Number of intervals of angles after which a witness stays open."""
+"""Number of intervals of angles after which the prover leaves a witness open."""
 
 
 @dataclass(frozen=True, slots=True)
 class WorldCells:
-    """Boxes of environments, one in each column.
+    """Boxes of environments; each box is a column of the arrays.
 
     Attributes
     ----------
@@ -74,11 +75,11 @@ class WorldCells:
 
 @dataclass(frozen=True, slots=True)
 class OpenInHands:
-    """The boxes of a design in every hand that the real part alone leaves open, so that the environment decides.
+    """The boxes of angle and hand that the real part alone leaves open; there the environment decides.
 
     Attributes
     ----------
-    asked : the claim, with the box of all environments whose damping is at least the least of those to be examined
+    asked : the claim with a box of all environments; their damping is at least the least of those to be examined
     stable : whether the loop is proved stable with one of these environments
     parts : parts of the boxes, each with the boxes that stay open
     """
@@ -89,11 +90,11 @@ class OpenInHands:
 
     @property
     def nothing(self) -> bool:
-        """Whether no box is open: all environments are proved to leave the design stable."""
+        """Whether no box is open. The design is then stable with all environments."""
         return self.stable and not any(len(boxes) for _, boxes in self.parts)
 
     def proved(self, cells: WorldCells) -> Flags:
-        """Return which boxes of environments are proved to leave the design stable in every hand.
+        """Return the boxes of environments that certainly leave the design stable in every hand.
 
         Parameters
         ----------
@@ -102,7 +103,7 @@ class OpenInHands:
         Returns
         -------
         array of bool
-            Shape (n,); a box that is not proved may leave the design stable all the same.
+            Shape (n,); for other boxes the function decides nothing.
         """
         proved = np.full(len(cells), self.stable)
         if not proved.any():
@@ -132,13 +133,13 @@ class OpenInHands:
 
 
 def open_in_hands(design: Design, demands: Demands, box: DeviceBox | None, damping: float) -> OpenInHands:
-    """Return the boxes that the real part alone leaves open. They are the same for all environments.
+    """Return the boxes that the real part alone leaves open. They are the same for all boxes of environments.
 
     Parameters
     ----------
     design : design; its floats stand for the decimals that they print as
     demands : constraints with the hands and the factor
-    box : box of devices for all of which environments are to be proved; None for the design's own device
+    box : box of devices; the claim must hold for all of them; None for the design's own device
     damping : least damping of the environments, N s/m
     """
     hands = demands.hands
@@ -167,12 +168,12 @@ def open_in_hands(design: Design, demands: Demands, box: DeviceBox | None, dampi
 
 
 def _with(numbers: Floats, tied: Floats) -> Floats:
-    """Return the ends of rows with those of environments, which have the same width in all boxes."""
+    """Return numbers of rows with those of the environments appended, which are the same in all boxes."""
     return np.vstack((numbers, tied[:, :1]))
 
 
 def _each(boxes: Boxes, names: tuple[str, ...], tied: Floats) -> Boxes:
-    """Return the boxes of each owner: the common rows, and the owner's own numbers."""
+    """Return the boxes of each owner: the common rows and the owner's own numbers."""
     owners, count = tied.shape[1], len(boxes)
     low, high = (np.vstack((np.tile(edge, owners), np.repeat(tied, count, axis=1))) for edge in (boxes.low, boxes.high))
     owner = np.repeat(np.arange(owners), count)
@@ -197,16 +198,17 @@ class Witnesses:
 
 
 def refuted_in_worlds(design: Design, demands: Demands, cells: WorldCells, witnesses: Witnesses) -> Flags:
-    """Return the boxes of environments of which no member leaves a design stable in the witness's hand.
+    """Return the boxes of environments in which no member leaves a design stable in the witness's hand.
 
-    Each of these environments, with some additional damping, has a pole on the unit circle. The ends of a box are those
-    that all its members share. For a number that may be chosen, the least therefore exceeds the greatest.
+    Each of these environments, with some additional damping, has a pole on the unit circle. The ends of such a box
+    bound the numbers that all members have in common. If a number may be chosen freely, its least value therefore
+    exceeds its greatest.
 
     Parameters
     ----------
     design : design on one known device; floats stand for the decimals that they print as
     demands : constraints with the factor
-    cells : n finite boxes; their least damping is the greatest that the members have
+    cells : n finite boxes; their least damping is the greatest damping of the members
     witnesses : one witness for each box
     """
     one = replace(demands, factor=1.0, worlds=cells.hull)
