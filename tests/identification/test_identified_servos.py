@@ -36,7 +36,7 @@ def trial(case, folder) -> Trial:
     delay, bandwidth = (found.bounded(f"servo.{name}") for name in ("delay", "bandwidth_hz"))
     (study,) = (each.servo for each in found.records)
     inside = delay.low <= case.delay <= delay.high and bandwidth.low <= case.bandwidth_hz <= bandwidth.high
-    order = found.device.servo.order == case.order or not study.told
+    order = found.device.servo.order == case.order or not study.order_is_known
     return Trial(case.kind, inside and order, (delay.high - delay.low) / 2 / case.T)
 
 

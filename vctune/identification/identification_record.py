@@ -200,9 +200,9 @@ def _followed(study: RecordStudy, servo: ServoStudy) -> RecordingRecord:
         source=study.recording.name,
         sha256=study.recording.sha256,
         samples=len(study.recording),
-        used=fit.left.size + 1,
+        used=fit.residual.size + 1,
         sample_time=T,
-        kind=f"a servo told its {'position' if servo.seen.is_position else 'velocity'}, order {fit.order}",
+        kind=f"a servo told its {'position' if servo.servo_log.is_position else 'velocity'}, order {fit.order}",
         cutoff_hz=None,
         residual=None,
         residual_share=study.residual_share,
@@ -215,7 +215,7 @@ def _followed(study: RecordStudy, servo: ServoStudy) -> RecordingRecord:
                 structure=f"order {each.order}",
                 chosen=each is fit,
                 chi2=servo.chi2_of(each, fit.noise),
-                model_error=[each.left_share],
+                model_error=[each.residual_share],
             )
             for each in (servo.fit, servo.other)
         ],

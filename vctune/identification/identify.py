@@ -140,7 +140,7 @@ def _servo(bounds: Sequence[Bounded], known: LogMap, T: float, studies: Sequence
     """Return the servo at the centre of the box. Its order is the likeliest one over all recordings."""
     value = {each.key: each.value for each in bounds}
     servo_studies = [study.servo for study in studies if study.servo is not None]
-    command: Literal["velocity", "position"] = "position" if servo_studies[0].seen.is_position else "velocity"
+    command: Literal["velocity", "position"] = "position" if servo_studies[0].servo_log.is_position else "velocity"
     servo = Servo(value["servo.delay"], value["servo.bandwidth_hz"], likelier_order(servo_studies), command)
     parts: dict[str, Any] = {SENSOR: known_sensor(known), "servo": servo}
     return Device(1.0, 0.0, T, display="servo", **parts)
@@ -164,7 +164,7 @@ def _unmodelled(
     pairs += [
         off_other_order(device, bounds, study.servo)
         for study in studies
-        if study.servo is not None and not study.servo.told
+        if study.servo is not None and not study.servo.order_is_known
     ]
     hertz, needed = (np.concatenate([each[i] for each in pairs] or [np.zeros(0)]) for i in (0, 1))
     if hertz.size < LEAST_RADII:

@@ -59,7 +59,7 @@ class RecordStudy:
     def residual_share(self) -> float:
         """The share of the force, of the response or of the motion that the fit leaves unexplained."""
         if self.servo is not None:
-            return self.servo.fit.left_share
+            return self.servo.fit.residual_share
         if self.motion is not None:
             return self.motion.directional.residual / self.motion.directional.force
         assert self.periodic is not None

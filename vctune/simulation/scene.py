@@ -67,8 +67,8 @@ def equilibrium(scene: Scene) -> Equilibrium:
     Without a position gain, the controller holds no position, and the handle starts where hand and environment are in
     equilibrium. A servo also starts there, at the environment's position.
     """
-    found = _at_rest(scene)
-    return replace(found, motor=found.reference) if scene.law.command == "position" else found
+    at_rest = _at_rest(scene)
+    return replace(at_rest, motor=at_rest.reference) if scene.law.command == "position" else at_rest
 
 
 def _at_rest(scene: Scene) -> Equilibrium:

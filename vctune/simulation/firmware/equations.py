@@ -103,8 +103,8 @@ INPUTS = (
     Quantity("measured_force", "f_s", "force", "force of the hand, as the sensor has it just before the command acts"),
 )
 COEFFICIENTS = {
-    name: Quantity(name, *told)
-    for name, told in {
+    name: Quantity(name, *fields)
+    for name, fields in {
         "sample_time": ("T", "time", "sample time"),
         "half_sample_time": ("T/2", "time", "half the sample time"),
         "velocity_gain": ("K_v", "damping", "velocity gain"),
@@ -130,8 +130,8 @@ COEFFICIENTS = {
     }.items()
 }
 STATE = {
-    name: Quantity(name, *told)
-    for name, told in {
+    name: Quantity(name, *fields)
+    for name, fields in {
         "reference": ("x_e", "position", "position of the environment"),
         "desired": ("v_e", "speed", "velocity of the environment"),
         "coupling": ("f_c", "force", "force of the coupling's damper and mass"),
