@@ -49,12 +49,14 @@ def raise_interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def raise_lost_interrupt() -> None:
-    """Raise KeyboardInterrupt if an earlier one was lost. Long work calls this often, and so does what writes files.
+    """Raise KeyboardInterrupt if an earlier one was lost.
+
+    Long computations call this function often, and so do functions that write files.
 
     Raises
     ------
     KeyboardInterrupt
-        If a signal has interrupted this process, and the process still works.
+        If a signal has interrupted this process, and the process has not ended.
     """
     if RECEIVED:
         raise KeyboardInterrupt

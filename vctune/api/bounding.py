@@ -155,7 +155,7 @@ def bound(
 
 
 def require_free(file: ProblemFile, purpose: str = "choose") -> ProblemFile:
-    """Return a problem. Refuse it if it leaves no number free.
+    """Return a problem; refuse a problem that leaves no number free.
 
     Parameters
     ----------
@@ -224,7 +224,7 @@ def write_bounded(bounded: Bounded, path: Path) -> None:
 
 
 def _known(file: ProblemFile, design: Solved | Known | str | Path | None, progress: Progress) -> Known:
-    """Return the design from which a search starts: the given one, or one that is solved for now."""
+    """Return the design from which a search starts: the given design, or the design that vctune solves for now."""
     if isinstance(design, Known):
         return design
     known = known_design(file, Path(design), given=True) if isinstance(design, str | Path) else None

@@ -85,8 +85,10 @@ def explain(name: str) -> ExplanationRecord:
     """
     # in this order: the name and its stems as they are, and then without regard to capitals
     asked = _plain(name)
-    found = next(filter(None, map(_called, _alike(asked))), [])
-    found = found or next(filter(None, (_called(stem.lower(), str.lower) for stem in _alike(asked))), [])
+    found = next(filter(None, map(_entries_named, _names_of_label(asked))), [])
+    found = found or next(
+        filter(None, (_entries_named(stem.lower(), str.lower) for stem in _names_of_label(asked))), []
+    )
     if not found:
         names = [name for entry in entries() for name in entry.names]
         known = {_plain(each).lower(): each for name in names for each in (name, name.rpartition(".")[2])}
@@ -99,26 +101,26 @@ def explain(name: str) -> ExplanationRecord:
 
 def contents() -> ExplanationRecord:
     """Return the first name of each entry that `explain` knows, without the texts."""
-    listed = [EntryRecord(kind=each.kind, name=each.names[0], text="", guide=each.guide) for each in entries()]
+    listed = [EntryRecord(kind=entry.kind, name=entry.names[0], text="", guide=entry.guide) for entry in entries()]
     return ExplanationRecord(name=None, entries=listed)
 
 
-def _alike(asked: str) -> Iterator[str]:
+def _names_of_label(label: str) -> Iterator[str]:
     """Yield the names under which the guides may explain a label: the whole label, and the label without its variable
     parts."""
-    linear = reduce(lambda words, pair: words.replace(*pair), LINEAR_WORDS, asked)
+    linear = reduce(lambda words, pair: words.replace(*pair), LINEAR_WORDS, label)
     stems = [re.sub(end, "", linear) for end in ("", *VARIABLE_ENDINGS)]
-    yield from dict.fromkeys([asked, *stems, *(stem.replace("_", " ") for stem in stems)])
+    yield from dict.fromkeys([label, *stems, *(stem.replace("_", " ") for stem in stems)])
 
 
-def _called(asked: str, folded: Callable[[str], str] = str) -> list[Entry]:
+def _entries_named(name: str, folded: Callable[[str], str] = str) -> list[Entry]:
     """Return the entries with a name, and the keys whose last part is the name. `folded` is applied to an entry's names
     before the comparison."""
     return [
         entry
         for entry in entries()
-        if asked in [folded(_plain(name)) for name in entry.names]
-        or (entry.kind == "key" and entry.names[0].endswith(f".{asked}"))
+        if name in [folded(_plain(name)) for name in entry.names]
+        or (entry.kind == "key" and entry.names[0].endswith(f".{name}"))
     ]
 
 
@@ -139,7 +141,7 @@ def _claim(claim: Claim) -> Entry:
 
 def _guides(folder: Traversable, place: str) -> Iterator[tuple[str, str]]:
     """Yield the path and the text of each guide of the package."""
-    for child in sorted(folder.iterdir(), key=lambda each: (each.is_dir(), each.name)):
+    for child in sorted(folder.iterdir(), key=lambda path: (path.is_dir(), path.name)):
         if child.is_dir():
             yield from _guides(child, f"{place}/{child.name}")
         elif child.name == GUIDE:
@@ -153,7 +155,11 @@ def _entries(guide: str, text: str) -> Iterator[Entry]:
     for reference in KEY_TABLES.findall(text):
         rows = KEY_ROW.findall(reference)
         for key, meaning in rows:
-            inner = [f"- `{other}`: {of}" for other, of in rows if other.rpartition(".")[0] == key]
+            inner = [
+                f"- `{other}`: {meaning_of_inner}"
+                for other, meaning_of_inner in rows
+                if other.rpartition(".")[0] == key
+            ]
             linear, rotary = (unit_of(tuple(key.split(".")), units) for units in (LINEAR, ROTARY))
             turned = f" Unit for a rotary device: {rotary}." if linear != rotary else ""
             yield Entry("key", (key,), "\n".join([meaning + turned, *(["", *inner] if inner else [])]), guide)

@@ -199,7 +199,7 @@ def axes_of(problem: Problem, x: str | None, y: str | None) -> tuple[str, str]:
 
 
 def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
-    """Return a problem. Refuse it if it has no region in the plane of x and y.
+    """Return a problem; refuse a problem that has no region in the plane of x and y.
 
     Parameters
     ----------

@@ -226,7 +226,8 @@ def check_parameters(
     only: Sequence[str] = (),
     progress: Progress = lambda stage: None,
 ) -> list[Checked]:
-    """Check the selected axes of a ROS 2 parameter file. Each belongs to the axis of the same name in the problem file.
+    """Check the selected axes of a ROS 2 parameter file. Each selected axis belongs to the axis of the same name in the
+    problem file.
 
     Parameters
     ----------

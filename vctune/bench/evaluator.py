@@ -37,7 +37,7 @@ cancel."""
 class Case:
     """A device with a design, or many of them, in SI units.
 
-    Each except `sample_time` and `hold` is one number, or an array with one number for each case.
+    Each field except `sample_time` and `hold` is one number, or an array with one number for each case.
 
     Attributes
     ----------

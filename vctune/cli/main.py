@@ -25,7 +25,7 @@ COMMANDS = (
 
 
 class _Commands(click.Group):
-    """The group of all commands. The group imports a command only to run or list it."""
+    """The group of all commands. The group imports a command only when the user runs or lists it."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)

@@ -88,7 +88,7 @@ FORWARD_DYNAMICS = (
     "every cycle, has no mass, and acts on the rate of the force; vctune does not prove it; name the parameters of an "
     "admittance_controller"
 )
-"""Message about a controller whose law is not that of a mass with drag."""
+"""Message about a controller that does not render a mass with drag."""
 
 
 def is_admittance(path: Path) -> bool:
@@ -190,13 +190,13 @@ class _Reader:
         if not isinstance(values, list) or len(values) != len(AXES):
             self._wrong(key, f"must be a list of {len(AXES)} {kind}, of {', '.join(AXES)}; it is {_shown(values)}")
             return [0.0] * len(AXES)
-        for axis, each in zip(AXES, values, strict=True):
-            if flags and not isinstance(each, bool):
-                self._wrong(key, f"of {axis} is {_shown(each)}: must be true or false")
-            elif not flags and not (_is_number(each) and least <= each <= most):
+        for axis, element in zip(AXES, values, strict=True):
+            if flags and not isinstance(element, bool):
+                self._wrong(key, f"of {axis} is {_shown(element)}: must be true or false")
+            elif not flags and not (_is_number(element) and least <= element <= most):
                 limit = f" and at most {most:g}" if most < inf else ""
-                self._wrong(key, f"of {axis} is {_shown(each)}: must be a number of at least {least:g}{limit}")
-        return [each if flags or not _is_number(each) else float(each) for each in values]
+                self._wrong(key, f"of {axis} is {_shown(element)}: must be a number of at least {least:g}{limit}")
+        return [element if flags or not _is_number(element) else float(element) for element in values]
 
     def _number(self, table: str, name: str, default: float, most: float) -> float:
         value = self._table(table).get(name, default)

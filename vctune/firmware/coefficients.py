@@ -26,7 +26,7 @@ FORMULAS = {
     "limit": "the greatest force, infinity for none",
     "position_reach": "limit / position_gain, infinity for none",
 }
-"""Formulas of the coefficients that the user sets at run time. Such coefficients are no constants of the design."""
+"""Formulas of the coefficients that the user sets at run time. Such coefficients are not constants of the design."""
 
 
 def controller_record(made: Firmware) -> dict[str, Any]:

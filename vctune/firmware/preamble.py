@@ -67,7 +67,7 @@ def assumptions(made: Firmware) -> list[str]:
 
 
 def _stepped(hands: HandsRecord) -> str:
-    """Return the words on the integration rule of a claim's environments, which follow their name."""
+    """Return a phrase on the integration rule of a claim's environments, to be put after their name."""
     stepped = in_time_in_words(hands.worlds_rule or "trapezoid", hands.worlds_late or 0)
     if hands.worlds_rule is None:
         stepped = f", by the trapezoidal rule{stepped}"

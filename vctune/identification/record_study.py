@@ -183,7 +183,8 @@ def _studied(recording: Recording, T: float, known: LogMap) -> RecordStudy:
 
 
 def _compared(recording: Recording, studies: Mapping[str, RecordStudy], best: str, alike: Sequence[str]) -> str:
-    """Return the text of the remark on the role of a force: what each role leaves, and which one is taken."""
+    """Return the text of the remark on the role of a force: the residual of each role, and the role that the study
+    uses."""
     results = [
         f"as a {role} {study.residual_share:.3%} of it is left, chi2/dof {study.sharp_chi2[0]:.4g}"
         for role, study in studies.items()

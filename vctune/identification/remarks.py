@@ -62,7 +62,7 @@ def remarks_on_gaps(studies: Sequence[RecordStudy], bounds: Sequence[Bounded], k
 
 
 def _remarks_on_servo(studies: Sequence[RecordStudy], known: LogMap) -> list[Note]:
-    """Return remarks on how late the force is sensed, on the measured frequencies, and on the force that pushes."""
+    """Return remarks on the delay of the force sensor, on the measured frequencies, and on a missing force column."""
     remarks = []
     if known_sensor(known) is None:
         text = (
@@ -99,6 +99,6 @@ def _remarks_on_lines(study: RecordStudy, periodic: PeriodicStudy) -> list[Note]
 
 
 def _highest_line(hertz: float, name: str = "") -> Note:
-    """Return the remark on the highest measured frequency; `name` is the recording's, with a colon."""
+    """Return the remark on the highest measured frequency; `name` is the name of the recording with a colon."""
     text = f"{name}nothing was measured above {hertz:.4g} Hz, where unmodelled keeps its last value"
     return Note("remark-highest-line", text)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 @click.option(
     "--unproved",
     is_flag=True,
-    help="Export the design even if it is not proved. The head of every file then says that it is not.",
+    help="Export the design even if it is not proved. The head of every file then warns that the design is not proved.",
 )
 @out_option("NAME/firmware/")
 @output_options()

@@ -68,7 +68,7 @@ def _with_links(step: str, console: Console) -> str:
 
 
 def _write(console: Console, text: str) -> None:
-    """Write a text without the blanks at the ends of lines, which a table leaves."""
+    """Write a text without the blanks that a table leaves at the ends of lines."""
     console.file.write("".join(f"{line.rstrip()}\n" for line in text.splitlines()))
 
 

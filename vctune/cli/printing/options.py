@@ -102,7 +102,7 @@ verbose_option: Added = click.option(
 
 
 def time_limited(command: Any) -> Any:
-    """Add the option `--time-limit` to a command. The command's own code need not handle it."""
+    """Add the option `--time-limit` to a command. The command's own code does not handle the time limit."""
 
     @time_limit_option()
     @wraps(command)

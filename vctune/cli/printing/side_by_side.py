@@ -172,7 +172,8 @@ def _compared(found: ComparisonRecord) -> Iterator[tuple[str, str, str, str, str
 
 
 def _after_comparison(found: ComparisonRecord) -> str:
-    """Return the next step with the certified side of the least error, or with both where none is certified."""
+    """Return the next step for the certified design with the least error, or for both designs if neither is
+    certified."""
     errors = next(((each.a, each.b) for each in found.design if each.label == "error"), (None, None))
     certified = [
         (error, side.source)

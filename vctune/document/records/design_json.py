@@ -37,7 +37,7 @@ UNKNOWN_LIMITS = "not known: the search stopped before it converged"
 
 
 SAME_PLACE = 1.05
-"""Ratio of two frequencies up to which they are those of one extremum of a response. Half as near, the search and the
+"""Greatest ratio of two frequencies that belong to the same extremum of a response. Half as near, the search and the
 proof may differ; twice as far, two resonances count as one."""
 
 
@@ -143,7 +143,7 @@ class UncertaintyRecord(Part):
 
 
 def _together(one: float, other: float) -> bool:
-    """Return whether two frequencies are those of one extremum."""
+    """Return whether two frequencies belong to the same extremum."""
     return max(one, other) <= SAME_PLACE * min(one, other)
 
 
@@ -248,7 +248,8 @@ class DesignRecord(Document):
     def limits(self) -> list[str]:
         """The active constraints, the greatest multiplier first, each with the frequencies at which it is active.
 
-        The search and the proof place the same minimum at slightly different frequencies: that of the proof is shown.
+        The search and the proof place the same minimum at slightly different frequencies: the list shows that of the
+        proof.
         """
         if not self.active and self.solver.get("converged") is False:
             return [UNKNOWN_LIMITS]
@@ -266,7 +267,7 @@ class DesignRecord(Document):
         return [f"{demand} at {hz} Hz" if hz else demand for demand, hz in shown.items()]
 
     def _proved_hz(self, demand: str) -> float | None:
-        """Return where the claim of a constraint found its extremum; None if nowhere."""
+        """Return the frequency of the extremum that the claim of a constraint names; None if the claim names none."""
         proof, loop = self.certificate, self.inner_loop
         if proof is None:
             return None

@@ -41,8 +41,8 @@ def impossible_experiments(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 def _value(table: dict[str, Any], model: Any, group: str, key: str) -> float | None:
     """Return a number of a table, or its default if it is absent; None if it is not a number."""
-    given = table.get(group, {})
-    if isinstance(given, dict) and key not in given:
+    values = table.get(group, {})
+    if isinstance(values, dict) and key not in values:
         fields = model.model_fields.items()
         return float(next(field.default for name, field in fields if key in (name, field.alias)))
     return number_at(table, group, key)
@@ -122,9 +122,10 @@ def _rendering(table: dict[str, Any]) -> Iterator[Contradiction]:
                 "the regular PID renders environments on time alone, and not by explicit Euler; leave it out",
             )
     inertia = [number_at(table, "baseline", key) for key in ("mass", "damping")]
-    held = environment if isinstance(environment, dict) and environment.get("wall") is not True else {}
+    elastic = environment if isinstance(environment, dict) and environment.get("wall") is not True else {}
     if inertia == [0, 0] and not any(
-        _value({"environment": held}, EnvironmentTable, "environment", key) for key in ("mass", "damping", "stiffness")
+        _value({"environment": elastic}, EnvironmentTable, "environment", key)
+        for key in ("mass", "damping", "stiffness")
     ):
         yield (
             ("baseline",),
@@ -147,5 +148,5 @@ def _of_servo(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradict
         for key in path:
             stated = stated.get(key) if isinstance(stated, dict) else None
         if stated not in (None, 0):
-            told = units_stated(raw).translated(reason)
-            yield path, f"means nothing with [device.servo]: {told}; leave it out"
+            reason_in_units = units_stated(raw).translated(reason)
+            yield path, f"means nothing with [device.servo]: {reason_in_units}; leave it out"
