@@ -91,6 +91,7 @@ def _same(a: Transparency, b: Transparency) -> bool:
 
 
 def _side(source: Any, record: DesignRecord, problem: Problem, yardsticks: Sequence[Transparency | None]) -> Side:
+    """Return one of two designs to be compared, with its error on each yardstick; None stands for its own yardstick."""
     return Side(
         source=str(source) if isinstance(source, str | Path) else record.problem.name,
         record=record,

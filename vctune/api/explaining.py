@@ -84,18 +84,20 @@ def explain(name: str) -> ExplanationRecord:
         If no entry has this name; the message suggests the nearest names.
     """
     # in this order: the name and its stems as they are, and then without regard to capitals
-    asked = _plain(name)
-    found = next(filter(None, map(_entries_named, _names_of_label(asked))), [])
-    found = found or next(
-        filter(None, (_entries_named(stem.lower(), str.lower) for stem in _names_of_label(asked))), []
+    label = _plain(name)
+    entries_found = next(filter(None, map(_entries_named, _names_of_label(label))), [])
+    entries_found = entries_found or next(
+        filter(None, (_entries_named(stem.lower(), str.lower) for stem in _names_of_label(label))), []
     )
-    if not found:
+    if not entries_found:
         names = [name for entry in entries() for name in entry.names]
-        known = {_plain(each).lower(): each for name in names for each in (name, name.rpartition(".")[2])}
-        meant = [known[near] for near in get_close_matches(asked.lower(), known, n=3, cutoff=0.6)]
-        hint = f"did you mean {' or '.join(meant)}?" if meant else "`vctune explain` lists what there is"
+        name_of_form = {_plain(form).lower(): form for name in names for form in (name, name.rpartition(".")[2])}
+        similar = [name_of_form[near] for near in get_close_matches(label.lower(), name_of_form, n=3, cutoff=0.6)]
+        hint = f"did you mean {' or '.join(similar)}?" if similar else "`vctune explain` lists what there is"
         raise InputError.of(name, "unknown-name", f"is no code, key, claim or word of the glossary; {hint}")
-    records = [EntryRecord(kind=entry.kind, name=entry.names[0], text=entry.text, guide=entry.guide) for entry in found]
+    records = [
+        EntryRecord(kind=entry.kind, name=entry.names[0], text=entry.text, guide=entry.guide) for entry in entries_found
+    ]
     return ExplanationRecord(name=name, entries=records)
 
 
@@ -119,7 +121,7 @@ def _entries_named(name: str, folded: Callable[[str], str] = str) -> list[Entry]
     return [
         entry
         for entry in entries()
-        if name in [folded(_plain(name)) for name in entry.names]
+        if name in [folded(_plain(entry_name)) for entry_name in entry.names]
         or (entry.kind == "key" and entry.names[0].endswith(f".{name}"))
     ]
 

@@ -265,6 +265,7 @@ def _stated_corner(
 
 
 def _c_files(file: ProblemFile, controller: Firmware, progress: Progress) -> Files:
+    """Return the C code of a controller, with the files that replay its experiments."""
     from vctune.firmware.c_source import c_source
     from vctune.firmware.replay import replay_files
     from vctune.firmware.vectors import replays
@@ -280,6 +281,7 @@ def _fmu_files(_file: ProblemFile, controller: Firmware, _progress: Progress) ->
 
 
 def _json_files(_file: ProblemFile, controller: Firmware, _progress: Progress) -> Files:
+    """Return the equations of a controller as JSON and as a page."""
     from vctune.firmware.coefficients import controller_record
     from vctune.report.page.controller_page import controller_page
 

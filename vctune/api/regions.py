@@ -147,8 +147,8 @@ def region(
         raise InputError.of("resolution", "bad-option", message)
     levels, of_worlds = ceil(-log2(resolution)), x in WORLD
     with limited(time_limit):
-        given = None if gains is None else design_for(file, gains, coupling)
-        design = None if given is None else (given.gains, given.coupling)
+        gains_file = None if gains is None else design_for(file, gains, coupling)
+        design = None if gains_file is None else (gains_file.gains, gains_file.coupling)
         if design is None or not of_worlds:
             solved = solved or best_design(file.problem, progress)
         with limited(max(seconds_left() - DRAWING, seconds_left() / 2)):
@@ -216,8 +216,8 @@ def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
             raise InputError(file.source, mistakes)
         return file
     keys = keys_for(file.problem)
-    said = f"is no variable; there are: {', '.join(keys)}"
-    unknown = [Mistake("no-plane", key, said) for key in (x, y) if key not in keys]
+    message = f"is no variable; there are: {', '.join(keys)}"
+    unknown = [Mistake("no-plane", key, message) for key in (x, y) if key not in keys]
     if mistakes := unknown or plane_errors(file.problem, x, y):
         raise InputError(file.source, mistakes)
     return file
@@ -252,17 +252,18 @@ def write_region(found: AdmissibleGains, folder: Path) -> tuple[Path | None, boo
     return previous(place) if kept else None, bool(pictures)
 
 
-def _picture(found: AdmissibleGains, folder: Path) -> dict[Path, str]:
+def _picture(result: AdmissibleGains, folder: Path) -> dict[Path, str]:
+    """Return the picture of a region. Raise OutOfTimeError if too little time is left to draw it."""
     if seconds_left() < LOADING:
         raise OutOfTimeError
     from vctune.report.figures.region_figure import region_figure, world_figure
     from vctune.report.page.page import svg
 
-    if found.design is None:
-        figure = region_figure(found.file.problem, found.region, found.designs, found.marked)
+    if result.design is None:
+        figure = region_figure(result.file.problem, result.region, result.designs, result.marked)
     else:
-        figure = world_figure(found.file.problem, found.region)
-    name = (REGION_FILES if found.design is None else WORLD_FILES)[1]
+        figure = world_figure(result.file.problem, result.region)
+    name = (REGION_FILES if result.design is None else WORLD_FILES)[1]
     return {folder / name: svg(figure, Path(name).stem)}
 
 

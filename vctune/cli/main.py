@@ -82,8 +82,8 @@ def execute() -> int:
         if RECEIVED:
             raise KeyboardInterrupt from None
         place = _innermost(error)
-        said = f"internal error at {place}: {type(error).__name__}: {error}; please report it"
-        code = _complain(coded(said, "internal-error"), ExitCode.INTERNAL)
+        message = f"internal error at {place}: {type(error).__name__}: {error}; please report it"
+        code = _complain(coded(message, "internal-error"), ExitCode.INTERNAL)
     return int(code or ExitCode.OK)
 
 

@@ -185,6 +185,7 @@ class _Reader:
         return AdmittanceFile(tuple(axes), coefficient, selection, lines)
 
     def _list(self, name: str, *, least: float = 0.0, most: float = inf, flags: bool = False) -> list[Any]:
+        """Return one value for each axis; record a fault for each value that is missing or out of range."""
         key, values = f"admittance.{name}", self._table("admittance").get(name)
         kind = "true or false" if flags else "numbers"
         if not isinstance(values, list) or len(values) != len(AXES):
@@ -199,6 +200,7 @@ class _Reader:
         return [element if flags or not _is_number(element) else float(element) for element in values]
 
     def _number(self, table: str, name: str, default: float, most: float) -> float:
+        """Return a number or its default; record a fault if it is out of range."""
         value = self._table(table).get(name, default)
         if not (_is_number(value) and 0 <= value <= most):
             self._wrong(f"{table}.{name}", f"is {_shown(value)}: must be a number from 0 to {most:g}")

@@ -143,6 +143,7 @@ def _listed(words: list[str]) -> str:
 
 
 def _defined(firmware: Firmware, constants: list[tuple[str, float, str, str]]) -> list[str]:
+    """Return constants as aligned lines of the C preprocessor, each with its meaning and unit."""
     rows = [
         (f"#define VCTUNE_{name} ({literal(number, firmware.precision)})", meaning, unit)
         for name, number, meaning, unit in constants
@@ -152,6 +153,7 @@ def _defined(firmware: Firmware, constants: list[tuple[str, float, str, str]]) -
 
 
 def _code(firmware: Firmware) -> dict[str, Any]:
+    """Return the equations of a design as C, by the blocks of the templates."""
     blocks, step = _blocks(firmware.parts), ("estimate", "drive", "law")
     kept = [name for name in state_names(firmware) if name != "desired"]
     names = _names(firmware, blocks)

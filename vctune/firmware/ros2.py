@@ -96,6 +96,7 @@ def _least(made: Firmware) -> str:
 
 
 def _require_servo(axis: RosAxis) -> None:
+    """Refuse an axis whose device is no servo, or whose motion is of the other kind."""
     device = axis.file.problem.device
     if device.kind.own_loop:
         message = "is no servo, and an admittance_controller commands one; write [device.servo], or export to C"

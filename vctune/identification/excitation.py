@@ -86,6 +86,7 @@ def excitation(found: Identified) -> Excitation:
 
 
 def _lines(found: Identified, low: float, period: int, T: float) -> Floats:
+    """Return the numbers of the excited lines, with more of them near resonance and antiresonance."""
     resolution = 1 / (period * T)
     spread = np.exp(np.linspace(np.log(low), np.log(HIGHEST / T), LINES))
     places = [spread]

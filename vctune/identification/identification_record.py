@@ -48,7 +48,7 @@ def identification_record(
     """
     rotary = found.records[0].recording.rotary
     units: UnitSystem = "rotary" if rotary else "linear"
-    numbers = [_bounded(each, UNITS[units]) for each in found.bounds]
+    numbers = [_bounded_record(each, UNITS[units]) for each in found.bounds]
     device = replace(found.device, units=units).with_numbers({each.key: each.value for each in numbers})
     return IdentificationRecord(
         name=found.name,
@@ -59,10 +59,10 @@ def identification_record(
         assumed=["velocity"] if any(note.code == "remark-assumed-velocity" for note in found.remarks) else [],
         numbers=numbers,
         unmodelled=[list(point) for point in found.unmodelled],
-        friction=_friction(found),
+        friction=_friction_record(found),
         force_noise=None if found.force_noise is None else float(f"{found.force_noise:.6g}"),
-        excitation=None if next_one is None else _excitation(next_one),
-        recordings=[_recording(study) for study in found.records],
+        excitation=None if next_one is None else _excitation_record(next_one),
+        recordings=[_recording_record(study) for study in found.records],
         warnings=[note.line for note in found.remarks if _is_warning(note)],
         remarks=[note.line for note in found.remarks if not _is_warning(note)],
         versions=dict(versions),
@@ -73,53 +73,57 @@ def _is_warning(note: Note) -> bool:
     return note.code.startswith("warn-")
 
 
-def _bounded(found: Bounded, units: Units) -> BoundedRecord:
-    value, share = stated(found.value, found.low, found.high)
+def _bounded_record(bounded: Bounded, units: Units) -> BoundedRecord:
+    """Return a number of the device with its interval as a record."""
+    value, share = stated(bounded.value, bounded.low, bounded.high)
     return BoundedRecord(
-        key=found.key,
-        unit=unit_of(tuple(found.key.split(".")), units),
+        key=bounded.key,
+        unit=unit_of(tuple(bounded.key.split(".")), units),
         value=value,
-        low=float(found.low),
-        high=float(found.high),
+        low=float(bounded.low),
+        high=float(bounded.high),
         share=share,
-        limit=found.limit,
+        limit=bounded.limit,
         estimates=[
-            EstimateRecord(source=e.source, value=float(e.value), sigma=float(e.sigma)) for e in found.estimates
+            EstimateRecord(source=e.source, value=float(e.value), sigma=float(e.sigma)) for e in bounded.estimates
         ],
     )
 
 
-def _excitation(made: Excitation) -> ExcitationRecord:
+def _excitation_record(excitation: Excitation) -> ExcitationRecord:
     return ExcitationRecord(
-        period=made.force.size * made.sample_time,
-        periods=made.periods,
-        lines_hz=[float(hertz) for hertz in made.lines_hz],
-        peak=made.peak,
-        speed=made.speed,
-        spread=made.spread,
-        reasons=list(made.reasons),
+        period=excitation.force.size * excitation.sample_time,
+        periods=excitation.periods,
+        lines_hz=[float(hertz) for hertz in excitation.lines_hz],
+        peak=excitation.peak,
+        speed=excitation.speed,
+        spread=excitation.spread,
+        reasons=list(excitation.reasons),
     )
 
 
-def _friction(found: Identified) -> FrictionRecord | None:
-    if found.friction is None:
+def _friction_record(identified: Identified) -> FrictionRecord | None:
+    """Return the friction with six digits as a record; None if none was identified."""
+    if identified.friction is None:
         return None
-    kind = found.friction
-    rise = (kind.stiction, kind.stribeck_velocity)
-    stiction, speed = (None if each is None else float(f"{each:.6g}") for each in rise)
-    return FrictionRecord(coulomb=float(f"{kind.coulomb:.6g}"), stiction=stiction, stribeck_velocity=speed)
+    friction = identified.friction
+    rise = (friction.stiction, friction.stribeck_velocity)
+    stiction, speed = (None if number is None else float(f"{number:.6g}") for number in rise)
+    return FrictionRecord(coulomb=float(f"{friction.coulomb:.6g}"), stiction=stiction, stribeck_velocity=speed)
 
 
-def _recording(study: RecordStudy) -> RecordingRecord:
+def _recording_record(study: RecordStudy) -> RecordingRecord:
+    """Return the record of a recording by the kind of its study."""
     if study.motion is not None:
-        return _moved(study, study.motion)
+        return _any_motion_record(study, study.motion)
     if study.servo is not None:
-        return _followed(study, study.servo)
+        return _servo_record(study, study.servo)
     assert study.periodic is not None
-    return _repeated(study, study.periodic)
+    return _periodic_record(study, study.periodic)
 
 
-def _moved(study: RecordStudy, motion: MotionStudy) -> RecordingRecord:
+def _any_motion_record(study: RecordStudy, motion: MotionStudy) -> RecordingRecord:
+    """Return the record of a recording of any motion."""
     fit, classical = motion.directional, motion.classical
     others = [] if classical is None else list(classical.checks)
     both = motion.symmetric
@@ -149,7 +153,8 @@ def _moved(study: RecordStudy, motion: MotionStudy) -> RecordingRecord:
     )
 
 
-def _repeated(study: RecordStudy, periodic: PeriodicStudy) -> RecordingRecord:
+def _periodic_record(study: RecordStudy, periodic: PeriodicStudy) -> RecordingRecord:
+    """Return the record of a recording of a periodic excitation."""
     fit, measured = periodic.fit, periodic.measured
     numbers = [_number(name, fit.numbers[name], fit.sigma(name)) for name in fit.names]
     if periodic.drive is not None:
@@ -183,7 +188,8 @@ def _repeated(study: RecordStudy, periodic: PeriodicStudy) -> RecordingRecord:
     )
 
 
-def _followed(study: RecordStudy, servo: ServoStudy) -> RecordingRecord:
+def _servo_record(study: RecordStudy, servo: ServoStudy) -> RecordingRecord:
+    """Return the record of a recording of a servo."""
     fit, T = servo.fit, study.sample_time
     numbers = [
         _number("delay", fit.delay.value, fit.delay.sigma),

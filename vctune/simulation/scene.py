@@ -158,6 +158,7 @@ def _scene(
     mass: float,
     damping: float,
 ) -> Scene:
+    """Return a scene with the velocity law, the coupling and the virtual mass and damping of a controller."""
     sensors = experiment.sensors
     law = replace(
         designed_law(device, gains, coupling, experiment.environment),

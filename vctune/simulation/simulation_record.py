@@ -83,6 +83,7 @@ def trace_arrays(simulated: list[Simulated]) -> dict[str, Floats]:
 
 
 def _experiment(simulated: Simulated, device: Device, coupling: AnyCoupling) -> ExperimentRecord:
+    """Return the record of an experiment, with curves thinned to the same tolerance."""
     experiment, pid = simulated.experiment, simulated.experiment.baseline
     least_share, runs = simulated.least_virtual, {"baseline": simulated.baseline, "design": simulated.design}
     quantity, cycle = axis(experiment.environment), 2 * stroke_time(experiment.operator)

@@ -71,6 +71,7 @@ def _short(context: click.Context, parameter: click.Parameter, value: bool) -> N
 
 
 def _style(context: click.Context, parameter: click.Parameter, value: str) -> str:
+    """Return the output format; --json selects JSON and excludes every other format."""
     if not context.meta.get(SHORT):
         return value
     if value not in ("text", "json"):

@@ -50,12 +50,12 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
 
         for one in record.experiments:
             if one.difference is not None:
-                apart = _apart(one.difference, record.command_unit)
-                say(f"{escape(printable(one.name))}: {apart}")
+                distance = _difference_line(one.difference, record.command_unit)
+                say(f"{escape(printable(one.name))}: {distance}")
             if one.quiet_stiffness is not None and isinstance(record.coupling, SpringRecord):
                 say(f"{escape(printable(one.name))}: {_quiet(one.quiet_stiffness, record.coupling, record.units)}")
             if one.least_virtual is not None:
-                say(f"{escape(printable(one.name))}: {_least(one.least_virtual, record.units)}")
+                say(f"{escape(printable(one.name))}: {_least_virtual_line(one.least_virtual, record.units)}")
         if line := dwell_line(record):
             say(line)
 
@@ -90,17 +90,18 @@ def _after_simulation(folder: Path) -> list[str]:
     return [f"open {folder / shown}"] if shown else []
 
 
-def _apart(difference: DifferenceRecord, unit: str) -> str:
-    own = f"the design's own in {difference.precision} precision on the same measurements"
+def _difference_line(difference: DifferenceRecord, unit: str) -> str:
+    """Return the sentence on the difference between the commands of a firmware and of the design."""
+    own_commands = f"the design's own in {difference.precision} precision on the same measurements"
     if difference.force is None or difference.tolerance is None:
         return "[red]FAILED[/red], the firmware's commands are not finite"
     if difference.force == 0:
-        return f"the firmware's commands are {own} to the last bit"
-    apart = f"{difference.force:.3g} {unit} of {own}, farthest at {difference.time_s:.4g} s"
+        return f"the firmware's commands are {own_commands} to the last bit"
+    distance = f"{difference.force:.3g} {unit} of {own_commands}, farthest at {difference.time_s:.4g} s"
     allowed = f"the tolerance is {difference.tolerance:.3g} {unit}"
     if difference.passes:
-        return f"the firmware's commands are within {apart}; {allowed}"
-    return f"[red]FAILED[/red], the firmware's commands are only within {apart}; {allowed}"
+        return f"the firmware's commands are within {distance}; {allowed}"
+    return f"[red]FAILED[/red], the firmware's commands are only within {distance}; {allowed}"
 
 
 def _quiet(stiffness: float, coupling: SpringRecord, units: Units) -> str:
@@ -110,7 +111,8 @@ def _quiet(stiffness: float, coupling: SpringRecord, units: Units) -> str:
     )
 
 
-def _least(least: LeastVirtualRecord, units: Units) -> str:
+def _least_virtual_line(least: LeastVirtualRecord, units: Units) -> str:
+    """Return the line on the least virtual mass and damping with which the regular PID is stable."""
     if least.share == 0:
         return f"the regular PID is stable without a virtual {units.mass_name} and damping"
     return (
@@ -171,13 +173,13 @@ def _compared(found: ComparisonRecord) -> Iterator[tuple[str, str, str, str, str
         yield value.group, escape(value.label), a, b, value.unit
 
 
-def _after_comparison(found: ComparisonRecord) -> str:
+def _after_comparison(comparison: ComparisonRecord) -> str:
     """Return the next step for the certified design with the least error, or for both designs if neither is
     certified."""
-    errors = next(((each.a, each.b) for each in found.design if each.label == "error"), (None, None))
+    errors = next(((each.a, each.b) for each in comparison.design if each.label == "error"), (None, None))
     certified = [
         (error, side.source)
-        for error, side in zip(errors, (found.a, found.b), strict=True)
+        for error, side in zip(errors, (comparison.a, comparison.b), strict=True)
         if side.status == "certified" and isinstance(error, float)
     ]
     if not certified:

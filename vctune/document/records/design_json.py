@@ -196,6 +196,7 @@ class DesignRecord(Document):
 
     @model_validator(mode="after")
     def _whole(self) -> DesignRecord:
+        """Refuse a record that has only some of the parts of a design."""
         judged: list[Any] = [self.coupling, self.transparency, self.certificate]
         looped = self.transparency is None or DISPLAYS[self.transparency.display].own_loop
         judged += [self.inner_loop] if looped else []
@@ -215,15 +216,15 @@ class DesignRecord(Document):
         """The proved claim of the design in words; empty if it is not certified."""
         if self.certificate is None or self.status != "certified":
             return ""
-        known = " without unmodelled dynamics" if self.uncertainty is not None and self.uncertainty.unmodelled else ""
-        hands = [f"stable{known} {self.certificate.hands.promise(self.units)}"] if self.certificate.hands else []
+        without = " without unmodelled dynamics" if self.uncertainty is not None and self.uncertainty.unmodelled else ""
+        hands = [f"stable{without} {self.certificate.hands.promise(self.units)}"] if self.certificate.hands else []
         band = self.certificate.band_hz
         place = (
             None if band is None else f"from {text(band[0])} to {text(band[1])} Hz, as far as the frequency model goes"
         )
         passive = [f"absolutely stable in any passive hand {place}"] if place else []
         if self.certificate.any_hand:
-            passive = [f"stable{known} {self.certificate.any_hand.promise}"]
+            passive = [f"stable{without} {self.certificate.any_hand.promise}"]
         return "; ".join([*hands, *passive])
 
     @property
@@ -231,18 +232,18 @@ class DesignRecord(Document):
         """Sentences on the error that either criterion alone would permit."""
         if not self.alternatives or self.transparency is None:
             return []
-        error, found = text(self.transparency.error, 3), []
-        for each in self.alternatives:
-            alone, changes = text(each.error, 3), []
+        error, result = text(self.transparency.error, 3), []
+        for entry in self.alternatives:
+            alone, changes = text(entry.error, 3), []
             if alone != error:
                 changes.append(f"error {alone} instead of {error}")
-            if each.stiffness is not None and isinstance(self.coupling, SpringRecord):
-                alone, own = (_decimal(k_c, self.units.stiffness) for k_c in (each.stiffness, self.coupling.stiffness))
+            if entry.stiffness is not None and isinstance(self.coupling, SpringRecord):
+                alone, own = (_decimal(k_c, self.units.stiffness) for k_c in (entry.stiffness, self.coupling.stiffness))
                 changes.append(f"k_c {alone} instead of {own}")
-            if each.drag == 0 and isinstance(self.coupling, CouplingRecord) and self.coupling.drag > 0:
+            if entry.drag == 0 and isinstance(self.coupling, CouplingRecord) and self.coupling.drag > 0:
                 changes.append("without drag b_0")
-            found.append(f'with criterion = "{each.criterion}" alone: {", ".join(changes) or "the same error"}')
-        return found
+            result.append(f'with criterion = "{entry.criterion}" alone: {", ".join(changes) or "the same error"}')
+        return result
 
     @property
     def limits(self) -> list[str]:
@@ -255,11 +256,11 @@ class DesignRecord(Document):
             return [UNKNOWN_LIMITS]
         prices: dict[str, float] = {}
         places: dict[str, list[float]] = {}
-        for each in self.active:
-            prices[each.demand] = prices.get(each.demand, 0.0) + each.multiplier
-            at, known = places.setdefault(each.demand, []), self._proved_hz(each.demand)
-            if each.hz is not None:
-                hz = known if known is not None and _together(each.hz, known) else each.hz
+        for entry in self.active:
+            prices[entry.demand] = prices.get(entry.demand, 0.0) + entry.multiplier
+            at, proved_hz = places.setdefault(entry.demand, []), self._proved_hz(entry.demand)
+            if entry.hz is not None:
+                hz = proved_hz if proved_hz is not None and _together(entry.hz, proved_hz) else entry.hz
                 at += [] if any(_together(hz, other) for other in at) else [hz]
         dearest = sorted(prices, key=lambda demand: -prices[demand])
         texts = {demand: ", ".join(text(hz, 4) for hz in places[demand]) for demand in dearest}
@@ -290,9 +291,9 @@ class DesignRecord(Document):
         if self.gains is None:
             return {}
         parts = {title: getattr(self, name) for name, title in self.GROUPS.items()}
-        found = {title: list(part.rows(self.units)) for title, part in parts.items() if part is not None}
+        result = {title: list(part.rows(self.units)) for title, part in parts.items() if part is not None}
         if isinstance(self.coupling, SpringRecord):  # an impedance display has no K_p
-            found["gains"] = found["gains"][:1]
+            result["gains"] = result["gains"][:1]
         if self.transparency is not None and not DISPLAYS[self.transparency.display].own_loop:
-            del found["gains"]
-        return found
+            del result["gains"]
+        return result

@@ -185,13 +185,20 @@ def device_text(record: IdentificationRecord) -> str:
 
 
 def _head(record: IdentificationRecord) -> list[str]:
+    """Return the comments at the top of a device file: its sources, warnings and remarks."""
     lines = ["# Identified by `vctune identify` from"]
-    for each in record.recordings:
-        lines.append(f"#   {printable(each.source)}: {each.used} of {each.samples} samples, {each.kind}")
-        of = "response" if each.cutoff_hz is None else record.units.force_name
-        residual = "" if each.residual_share is None else f"residual {each.residual_share:.3%} of the {of}, "
-        lines.append(f"#     {residual}chi2/dof {_short(each.chi2)} with the noise alone, sha256 {each.sha256}")
-    if any(each.low <= 0 for each in record.numbers):
+    for recording in record.recordings:
+        lines.append(
+            f"#   {printable(recording.source)}: {recording.used} of {recording.samples} samples, {recording.kind}"
+        )
+        quantity = "response" if recording.cutoff_hz is None else record.units.force_name
+        residual = (
+            "" if recording.residual_share is None else f"residual {recording.residual_share:.3%} of the {quantity}, "
+        )
+        lines.append(
+            f"#     {residual}chi2/dof {_short(recording.chi2)} with the noise alone, sha256 {recording.sha256}"
+        )
+    if any(recording.low <= 0 for recording in record.numbers):
         lines.append("# What may be 0 is written as plus or minus 99 %, down to a hundredth of its middle.")
     lines += [f"# warning: {printable(warning)}" for warning in record.warnings]
     lines += [f"# {printable(remark)}" for remark in record.remarks]
@@ -242,21 +249,22 @@ def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -
 
 
 def _experiment(record: IdentificationRecord) -> dict[str, Any]:
-    made: dict[str, Any] = {"name": "as identified"}
+    """Return an experiment that the device can follow, with the identified friction and noise."""
+    experiment: dict[str, Any] = {"name": "as identified"}
     bristles: dict[str, float] = {}
     cycles = SceneOperatorTable.model_fields["cycles"].default
     furthest = 0.9 * MOST_SAMPLES * record.sample_time * STROKE["speed"] / (pi * cycles)
     if record.rotary or furthest < STROKE["to"]:
-        made["operator"] = STROKE | {"to": min(STROKE["to"], float(f"{furthest:.2g}"))}
+        experiment["operator"] = STROKE | {"to": min(STROKE["to"], float(f"{furthest:.2g}"))}
     if record.rotary:
         share = float(f"{usual_share(record.device['mass'], 'rotary'):.3g}")
-        made["operator"] |= {"damping": 2.0 * share, "stiffness": 1000.0 * share}
+        experiment["operator"] |= {"damping": 2.0 * share, "stiffness": 1000.0 * share}
         bristles = {"stribeck_velocity": 0.005, "stiffness": 1e5 * share}
     if record.friction is not None:
-        found = record.friction
-        made["friction"] = {"coulomb": found.coulomb} | bristles
-        if found.stiction is not None and found.stribeck_velocity is not None:
-            made["friction"] |= {"stiction": found.stiction, "stribeck_velocity": found.stribeck_velocity}
+        friction = record.friction
+        experiment["friction"] = {"coulomb": friction.coulomb} | bristles
+        if friction.stiction is not None and friction.stribeck_velocity is not None:
+            experiment["friction"] |= {"stiction": friction.stiction, "stribeck_velocity": friction.stribeck_velocity}
     if record.force_noise:
-        made["sensors"] = {"force_noise": record.force_noise}
-    return made
+        experiment["sensors"] = {"force_noise": record.force_noise}
+    return experiment

@@ -49,6 +49,7 @@ def _value(table: dict[str, Any], model: Any, group: str, key: str) -> float | N
 
 
 def _hand(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradiction]:
+    """Yield the contradictions in the hand of an experiment: its stiffness, its changes and its motion."""
     start, end, speed, cycles, damping, stiffness = (
         _value(table, SceneOperatorTable, "operator", key)
         for key in ("from", "to", "speed", "cycles", "damping", "stiffness")
@@ -105,6 +106,7 @@ def _changing(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradict
 
 
 def _rendering(table: dict[str, Any]) -> Iterator[Contradiction]:
+    """Yield the environments and baselines that the simulation does not allow."""
     environment = table.get("environment", {})
     stiffness = _value(table, EnvironmentTable, "environment", "stiffness")
     if isinstance(environment, dict) and environment.get("wall") is True and stiffness == 0:
@@ -140,6 +142,7 @@ def _hardware(table: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _of_servo(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradiction]:
+    """Yield the keys that do not apply to the experiment of a servo."""
     device = raw.get("device")
     if not isinstance(device, dict) or "servo" not in device:
         return

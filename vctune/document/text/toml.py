@@ -120,6 +120,7 @@ class Lines:
         return without + 1
 
     def _beginning(self, count: int) -> dict[str, Any] | None:
+        """Return the first lines of the text, parsed; None if they do not parse."""
         if count not in self._parsed:
             try:
                 self._parsed[count] = tomllib.loads("".join(self._lines[:count]))
@@ -128,6 +129,7 @@ class Lines:
         return self._parsed[count]
 
     def _has(self, count: int, path: KeyPath) -> bool:
+        """Return whether the first lines of the text have a key."""
         node: Any = self._beginning(count)
         for step in path:
             try:

@@ -183,6 +183,7 @@ def _starts(measured: Response, candidate: Candidate) -> list[dict[str, float]]:
 
 
 def _result(task: FitTask, at: Floats, model_errors: Floats, chi2: float) -> ResponseFit:
+    """Return the fit at a point of the search; a number without effect on the residuals has no finite interval."""
     numbers = task.numbers(at)
     device, motor, handle = task.outputs(at)
     to_units = np.array([1 / numbers[name] if name in SCALED else 1.0 for name in task.candidate.names])

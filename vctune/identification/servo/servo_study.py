@@ -282,7 +282,7 @@ def servo_notes(name: str, study: ServoStudy, units: Units) -> list[Note]:
     if fit.jitter > 0.01 * T:
         text = f"{name}: the delay jitters by {fit.jitter:.2g} s from command to command, which its interval includes; "
         notes.append(Note("remark-jitter", f"{text}proofs assume a constant delay"))
-    if not all(fit.bandwidth_is_bounded for fit in study.fits):
+    if not all(servo.bandwidth_is_bounded for servo in study.fits):
         text = f"{name}: shows a latency of {fit.delay.value + fit.lag:.3g} s, and not how much of it is a low-pass: "
         notes.append(Note("remark-latency-only", f"{text}record a sweep up to a tenth of the sampling rate or higher"))
     if abs(fit.gain - 1) > max(SIGNIFICANT * fit.gain_sigma, 2e-3):

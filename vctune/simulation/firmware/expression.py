@@ -124,6 +124,7 @@ def value(term: Term, known: Mapping[Symbol, Number], ops: Arithmetic) -> Number
 
 
 def _operate(operator: Operator, on: list[Number], ops: Arithmetic) -> Number:
+    """Return the value of an operator; only the selected operation is evaluated."""
     evaluated: dict[Operator, Callable[[], Number]] = {
         "+": lambda: on[0] + on[1],
         "-": lambda: on[0] - on[1],
