@@ -149,9 +149,9 @@ def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment,
         raise InputError.of(file.source, "no-experiment", message, key="experiment")
     chosen = tuple(experiment for experiment in experiments if name in (None, experiment.name))
     if not chosen:
-        known = ", ".join(experiment.name for experiment in experiments)
+        names = ", ".join(experiment.name for experiment in experiments)
         raise InputError.of(
-            file.source, "no-experiment", f"none is called {name!r}; there are: {known}", key="experiment"
+            file.source, "no-experiment", f"none is called {name!r}; there are: {names}", key="experiment"
         )
     return chosen
 

@@ -247,9 +247,9 @@ def check_parameters(
         If the parameter file selects an axis that the problem lacks, or an axis of the other kind of motion (a rotation
         for a translation, or the reverse); or if `only` names an axis that the file does not select.
     """
-    parameters, known = read_admittance(path), {axis.name for axis in axes.axes}
+    parameters, axis_names = read_admittance(path), {axis.name for axis in axes.axes}
     selected = [axis.axis for axis in axes_asked_for(path, parameters, only)]
-    if missing := [name for name in selected if name not in known]:
+    if missing := [name for name in selected if name not in axis_names]:
         message = (
             f"selects {', '.join(missing)}, and {axes.axes[0].file.source} has no [[axis]] of that name; write one"
         )

@@ -123,14 +123,14 @@ def read_admittance(path: Path) -> AdmittanceFile:
         raise InputError.of(source, "not-yaml", message, line=None if mark is None else mark.line + 1) from None
     except (ValueError, RecursionError) as error:
         raise InputError.of(source, "not-yaml", f"not valid YAML: {error or 'nested too deeply'}") from None
-    found = list(_controllers(value, ()))
-    if not found and any(_controllers(value, (), "pd_gains")):
+    matches = list(_controllers(value, ()))
+    if not matches and any(_controllers(value, (), "pd_gains")):
         raise InputError.of(source, "ros-other-law", FORWARD_DYNAMICS)
-    if len(found) != 1:
-        known = ", ".join(".".join(place) for place, _ in found)
-        message = f"states {len(found)} controllers with ros__parameters.admittance{f' ({known})' if known else ''}"
+    if len(matches) != 1:
+        known = ", ".join(".".join(place) for place, _ in matches)
+        message = f"states {len(matches)} controllers with ros__parameters.admittance{f' ({known})' if known else ''}"
         raise InputError.of(source, "ambiguous-files", f"{message}; name a file with one")
-    return _Reader(source, *found[0], root).read()
+    return _Reader(source, *matches[0], root).read()
 
 
 def _controllers(
@@ -222,10 +222,10 @@ class _Reader:
         node, line = self._root, None
         for step in (*self._place, *key.split(".")):
             pairs = node.value if hasattr(node, "value") and isinstance(node.value, list) else []
-            found = [(name, entry) for name, entry in pairs if str(name.value) == step]
-            if not found:
+            matches = [(name, entry) for name, entry in pairs if str(name.value) == step]
+            if not matches:
                 return line
-            line, node = found[0][0].start_mark.line + 1, found[0][1]
+            line, node = matches[0][0].start_mark.line + 1, matches[0][1]
         return line
 
 

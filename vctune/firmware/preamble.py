@@ -86,12 +86,12 @@ def _mechanics(device: Device, units: Units) -> str:
         if key != "servo" and getattr(device, key) is not None
     )
     if servo is None:
-        own = f"{device.mass!r} {units.mass} and {device.damping!r} {units.damping}"
-        return f"a linear device of {own} with {listed or 'ideal parts'}"
-    held = "held over a sample" if servo.command == "velocity" else "interpolated linearly over a sample"
+        mass_and_damping = f"{device.mass!r} {units.mass} and {device.damping!r} {units.damping}"
+        return f"a linear device of {mass_and_damping} with {listed or 'ideal parts'}"
+    between_samples = "held over a sample" if servo.command == "velocity" else "interpolated linearly over a sample"
     return (
-        f"a servo that follows the commanded {servo.command}, {held}, {servo.delay!r} s late through a low-pass of "
-        f"order {servo.order} and {servo.bandwidth_hz!r} Hz, and that the hand cannot push, with "
+        f"a servo that follows the commanded {servo.command}, {between_samples}, {servo.delay!r} s late through a "
+        f"low-pass of order {servo.order} and {servo.bandwidth_hz!r} Hz, and that the hand cannot push, with "
         f"{listed or f'an ideal {units.force_name} sensor'}"
     )
 

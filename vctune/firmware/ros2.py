@@ -70,27 +70,29 @@ def ros2_firmware(axes: Sequence[RosAxis]) -> list[Firmware]:
     return made
 
 
-def ros2_files(name: str, axes: Sequence[RosAxis], made: Sequence[Firmware]) -> dict[str, str]:
+def ros2_files(name: str, axes: Sequence[RosAxis], controllers: Sequence[Firmware]) -> dict[str, str]:
     """Return the parameter file, with the proved claims as comments.
 
     Parameters
     ----------
     name : name of the problem
     axes : designs of the axes
-    made : result of `ros2_firmware`
+    controllers : result of `ros2_firmware`
     """
-    told: dict[str, list[str]] = {}
-    for axis, one in zip(axes, made, strict=True):
-        own = [line for line in statement(one) if line and not line.startswith("Controller of ")]
-        told.setdefault("\n".join([*own, _least(one)]), []).append(axis.axis)
+    axes_of_line: dict[str, list[str]] = {}
+    for axis, controller in zip(axes, controllers, strict=True):
+        statement_lines = [line for line in statement(controller) if line and not line.startswith("Controller of ")]
+        axes_of_line.setdefault("\n".join([*statement_lines, _least(controller)]), []).append(axis.axis)
     comments = [f"Parameters of {name} for an admittance_controller of ROS 2, written by vctune {__version__}.", ""]
-    comments += [line for text, names in told.items() for line in (f"{', '.join(names)}:", *text.split("\n"), "")]
+    comments += [
+        line for text, names in axes_of_line.items() for line in (f"{', '.join(names)}:", *text.split("\n"), "")
+    ]
     again = f"vctune check {Path(axes[0].file.source).name} {PARAMETERS} proves it again."
     return {PARAMETERS: admittance_text(_parameters(axes), [*comments, again])}
 
 
-def _least(made: Firmware) -> str:
-    certificate = made.record.certificate
+def _least(controller: Firmware) -> str:
+    certificate = controller.record.certificate
     hands = None if certificate is None else certificate.hands
     return "" if hands is None else f"Least Re Z_c / R {hands.min_ratio:.6g}, as the controller steps it."
 

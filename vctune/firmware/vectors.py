@@ -77,10 +77,10 @@ def usual(problem: Problem) -> tuple[Experiment, ...]:
     limit = 3.0 * share if device.commanded == "force" else None
     spring = Environment(0.0, 0.0, 200.0 * share, 0.0, False, "backward")
     wall = Environment(0.1 * share, 5.0 * share, 20000.0 * share, 0.005, True, "backward")
-    known = Sensors(0.0, 0.0, 0)
+    ideal_sensors = Sensors(0.0, 0.0, 0)
     return (
-        Experiment("spring", spring, hand, None, known, None, None),
-        Experiment("wall", wall, replace(hand, mass=0.1 * share), None, known, limit, None),
+        Experiment("spring", spring, hand, None, ideal_sensors, None, None),
+        Experiment("wall", wall, replace(hand, mass=0.1 * share), None, ideal_sensors, limit, None),
     )
 
 
@@ -113,8 +113,8 @@ def vectors_text(replays: list[Replay], units: Units, commanded: Commanded) -> s
     }
     of = [f"{name}_{unit.lower().replace('/', '_per_').replace(' ', '_')}" for name, unit in measured.items()]
     lines = [",".join(["experiment", *of])]
-    for number, one in enumerate(replays):
-        rows = np.column_stack([one.measured, one.command]).tolist()
+    for number, replay in enumerate(replays):
+        rows = np.column_stack([replay.measured, replay.command]).tolist()
         lines += [f"{number},{','.join(map(repr, row))}" for row in rows]
     return "\n".join(lines) + "\n"
 
@@ -129,34 +129,34 @@ def greatest_difference(firmware: Firmware, replays: list[Replay]) -> float:
     firmware : firmware in single precision
     replays : the simulated runs to replay
     """
-    return max(float(np.abs(commands(firmware, one) - one.command).max()) for one in replays)
+    return max(float(np.abs(commands(firmware, replay) - replay.command).max()) for replay in replays)
 
 
-def commands(firmware: Firmware, one: Replay) -> Floats:
+def commands(firmware: Firmware, replay: Replay) -> Floats:
     """Return the commands of a firmware in its own precision for an experiment's measurements.
 
     Parameters
     ----------
     firmware : firmware with its coefficients
-    one : the replay of the experiment
+    replay : the replay of the experiment
     """
-    start = Start(one.experiment.environment, one.experiment.limit, one.position, one.reference)
+    start = Start(replay.experiment.environment, replay.experiment.limit, replay.position, replay.reference)
     stepped = SteppedFirmware(firmware.parts, firmware.coefficients, start, firmware.precision)
-    return np.array([stepped.command(row) for row in one.measured.tolist()])
+    return np.array([stepped.command(row) for row in replay.measured.tolist()])
 
 
-def experiment_line(one: Replay, parts: Parts) -> str:
+def experiment_line(replay: Replay, parts: Parts) -> str:
     """Return an experiment as an element of the table in replay.c.
 
     Parameters
     ----------
-    one : the replay of the experiment
+    replay : the replay of the experiment
     parts : parts of the firmware, which determine its start values: a position for a differenced velocity, and a limit
     """
-    rendered = one.experiment.environment
+    rendered = replay.experiment.environment
     numbers = [rendered.mass, rendered.damping, rendered.stiffness, rendered.zero]
     flags = ["true" if flag else "false" for flag in (rendered.wall, rendered.rule == "trapezoid")]
-    limit = [one.experiment.limit or 0.0] if parts.limit else []
-    begin = [*([one.position] if parts.difference else []), one.reference, *limit]
-    fields = [f'"{one.experiment.name}"', *map(repr, numbers), *flags, *map(repr, begin), str(len(one.command))]
+    limit = [replay.experiment.limit or 0.0] if parts.limit else []
+    begin = [*([replay.position] if parts.difference else []), replay.reference, *limit]
+    fields = [f'"{replay.experiment.name}"', *map(repr, numbers), *flags, *map(repr, begin), str(len(replay.command))]
     return f"{{{', '.join(fields)}}},"

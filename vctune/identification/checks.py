@@ -68,16 +68,16 @@ def check(recording: Recording, sample_time: float | None, *, servo: bool = Fals
 
 def remarks(recording: Recording) -> list[Note]:
     """Return remarks on a usable recording."""
-    said = []
+    remarks = []
     for role in ("command", "force"):
         if role in recording.channels and (share := _at_limit(recording.channels[role])) > 0:
             header = recording.channels[role].header
             text = f"{header} is at its greatest value in {share:.1%} of the samples: it may be saturated"
-            said.append(Note("remark-saturated", f"{recording.name}: {text}"))
+            remarks.append(Note("remark-saturated", f"{recording.name}: {text}"))
     if recording.ignored:
         text = f"{recording.name}: columns that were not used: {', '.join(recording.ignored)}"
-        said.append(Note("remark-unused", text))
-    return said
+        remarks.append(Note("remark-unused", text))
+    return remarks
 
 
 def _refuse(recording: Recording, faults: list[Mistake]) -> None:

@@ -35,36 +35,36 @@ from vctune.model.numbers.units import UNITS, Units, UnitSystem
 
 
 def identification_record(
-    found: Identified, description: str, versions: Mapping[str, str | None], next_one: Excitation | None
+    identified: Identified, description: str, versions: Mapping[str, str | None], next_one: Excitation | None
 ) -> IdentificationRecord:
     """Return the record of an identification.
 
     Parameters
     ----------
-    found : device, box and studies of the recordings
+    identified : device, box and studies of the recordings
     description : free text from the user
     versions : versions of all software that affects the result
     next_one : a multisine that would reduce the uncertainty; None if the user did not request it
     """
-    rotary = found.records[0].recording.rotary
+    rotary = identified.records[0].recording.rotary
     units: UnitSystem = "rotary" if rotary else "linear"
-    numbers = [_bounded_record(each, UNITS[units]) for each in found.bounds]
-    device = replace(found.device, units=units).with_numbers({each.key: each.value for each in numbers})
+    numbers = [_bounded_record(each, UNITS[units]) for each in identified.bounds]
+    device = replace(identified.device, units=units).with_numbers({each.key: each.value for each in numbers})
     return IdentificationRecord(
-        name=found.name,
+        name=identified.name,
         description=description,
         rotary=rotary,
         sample_time=float(device.sample_time),
         device=table_of(device),
-        assumed=["velocity"] if any(note.code == "remark-assumed-velocity" for note in found.remarks) else [],
+        assumed=["velocity"] if any(note.code == "remark-assumed-velocity" for note in identified.remarks) else [],
         numbers=numbers,
-        unmodelled=[list(point) for point in found.unmodelled],
-        friction=_friction_record(found),
-        force_noise=None if found.force_noise is None else float(f"{found.force_noise:.6g}"),
+        unmodelled=[list(point) for point in identified.unmodelled],
+        friction=_friction_record(identified),
+        force_noise=None if identified.force_noise is None else float(f"{identified.force_noise:.6g}"),
         excitation=None if next_one is None else _excitation_record(next_one),
-        recordings=[_recording_record(study) for study in found.records],
-        warnings=[note.line for note in found.remarks if _is_warning(note)],
-        remarks=[note.line for note in found.remarks if not _is_warning(note)],
+        recordings=[_recording_record(study) for study in identified.records],
+        warnings=[note.line for note in identified.remarks if _is_warning(note)],
+        remarks=[note.line for note in identified.remarks if not _is_warning(note)],
         versions=dict(versions),
     )
 
@@ -236,7 +236,7 @@ def _derived(fit: ResponseFit, units: Units) -> list[NumberRecord]:
     if structure is None or low is None:
         return []
     parts = mechanism(fit.device, structure, FLOATS)
-    found = {
+    identified = {
         "motor mass": parts.motor,
         "handle mass": parts.handle,
         "stiffness": parts.stiffness,
@@ -244,7 +244,7 @@ def _derived(fit: ResponseFit, units: Units) -> list[NumberRecord]:
         "resonance, Hz": structure.frequency_hz,
         f"damping between them, {units.damping}": parts.viscosity,
     }
-    return [_number(name, float(value), None) for name, value in found.items()]
+    return [_number(name, float(value), None) for name, value in identified.items()]
 
 
 def _number(name: str, value: float, sigma: float | None) -> NumberRecord:

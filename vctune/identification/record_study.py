@@ -112,14 +112,14 @@ def _at_least(estimate: Estimate, least: float) -> Estimate:
     return replace(estimate, excess=(max(below, least), max(above, least)))
 
 
-def record_study(recording: Recording, T: float, known: LogMap) -> RecordStudy:
+def record_study(recording: Recording, T: float, log_map: LogMap) -> RecordStudy:
     """Study a recording.
 
     Parameters
     ----------
     recording : a checked recording
     T : sample time, s
-    known : statements of the user about the device
+    log_map : statements of the user about the device
 
     Returns
     -------
@@ -131,13 +131,13 @@ def record_study(recording: Recording, T: float, known: LogMap) -> RecordStudy:
     InputError
         If neither role explains the recording.
     """
-    if known.servo:
+    if log_map.servo:
         study = servo_study(recording, T)
         notes = (*remarks(recording), *servo_notes(recording.name, study, recording.units))
         return _warned(RecordStudy(recording, T, None, None, notes, study))
     if "force" not in recording.channels or "command" in recording.channels:
-        return _warned(_studied(recording, T, known))
-    attempts = {HELD: _attempt(_commanded(recording), T, known), MEASURED: _attempt(recording, T, known)}
+        return _warned(_studied(recording, T, log_map))
+    attempts = {HELD: _attempt(_commanded(recording), T, log_map), MEASURED: _attempt(recording, T, log_map)}
     studies = {role: attempt for role, attempt in attempts.items() if isinstance(attempt, RecordStudy)}
     if not studies:
         raise next(attempt for attempt in attempts.values() if isinstance(attempt, InputError))
@@ -160,24 +160,24 @@ def _commanded(recording: Recording) -> Recording:
     return replace(recording, channels=channels)
 
 
-def _attempt(recording: Recording, T: float, known: LogMap) -> RecordStudy | InputError:
+def _attempt(recording: Recording, T: float, log_map: LogMap) -> RecordStudy | InputError:
     """Return the study of a recording, or the reason why the recording has none."""
     try:
-        return _studied(recording, T, known)
+        return _studied(recording, T, log_map)
     except InputError as error:
         return error
 
 
-def _studied(recording: Recording, T: float, known: LogMap) -> RecordStudy:
+def _studied(recording: Recording, T: float, log_map: LogMap) -> RecordStudy:
     """Return the study of a periodic excitation, or of any motion if the recording has no usable periodic response.
 
     A recording with the force of a hand is studied as any motion.
     """
-    notes, actuator = tuple(remarks(recording)), known_actuator(known)
+    notes, actuator = tuple(remarks(recording)), known_actuator(log_map)
     measured = None if "hand" in recording.channels else response(recording, T)
     fitted = None if measured is None else fit_response(measured, actuator)
     if measured is None or fitted is None:
-        return RecordStudy(recording, T, motion_study(recording, T, actuator, known), None, notes)
+        return RecordStudy(recording, T, motion_study(recording, T, actuator, log_map), None, notes)
     drive = None if measured.drive is None else fit_drive(measured.drive, T)
     return RecordStudy(recording, T, None, PeriodicStudy(measured, *fitted, drive), notes)
 

@@ -73,6 +73,7 @@ def solve(
 def _solve(
     problem: Path, out: Path, *, report: bool, strict: bool, gap: float | None, style: str, quiet: bool, verbose: bool
 ) -> int:
+    """Solve a problem, write and print its design, and return the exit code."""
     from vctune import AxesFile, read_problem_or_axes
     from vctune.api.design_files import write_report, write_solved
     from vctune.api.folders import DESIGN_FILE, design_folder

@@ -121,12 +121,12 @@ def _least_virtual_line(least: LeastVirtualRecord, units: Units) -> str:
     )
 
 
-def print_comparison(found: ComparisonRecord) -> None:
+def print_comparison(comparison: ComparisonRecord) -> None:
     """Print two designs side by side: first the keys in which the problems differ, then both results.
 
     Parameters
     ----------
-    found : comparison, as `vctune compare --json` prints it
+    comparison : comparison, as `vctune compare --json` prints it
     """
     terminal = Console()
     narrow = terminal.is_terminal and terminal.width < WIDE
@@ -138,7 +138,7 @@ def print_comparison(found: ComparisonRecord) -> None:
             heading, no_wrap=not narrow, justify=to, overflow="fold", min_width=LEAST[heading] if narrow else None
         )
     group = ""
-    for row in _compared(found):
+    for row in _compared(comparison):
         if narrow:
             if row[0] != group:
                 table.add_row(f"[dim]{row[0]}[/dim]", "", "", "")
@@ -149,26 +149,26 @@ def print_comparison(found: ComparisonRecord) -> None:
     with console.capture() as page:
         console.print(table)
     console.file.write("".join(f"{line.rstrip()}\n" for line in page.get().splitlines()))
-    sides = {"A": found.a, "B": found.b}
+    sides = {"A": comparison.a, "B": comparison.b}
     for name, side in sides.items():
         if side.reason:
             console.print(escape(f"{name}: {printable(side.reason)}"), soft_wrap=not narrow)
     if terminal.is_terminal:
-        console.print(f"next: {_after_comparison(found)}", soft_wrap=True)
+        console.print(f"next: {_after_comparison(comparison)}", soft_wrap=True)
 
 
-def _compared(found: ComparisonRecord) -> Iterator[tuple[str, str, str, str, str]]:
+def _compared(comparison: ComparisonRecord) -> Iterator[tuple[str, str, str, str, str]]:
     """Yield group, label, both values and unit of each row."""
-    sides = (found.a, found.b)
+    sides = (comparison.a, comparison.b)
     for label, values in (
         ("file", [side.source for side in sides]),
         ("problem", [side.name for side in sides]),
         ("status", [f"{side.status}, idle" if side.idle else side.status for side in sides]),
     ):
         yield "", label, escape(printable(values[0])), escape(printable(values[1])), ""
-    for differs in found.problem:
+    for differs in comparison.problem:
         yield "differs", differs.key, _cell(differs.a), _cell(differs.b), ""
-    for value in found.design:
+    for value in comparison.design:
         a, b = (_cell(each, value.digits) for each in (value.a, value.b))
         yield value.group, escape(value.label), a, b, value.unit
 

@@ -183,9 +183,9 @@ def _compared(title: str, prefix: str, sides: Sequence[tuple[Part | None, Units]
         yield from _compared(title, f"{prefix}.{name}", [(getattr(part, name, None), units) for part, units in sides])
 
 
-def _either(said: Iterable[str]) -> str:
+def _either(texts: Iterable[str]) -> str:
     """Return the text if both designs have the same one, or if only one of them has a text."""
-    return " or ".join(dict.fromkeys(said))
+    return " or ".join(dict.fromkeys(texts))
 
 
 def _scaled(value: Any, shown: Shown) -> Any:

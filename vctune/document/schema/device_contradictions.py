@@ -67,6 +67,7 @@ def _numbers_of_parts() -> Iterator[tuple[str, PartNumber]]:
 
 
 def _filters(device: dict[str, Any]) -> Iterator[Contradiction]:
+    """Yield the faults of the low-passes of the velocity and of the force sensor."""
     for part, number_of_part in _numbers_of_parts():
         table = device.get(part)
         if (

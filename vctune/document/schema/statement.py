@@ -131,6 +131,7 @@ def _edge(omega: float) -> float:
 
 
 def _experiment(experiment: Experiment) -> dict[str, Any]:
+    """Return an experiment as a table, without the keys at their defaults."""
     operator = {key: value for key, value in asdict(experiment.operator).items() if value is not None}
     sensors = asdict(experiment.sensors)
     operator["from"], operator["to"] = operator.pop("start"), operator.pop("end")

@@ -159,6 +159,7 @@ Message = Callable[[Any, dict[str, Any]], str]
 
 
 def _range_messages(model: type[BaseModel], path: KeyPath) -> dict[str, Message]:
+    """Return the messages on values outside a permitted range, by the kind of pydantic's error."""
     return {
         "value_error": lambda value, constraint: str(constraint["error"]),
         "greater_than_equal": lambda value, constraint: (
@@ -183,6 +184,7 @@ def _range_messages(model: type[BaseModel], path: KeyPath) -> dict[str, Message]
 
 
 def _type_messages(model: type[BaseModel], path: KeyPath) -> dict[str, Message]:
+    """Return the messages on values of a wrong type, by the kind of pydantic's error."""
     return {
         "float_type": lambda value, constraint: f"{shown(value)} is not a number{_number(model, path, value)}",
         "int_type": lambda value, constraint: f"{shown(value)} is not a whole number; write one without a point",
@@ -235,6 +237,7 @@ def _or_range(model: type[BaseModel], path: KeyPath) -> str:
 
 
 def _field_at(model: type[BaseModel], path: KeyPath) -> FieldInfo | None:
+    """Return the field of the schema at a path; None if there is no such key."""
     table = _table_at(model, path[:-1])
     fields = table.model_fields.items() if table else ()
     return next((field for name, field in fields if path[-1] == (field.alias or name)), None)
@@ -323,6 +326,7 @@ def _tables(model: type[BaseModel], tagged: KeyPath, tag: KeyPath) -> Iterator[t
 
 
 def _documentation(model: type[BaseModel], path: KeyPath) -> str:
+    """Return what a missing key should state, in the words of its documentation."""
     table = _table_at(model, path[:-1])
     if table is None or not isinstance(path[-1], str):
         return f"write two numbers {_pair(path)}" if isinstance(path[-1], int) else "both min and max are needed"

@@ -254,7 +254,7 @@ def regressors_of(a: Floats, behind: Callable[[str], Floats], names: Sequence[st
     behind : function that returns a column of `WAYS` behind the low-pass
     names : `DIRECTIONAL` or `SYMMETRIC`
     """
-    made: dict[str, Callable[[], Floats]] = {
+    regressor_of: dict[str, Callable[[], Floats]] = {
         "mass": lambda: a,
         "damping": lambda: behind("forwards") + behind("backwards"),
         "damping_forwards": lambda: behind("forwards"),
@@ -264,4 +264,4 @@ def regressors_of(a: Floats, behind: Callable[[str], Floats], names: Sequence[st
         "coulomb_backwards": lambda: -behind("back"),
         "offset": lambda: behind("always"),
     }
-    return (made[name]() for name in names)
+    return (regressor_of[name]() for name in names)

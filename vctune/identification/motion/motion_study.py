@@ -93,11 +93,11 @@ class MotionStudy:
 
     def _excess(self, name: str) -> tuple[float, float]:
         """Return how far the estimates at other cut-offs differ beyond their own spread, below and above."""
-        own, below, above = self.directional.value(name), 0.0, 0.0
+        value, below, above = self.directional.value(name), 0.0, 0.0
         for fit in self.others:
-            beyond = abs(fit.value(name) - own) - 2 * fit.sigma(name) - 2 * self.directional.sigma(name)
+            beyond = abs(fit.value(name) - value) - 2 * fit.sigma(name) - 2 * self.directional.sigma(name)
             if beyond > 0:
-                below, above = (max(below, beyond), above) if fit.value(name) < own else (below, max(above, beyond))
+                below, above = (max(below, beyond), above) if fit.value(name) < value else (below, max(above, beyond))
         return float(below), float(above)
 
     def _dampings(self, text: str) -> list[Estimate]:
@@ -120,7 +120,7 @@ class MotionStudy:
         ]
 
 
-def motion_study(recording: Recording, sample_time: float, actuator: Actuator | None, known: LogMap) -> MotionStudy:
+def motion_study(recording: Recording, sample_time: float, actuator: Actuator | None, log_map: LogMap) -> MotionStudy:
     """Study a recording.
 
     Parameters
@@ -128,7 +128,7 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
     recording : a checked recording
     sample_time : T, s
     actuator : actuator between command and motor; None if it is not known
-    known : log.toml, which may state delays
+    log_map : log.toml, which may state delays
 
     Returns
     -------
@@ -141,7 +141,7 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
         If no mass with friction explains the force.
     """
     signals = signals_of(recording, sample_time, actuator)
-    delays = known_delays(known)
+    delays = known_delays(log_map)
     usable = cutoffs(signals)
     if not usable:
         message = "the encoder's noise hides the acceleration at every cut-off; move faster, or use a finer encoder"
@@ -150,7 +150,7 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
     best = min(fits, key=lambda cutoff: fits[cutoff].sigma("mass"))
     samples = motion_fit(signals, best, DIRECTIONAL, delays)[1]  # again: keeping all takes too much memory
     _check_explained(recording, signals, fits[best], delays)
-    hand, recipe = recording.values("hand"), known.document.classical
+    hand, recipe = recording.values("hand"), log_map.document.classical
     symmetric = motion_fit(signals, best, SYMMETRIC, delays)[0]
     checks = (bootstrap(fits[best], samples), instrumental(signals, fits[best], samples))
     return MotionStudy(

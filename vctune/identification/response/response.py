@@ -99,9 +99,9 @@ def response(recording: Recording, sample_time: float) -> Response | None:
         return None
     omega = np.asarray(2 * np.pi * lines / (period * sample_time), dtype=np.float64)
     pushed = spectra[of]
-    moved = spectra["position"].mean(axis=0)
-    direction = _direction(moved) / pushed.mean(axis=0)
-    speed = float(np.linalg.norm(omega * moved[lines])) * np.sqrt(2) / period
+    mean_lines = spectra["position"].mean(axis=0)
+    direction = _direction(mean_lines) / pushed.mean(axis=0)
+    speed = float(np.linalg.norm(omega * mean_lines[lines])) * np.sqrt(2) / period
 
     def over(role: str, below: str) -> Lines | None:
         if role not in spectra:

@@ -126,10 +126,10 @@ def jitter(left: Floats, encoder: float, lag: float, exposed: Floats, *, is_posi
     if is_position:
         place = np.cumsum(left)
         off = (place - place.mean())[: count * window].reshape(count, window).mean(axis=1)
-        variance, own, share = off**2, encoder**2 / window, exposure_of / window**2
+        variance, encoder_variance, link_share = off**2, encoder**2 / window, exposure_of / window**2
     else:
         variance = left[: count * window].reshape(count, window).sum(axis=1) ** 2
-        own, share = 2 * encoder**2, exposure_of
-    beyond = variance - own
+        encoder_variance, link_share = 2 * encoder**2, exposure_of
+    beyond = variance - encoder_variance
     total, unsure = float(beyond.sum()), float(np.sqrt(np.sum((beyond - beyond.mean()) ** 2)))
-    return float(np.sqrt(total / share.sum())) if total > 3 * unsure > 0 else 0.0
+    return float(np.sqrt(total / link_share.sum())) if total > 3 * unsure > 0 else 0.0
