@@ -294,6 +294,7 @@ def test_an_impedance_display_may_be_stiffer_without_light_tools(tmp_path: Path)
     assert "with every environment of 0.02 to 5 kg, up to 2000 N/m" in passed.stdout
 
 
+@pytest.mark.slow
 def test_the_gains_of_an_impedance_display_are_checked_with_a_box(tmp_path: Path) -> None:
     """Gains that pass with heavy tools are refused with light ones."""
     gains = tmp_path / "gains.toml"
