@@ -88,7 +88,7 @@ def interrupt_noted() -> Iterator[Callable[[], bool]]:
 
 @contextmanager
 def interrupt_deferred() -> Iterator[None]:
-    """Hold SIGINT and SIGTERM back until the block ends, then deliver the first to the previous handler.
+    """Delay SIGINT and SIGTERM until the block ends, and then deliver the first one to the previous handler.
 
     CasADi checks for signals in the middle of its work and turns KeyboardInterrupt into failures of other names.
     """

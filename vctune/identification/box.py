@@ -65,7 +65,7 @@ class Bounded:
     key : key of the number in the device's table
     value : middle of the interval
     low, high : ends of the interval
-    sampled : half-width that the sigma of the least certain estimate alone would give
+    sampled : half-width from the standard deviation of the least certain estimate alone
     limits : reasons for the interval's ends
     estimates : estimates that the interval contains
     """

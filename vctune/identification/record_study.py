@@ -103,7 +103,10 @@ class RecordStudy:
             estimates = periodic_estimates(self.periodic, self.recording.name, self.sample_time)
         # two roles that explain the recording alike differ in the delay, which includes both
         least = DELAY_FLOOR * self.sample_time if self.alike else 0.0
-        return [_at_least(each, least) if each.key == "delay" else each for each in (*estimates, *self.alike)]
+        return [
+            _at_least(estimate, least) if estimate.key == "delay" else estimate
+            for estimate in (*estimates, *self.alike)
+        ]
 
 
 def _at_least(estimate: Estimate, least: float) -> Estimate:
@@ -134,18 +137,18 @@ def record_study(recording: Recording, T: float, log_map: LogMap) -> RecordStudy
     if log_map.servo:
         study = servo_study(recording, T)
         notes = (*remarks(recording), *servo_notes(recording.name, study, recording.units))
-        return _warned(RecordStudy(recording, T, None, None, notes, study))
+        return _with_warning(RecordStudy(recording, T, None, None, notes, study))
     if "force" not in recording.channels or "command" in recording.channels:
-        return _warned(_studied(recording, T, log_map))
+        return _with_warning(_studied(recording, T, log_map))
     attempts = {HELD: _attempt(_commanded(recording), T, log_map), MEASURED: _attempt(recording, T, log_map)}
     studies = {role: attempt for role, attempt in attempts.items() if isinstance(attempt, RecordStudy)}
     if not studies:
         raise next(attempt for attempt in attempts.values() if isinstance(attempt, InputError))
     best, *others = sorted(studies, key=lambda role: studies[role].sharp_chi2)
-    alike = [role for role in others if not _clearly_better(studies[best], studies[role])]
-    remark = Note("remark-force-role", _compared(recording, studies, best, alike))
-    delays = tuple(each for role in alike for each in studies[role].estimates if each.key == "delay")
-    return _warned(replace(studies[best], remarks=(*studies[best].remarks, remark), alike=delays))
+    equal_roles = [role for role in others if not _clearly_better(studies[best], studies[role])]
+    remark = Note("remark-force-role", _force_role_text(recording, studies, best, equal_roles))
+    delays = tuple(estimate for role in equal_roles for estimate in studies[role].estimates if estimate.key == "delay")
+    return _with_warning(replace(studies[best], remarks=(*studies[best].remarks, remark), alike=delays))
 
 
 def _clearly_better(best: RecordStudy, other: RecordStudy) -> bool:
@@ -182,7 +185,9 @@ def _studied(recording: Recording, T: float, log_map: LogMap) -> RecordStudy:
     return RecordStudy(recording, T, None, PeriodicStudy(measured, *fitted, drive), notes)
 
 
-def _compared(recording: Recording, studies: Mapping[str, RecordStudy], best: str, alike: Sequence[str]) -> str:
+def _force_role_text(
+    recording: Recording, studies: Mapping[str, RecordStudy], best: str, equal_roles: Sequence[str]
+) -> str:
     """Return the text of the remark on the role of a force: the residual of each role, and the role that the study
     uses."""
     results = [
@@ -190,11 +195,11 @@ def _compared(recording: Recording, studies: Mapping[str, RecordStudy], best: st
         for role, study in studies.items()
     ]
     text = f"{recording.name}: {recording.channels['force'].header} is taken for a {best}: {'; '.join(results)}"
-    text += "; chi2 does not separate these: the delay includes both" if alike else ""
+    text += "; chi2 does not separate these: the delay includes both" if equal_roles else ""
     return text + ("; what lies between command and force is in no number" if best == MEASURED else "")
 
 
-def _warned(study: RecordStudy) -> RecordStudy:
+def _with_warning(study: RecordStudy) -> RecordStudy:
     """Return a study with a warning if the residual is large."""
     unexplained = study.residual_share
     if unexplained <= POOR:

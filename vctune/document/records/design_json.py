@@ -167,7 +167,7 @@ class DesignRecord(Document):
         "optimality": "optimality",
         "inner_loop": "velocity loop",
     }
-    """The parts that tables show as rows, in order, with their names."""
+    """The parts of the record that a table shows, with their names, in the order of the table."""
 
     problem: ProblemRecord
     status: Literal["certified", "violated", "undecided", "infeasible"]

@@ -92,7 +92,7 @@ class MotionStudy:
         return found
 
     def _excess(self, name: str) -> tuple[float, float]:
-        """Return how far the estimates at other cut-offs differ beyond their own spread, below and above."""
+        """Return how far the estimates at other cut-offs lie below and above this one, beyond their own deviations."""
         value, below, above = self.directional.value(name), 0.0, 0.0
         for fit in self.others:
             beyond = abs(fit.value(name) - value) - 2 * fit.sigma(name) - 2 * self.directional.sigma(name)
