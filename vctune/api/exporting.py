@@ -117,7 +117,7 @@ def require_double(precision: Precision) -> None:
 
 
 def export_parameters(
-    source_name: ProblemFile,
+    named_file: ProblemFile,
     axes: Sequence[RosAxis],
     *,
     unproved: bool = False,
@@ -127,7 +127,7 @@ def export_parameters(
 
     Parameters
     ----------
-    source_name : the problem that gives the export its name
+    named_file : the problem that gives the export its name
     axes : the designs, at least one
     unproved : whether to also export a design that is not proved
     progress : function that receives the current stage
@@ -147,11 +147,11 @@ def export_parameters(
     """
     progress("proving")
     controllers = ros2_firmware(axes)
-    not_certified = [number for number, one in enumerate(controllers) if not certified(one)]
+    not_certified = [number for number, controller in enumerate(controllers) if not certified(controller)]
     first = not_certified[0] if not_certified else 0
     if not_certified and not unproved:
         raise NotCertifiedError(controllers[first], RIGID if axes[first].coupling.damping < inf else "")
-    return Exported(source_name, controllers[first], ros2_files(source_name.problem.name, axes, controllers))
+    return Exported(named_file, controllers[first], ros2_files(named_file.problem.name, axes, controllers))
 
 
 RIGID = (

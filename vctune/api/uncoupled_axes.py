@@ -261,7 +261,7 @@ def check_parameters(
     checks: dict[str, Checked] = {}
     for equal_axes in axes_of_problem.values():
         names = [axis.name for axis in equal_axes]
-        checked = check_admittance(_named(equal_axes[0].file, axes.name), path, parameters, names, progress)
+        checked = check_admittance(_renamed(equal_axes[0].file, axes.name), path, parameters, names, progress)
         # check_admittance returns the checks in the order of the parameter file
         checks |= dict(zip([name for name in selected if name in names], checked, strict=True))
     return [checks[name] for name in selected]
@@ -290,13 +290,13 @@ def _of_axis(checked: Checked, axis: AxisProblem, gains: GainsFile | None) -> Ch
     line = axis.line if gains is None else checked.line
     message, finding = f"{axis.name}: {checked.message}", checked.finding
     if isinstance(finding, DesignFinding):
-        finding = replace(finding, file=_named(finding.file, axis.file.problem.name))
+        finding = replace(finding, file=_renamed(finding.file, axis.file.problem.name))
     else:
         message = f"{source}:{line}: {message}"
     return replace(checked, source=source, name=axis.file.problem.name, message=message, line=line, finding=finding)
 
 
-def _named(file: ProblemFile, name: str) -> ProblemFile:
+def _renamed(file: ProblemFile, name: str) -> ProblemFile:
     """Return a problem file with another name of its problem."""
     return replace(file, problem=replace(file.problem, name=name))
 
@@ -340,8 +340,8 @@ def export_axes(
             RosAxis(axis.name, axis.file, *stated_design(axis.file, _gains_of(gains, axis), None)[1])
             for axis in axes.axes
         ]
-        named = _named(axes.axes[0].file, axes.name)
-        exported = export_parameters(named, designs, unproved=unproved, progress=progress)
+        renamed_file = _renamed(axes.axes[0].file, axes.name)
+        exported = export_parameters(renamed_file, designs, unproved=unproved, progress=progress)
         return [(exported, write_export(exported, out / folder_name(axes.name)))]
 
     def stage_of(axis: AxisProblem) -> Progress:

@@ -66,7 +66,7 @@ def controller_record(firmware: Firmware) -> dict[str, Any]:
         "precision": firmware.precision,
         **({"gains": asdict(firmware.gains)} if firmware.device.kind.own_loop else {}),
         "coupling": asdict(firmware.coupling),
-        "inputs": {equation.name: _described(equation, units) for equation in inputs_of(firmware)},
+        "inputs": {quantity.name: _described(quantity, units) for quantity in inputs_of(firmware)},
         "coefficients": coefficients,
         "settings": settings,
         "state": {name: _described(STATE[name], units) for name in (*state_names(firmware), "inertia")},

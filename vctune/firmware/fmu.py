@@ -164,7 +164,7 @@ def _described(firmware: Firmware) -> dict[str, Any]:
         }
         for reference, (name, quantity, causality, meaning) in enumerate(_reals(firmware))
     ]
-    outputs = [number for number, real in enumerate(variables, 1) if real["causality"] == "output"]
+    outputs = [number for number, variable in enumerate(variables, 1) if variable["causality"] == "output"]
     variables += [
         {
             "name": name,

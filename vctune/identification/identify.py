@@ -131,7 +131,7 @@ def _device(bounds: Sequence[Bounded], log_map: LogMap, T: float) -> Device:
     value = {bounded.key: bounded.value for bounded in bounds}
     parts: dict[str, Any] = {}
     for key, part in PARTS.items():
-        numbers = {bounded.name: value[path] for bounded in part.numbers if (path := f"{key}.{bounded.name}") in value}
+        numbers = {number.name: value[path] for number in part.numbers if (path := f"{key}.{number.name}") in value}
         parts |= {key: part.record(**numbers)} if numbers else {}
     return Device(value["mass"], value["damping"], T, value["delay"], **(parts | known_parts(log_map)))
 
@@ -166,7 +166,7 @@ def _unmodelled(
         for study in studies
         if study.servo is not None and not study.servo.order_is_known
     ]
-    hertz, distances = (np.concatenate([bounded[i] for bounded in pairs] or [np.zeros(0)]) for i in (0, 1))
+    hertz, distances = (np.concatenate([pair[i] for pair in pairs] or [np.zeros(0)]) for i in (0, 1))
     if hertz.size < LEAST_RADII:
         return ()
     order = np.argsort(hertz, kind="stable")
