@@ -1,4 +1,4 @@
-"""Sphinx's configuration of the site; `python docs/make.py` runs it over the pages that `layout.py` lays out."""
+"""Configure Sphinx for the site; `python docs/make.py` runs Sphinx over the pages that `layout.py` writes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ default_role = "literal"
 myst_enable_extensions = ["dollarmath", "html_image"]
 myst_heading_anchors = 4
 myst_links_external_new_tab = False
-suppress_warnings = ["toc.not_included"]  # sources and designs are reached by links alone
+suppress_warnings = ["toc.not_included"]  # only links lead to pages of sources and designs
 highlight_language = "none"
 
 autodoc_preserve_defaults = True
@@ -47,24 +47,26 @@ html_copy_source = False
 
 SECTION = re.compile(r"^[A-Z][a-z]+( [A-Z][a-z]+)*$")
 TAKING = ("Parameters", "Attributes", "Other Parameters")
-"""Sections whose entries are `name : what it is`, with no type: the signature has the types."""
+"""Sections of docstrings whose entries have the form `name : description`, without a type; the signature has the
+types."""
 VERBATIM = re.compile(r"(``?[^`]+``?)")
 
 
 def visit_inline(translator: Any, node: Element) -> None:
-    """Write a formula in a line as MathML, which browsers set without a script."""
+    """Write an inline formula as MathML, which browsers show without a script."""
     translator.body.append(convert(node.astext()))
     raise nodes.SkipNode
 
 
 def visit_display(translator: Any, node: Element) -> None:
-    """Write a formula of its own as MathML in a box that scrolls."""
+    """Write a displayed formula as MathML in a box that scrolls."""
     translator.body.append(f'<div class="formula">{convert(node.astext(), display="block")}</div>')
     raise nodes.SkipNode
 
 
 def plain_docstring(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
-    """Give the entries of a docstring the form that napoleon reads, and its mathematics no meaning in markup."""
+    """Convert the entries of a docstring to the form that napoleon reads, and escape characters that markup would
+    interpret."""
     section = ""
     made: list[str] = []
     for line, below in zip(lines, [*lines[1:], ""], strict=True):
@@ -84,6 +86,6 @@ def _escaped(line: str) -> str:
 
 
 def setup(app: Sphinx) -> None:
-    """Add what the configuration's values cannot say."""
+    """Register the functions of this module with Sphinx."""
     app.add_html_math_renderer("mathml", (visit_inline, None), (visit_display, None))
     app.connect("autodoc-process-docstring", plain_docstring, priority=400)

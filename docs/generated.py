@@ -1,4 +1,5 @@
-"""Pages that are made from the code and from results/: explanations, the library's reference, the gallery's designs."""
+"""Make pages from the code and from results/: explanations, the reference of the library, the designs of the
+gallery."""
 
 from __future__ import annotations
 
@@ -14,18 +15,18 @@ ROOT = Path(__file__).parent.parent
 KINDS = {
     "code": ("codes", "Codes of messages", "Each message of vctune ends with a code in brackets."),
     "key": ("keys", "Keys of files", "The keys of problem files, log files and tables."),
-    "term": ("words", "Words", "What tables, pages and guides call things."),
+    "term": ("words", "Words", "The words of tables, pages and guides."),
     "claim": ("claims", "Claims", "The statements that a certificate proves or refutes."),
 }
 LINK = re.compile(r"\]\((?!#|\w+://)([^)\s]+)")
 LANGUAGES = {".py": "python", ".toml": "toml", ".json": "json"}
 BINARY = (".parquet",)
-"""Files of studies that no page shows."""
+"""Endings of files that no page shows."""
 FIGURE = "![{0}]({0}.svg)"
 
 
 def explanations() -> dict[str, str]:
-    """Return what `vctune explain` knows, a page for each kind of name."""
+    """Return the entries of `vctune explain` as pages, one page for each kind of name."""
     pages = {}
     for kind, (name, title, about) in KINDS.items():
         chosen = [entry for entry in entries() if entry.kind == kind]
@@ -42,14 +43,15 @@ def _head(entry: Entry) -> str:
 
 
 def _moved(entry: Entry) -> str:
-    """Return the text of an entry with links that lead from its page of the site."""
+    """Return the text of an entry, with its links adapted to the entry's page on the site."""
     folder = entry.guide.removesuffix("/README.md")
     text = LINK.sub(lambda found: f"]({relpath(f'{folder}/{found[1]}', 'explain')}", entry.text)
     return re.sub(r"\]\(#", f"](../{entry.guide}#", text)
 
 
 def reference() -> dict[str, str]:
-    """Return the reference of the library from its docstrings: the functions, and what they take and return."""
+    """Return the pages of the library's reference, made from docstrings: one for functions, one for the types of their
+    values."""
     functions = [name for name, home in vctune._HOME.items() if not name[0].isupper()]
     types = [name for name in vctune._HOME if name not in functions]
     return {
@@ -63,17 +65,17 @@ def _reference(title: str, names: list[str], directive: str) -> str:
         members = "\n   :members:" if directive == "autoclass" else ""
         return f"## {name}\n\n```{{eval-rst}}\n.. {directive}:: vctune.{name}{members}\n```\n"
 
-    about = "`from vctune import ...` brings every name here. [The library](../vctune/api/README.md) is their overview."
+    about = "Import every name of this page from `vctune`. [The library](../vctune/api/README.md) gives an overview."
     return "\n".join([f"# {title} of the library\n", about, "", *map(block, sorted(names, key=str.lower))])
 
 
 def source_page(path: Path) -> str:
-    """Return a text file of the repository as a page."""
+    """Return a page for a text file of the repository."""
     return f"# {path.name}\n\n{_fenced(path)}"
 
 
 def folder_page(folder: Path) -> str:
-    """Return a folder of the repository as a page: a design with its figures and files, or a list of files."""
+    """Return a page for a folder of the repository: a design with its figures and files, or a list of files."""
     if not (folder / "gains.toml").exists() and not (folder / "design.json").exists():
         files = sorted(path for path in folder.iterdir() if path.is_file())
         return "\n".join([f"# {folder.name}\n", *map(_listed, files), ""])

@@ -1,4 +1,5 @@
-"""The pages of the site, laid out in one folder for Sphinx: the repository's own Markdown, and what it links to."""
+"""Write the pages of the site into one folder for Sphinx: the Markdown files of the repository, and the files they link
+to."""
 
 from __future__ import annotations
 
@@ -37,18 +38,19 @@ CHAPTERS = {
         "CHANGELOG.md", ".github/CONTRIBUTING.md", ".github/SECURITY.md", "tests/README.md", "docs/README.md",
     ),
 }  # fmt: skip
-"""The contents beside each page. Other pages are reached by links alone."""
+"""The table of contents beside each page, by chapter. Only links lead to the other pages."""
 
 
 @dataclass
 class Layout:
-    """The pages by their paths in the repository, and the pictures that they show."""
+    """The pages of the site by their paths in the repository, and the pictures that they show."""
 
     pages: dict[PurePosixPath, str]
     pictures: set[PurePosixPath] = field(default_factory=set)
 
     def linked(self, page: PurePosixPath) -> str:
-        """Return a page with the links of the site; a page or picture that it needs joins the others."""
+        """Return the text of a page with links to pages of the site, and add the pages and pictures to which it
+        links."""
 
         def moved(found: re.Match[str]) -> str:
             link = found["file"] or found["to"]
@@ -64,7 +66,7 @@ class Layout:
         return LINK.sub(moved, MERMAID.sub(lambda found: _arrows(found[1]), self.pages[page]))
 
     def target(self, to: PurePosixPath) -> PurePosixPath:
-        """Return the page of a file or folder of the repository."""
+        """Return the path of the page for a file or folder of the repository, and add this page if it is new."""
         if (ROOT / to).is_dir():
             page = to / "README.md"
             if page not in self.pages:
@@ -77,7 +79,7 @@ class Layout:
 
 
 def laid_out(target: Path) -> None:
-    """Write every page of the site in an empty folder, with the pictures that it shows.
+    """Write all pages of the site into an empty folder, with the pictures that they show.
 
     Parameters
     ----------
@@ -99,7 +101,7 @@ def laid_out(target: Path) -> None:
 
 
 def whole_files(target: Path) -> None:
-    """Write what the site holds beside its pages: reports as they are, and each tutorial as a notebook.
+    """Write the files of the site besides its pages: the reports, unchanged, and each tutorial as a notebook.
 
     Parameters
     ----------
@@ -113,13 +115,13 @@ def whole_files(target: Path) -> None:
 
 
 def staged(page: PurePosixPath) -> PurePosixPath:
-    """Return where a page stands in the site; no part of its path begins with a dot, which servers hide."""
+    """Return the path of a page on the site. Servers hide names that begin with a dot, so no part of the path does."""
     moved = PurePosixPath(*(part.removeprefix(".") for part in page.parts))
     return PurePosixPath("index.md") if page == FRONT else moved
 
 
 def contents(pages: dict[PurePosixPath, str]) -> str:
-    """Return the table of contents that stands beside each page."""
+    """Return the table of contents that the site shows beside each page."""
     parts = []
     for chapter, patterns in CHAPTERS.items():
         listed = [page for pattern in patterns for page in sorted(pages) if page.match(pattern)]
@@ -143,7 +145,8 @@ def _guides() -> Iterator[Path]:
 
 
 def _arrows(diagram: str) -> str:
-    """Return a diagram, which a browser draws by a script from elsewhere alone, as the table of its arrows."""
+    """Return the arrows of a Mermaid diagram as a table, because a browser needs a script from the network to draw
+    it."""
     names: dict[str, str] = {}
     edges = EDGE.findall(diagram)
     for edge in edges:

@@ -1,4 +1,4 @@
-"""What is wrong with the links of a built site: they lead nowhere, or a page loads something from the network."""
+"""Check the links of a built site: find links without a target, and pages that load something from the network."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 LOADED = {("img", "src"), ("script", "src"), ("link", "href"), ("iframe", "src"), ("source", "srcset")}
-"""What a browser loads to show a page; nothing of it may come from elsewhere."""
+"""Tags and attributes whose targets a browser loads to show a page; all these targets must be files of the site."""
 
 
 class Page(HTMLParser):
-    """The anchors of a page, where it leads and what it loads."""
+    """The anchors of a page, the targets of its links, and the files that it loads."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -21,7 +21,7 @@ class Page(HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Collect what a tag names, leads to and loads."""
+        """Collect the anchor, the link and the loaded file of a tag."""
         for name, value in attrs:
             if value is None:
                 continue
@@ -34,7 +34,7 @@ class Page(HTMLParser):
 
 
 def faults(site: Path) -> list[str]:
-    """Return a line for each link of a site that leads nowhere, and for each page that needs the network.
+    """Return a line of text for each link without a target, and for each page that needs the network.
 
     Parameters
     ----------

@@ -1,4 +1,5 @@
-"""Builds the site: `python docs/make.py FOLDER`. It opens offline; a warning or a link that leads nowhere fails."""
+"""Build the site: `python docs/make.py FOLDER`. A warning, a link without a target or a need for the network is an
+error."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ HERE = Path(__file__).parent
 
 
 def build(target: Path) -> list[str]:
-    """Build the site in a folder and return what is wrong with its links.
+    """Build the site in a folder and return a line of text for each faulty link.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""Tutorials as notebooks: a command of a ```console block is a cell, a ```python block is a cell, the rest is text.
+"""Turn tutorials into notebooks: each command and each block of Python becomes a cell, and the other text stays text.
 
-`python docs/notebooks.py docs/tutorials/NAME.md...` runs each tutorial as a notebook in an empty folder and writes what
-its commands print today behind them. A command begins with "$ ", its further lines with "> ". A cell
-that fails is an error.
+`python docs/notebooks.py docs/tutorials/NAME.md...` runs each tutorial as a notebook in an empty folder, and replaces
+the output below each command in the tutorial. In a ```console block, a command begins with "$ ", and its further lines
+begin with "> ". A cell that fails is an error.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 
 BLOCK = re.compile(r"^```(console|python)\n(.*?)^```\n", re.MULTILINE | re.DOTALL)
 ANSI = re.compile(r"\x1b\[[\d;]*m")
-"""Bold and coloured type, which a kernel asks commands for."""
+"""Escape sequences for bold and coloured text, which commands print in a notebook."""
 COMMAND = re.compile(r"^\$ (.*(?:\n> .*)*)\n?", re.MULTILINE)
 
 
@@ -26,17 +26,17 @@ def as_notebook(text: str) -> str:
 
     Parameters
     ----------
-    text : in Markdown
+    text : the tutorial in Markdown
     """
     return json.dumps(_notebook(text), indent=1) + "\n"
 
 
 def refreshed(text: str) -> str:
-    """Return a tutorial with what its commands print today.
+    """Return a tutorial with the present output of its commands.
 
     Parameters
     ----------
-    text : in Markdown
+    text : the tutorial in Markdown
     """
     printed = iter(_run(_notebook(text)))
 
@@ -70,7 +70,10 @@ def _cell(kind: str, source: str) -> dict[str, Any]:
 
 
 def _run(notebook: dict[str, Any]) -> list[str]:
-    """Return what each cell of code prints, in an empty folder, with this interpreter's commands first."""
+    """Run a notebook in an empty folder, and return the output of each cell of code.
+
+    The commands installed with this Python interpreter take precedence over others.
+    """
     import nbformat
     from nbclient import NotebookClient
 

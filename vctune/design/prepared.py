@@ -24,7 +24,7 @@ class Units:
     ----------
     impedance : Z_0, N s/m
     time : T, s
-    error : the greatest weight, the unit of errors
+    error : unit of the error: the greatest weight of a term that designs can change
     """
 
     impedance: float
@@ -54,19 +54,21 @@ class Units:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posed:
-    """A problem, with the devices at which its constraints are imposed.
+    """A problem, with the devices for which the search imposes its constraints.
 
-    The prover covers the space between the vertices of a box. A device inside the box that the prover refutes joins the
-    devices. Two objects compare equal only if they are the same object, so that results can be cached.
+    The search imposes the constraints at the vertices of an uncertain box; the prover checks every device of the box.
+    If the prover refutes a device inside the box, the exchange imposes the constraints for this device as well. Two
+    objects compare equal only if they are the same object, so functions can cache results by object.
 
     Attributes
     ----------
     problem : problem in SI or in the optimiser's units
-    cases : problems with exactly known devices: the nominal device, for an uncertain device the vertices of its box,
-        and each of these with the other delays for which the constraints hold, too
-    hand_cases : problems of the devices that are evaluated in hands: those of `cases`, with other delays if they matter
-    objective : the devices whose greatest error is the objective
-    box : box of devices for all of which a design is to be proved; None for the problem's own device
+    cases : one problem for each exactly known device: the nominal device, or the vertices of an uncertain box; also the
+        copies of these with a delay beside a whole number of samples, if the constraints must hold there
+    hand_cases : problems of the devices that the search evaluates in hands: those of `cases`, and for an uncertain
+        delay more devices with delays next to whole samples; empty if the problem has no claim in hands
+    objective : problems of the devices whose greatest error is the objective
+    box : box of all devices for which the prover must prove a design; None if the problem has one exactly known device
     demands : the constraints on a design
     span : the part of the stability band that sampling can reach, rad/s
     """
@@ -99,12 +101,14 @@ class Prepared:
 
     @property
     def problem(self) -> Problem:
-        """The problem as given, in SI units."""
+        """The problem of the file, in SI units."""
         return self.given.problem
 
     def on_device(self, device: Device) -> Device:
-        """Return a device of the given problem in the optimiser's units, with its nominal response instead of a
-        disc."""
+        """Return a device of the given problem in the optimiser's units.
+
+        A device without an unmodelled response takes that of the problem's own device.
+        """
         disc = self.problem.device.unmodelled if device.unmodelled is None else device.unmodelled
         return _dimensionless(with_device(self.problem, replace(device, unmodelled=disc)), self.units).device
 
@@ -117,7 +121,7 @@ def prepare(problem: Problem) -> Prepared:
 
 
 def pose(problem: Problem) -> Posed:
-    """Return a problem with its devices and constraints, in its units."""
+    """Return a problem with the devices and constraints that the search needs, in the units of the problem."""
     posed = _posed(problem)
     beside = [_posed(other) for other in problems_beside(problem)]
     return replace(
@@ -128,7 +132,7 @@ def pose(problem: Problem) -> Posed:
 
 
 def with_corner(posed: Posed, corner: float) -> Posed:
-    """Return a posed problem whose walls are proved with a multiplier of a given corner.
+    """Return a copy of a posed problem in which the multiplier for walls has a given corner frequency.
 
     Parameters
     ----------
@@ -140,7 +144,8 @@ def with_corner(posed: Posed, corner: float) -> Posed:
 
 
 def by_resistance(posed: Posed) -> Posed:
-    """Return a posed problem in which the real part alone has to suffice with every environment of its box.
+    """Return a copy of a posed problem in which the margin of the real part alone must be positive for its
+    environments.
 
     Parameters
     ----------
@@ -161,9 +166,10 @@ def _in_worlds(posed: Posed, **changes: Any) -> Posed:
 
 
 def problems_beside(problem: Problem) -> list[Problem]:
-    """Return the problems with the delays on both sides of a whole number of samples, if the delay is near one.
+    """Return copies of a problem with a delay just below and at a whole number of samples, if its delay is near one.
 
-    The range of an uncertain delay is extended to that number instead.
+    The list is empty for an uncertain delay, because vctune extends the range of such a delay to the whole number
+    instead.
     """
     delays = () if problem.uncertainty is None else dict(problem.uncertainty.half_widths)
     if problem.hands_met is None or any(problem.device.number(key) for key in DELAYS if key in delays):
@@ -185,7 +191,7 @@ def _posed(problem: Problem) -> Posed:
 
 
 def compared(posed: Posed) -> Posed:
-    """Return a problem with zero weight on the terms that no design can change. The other terms compare its designs."""
+    """Return a copy of a problem with weight 0 for each term of the error that no design can change."""
     weights = _acting_weights(posed.problem)
     if weights == posed.problem.transparency.weights:
         return posed
@@ -199,9 +205,9 @@ def compared(posed: Posed) -> Posed:
 def acting_terms(problem: Problem) -> tuple[TermName, ...]:
     """Return the terms of the error that have a weight and can differ between designs.
 
-    No design of an impedance display changes how it follows the commanded force. If K_v is fixed, no design changes its
-    free motion either. A rigid impedance display follows the command alike with any K_v. On a servo the coupling alone
-    changes the error. In the mean square the other terms would only hide the effect of the coupling.
+    On an admittance display every term can differ. A rigid impedance display follows the commanded force equally well
+    with any K_v. If K_v is fixed, as on every servo, the term of free motion is also the same for every design. With
+    the norm "rms", such constant terms would hide the effect of the coupling, so the function leaves them out.
     """
     objective, device, fixed = problem.transparency, problem.device, set[str]()
     if not device.kind.banded and objective.norm == "rms" and objective.weights.coupling > 0:
@@ -213,8 +219,8 @@ def acting_terms(problem: Problem) -> tuple[TermName, ...]:
 def of_one_device(problem: Problem) -> Problem | None:
     """Return a problem of an exactly known device with the same feasible couplings; None if there is none.
 
-    An uncertain device has such a counterpart if all that is uncertain moves as one with the hand
-    (`vctune.proof.device_box`) and no loop is closed without the coupling.
+    An uncertain device has such a counterpart if each of its uncertain numbers matters only in sum with the same number
+    of the hand (`vctune.proof.device_box`), and if K_v is 0.
     """
     box = pose(problem).box
     if box is None:
@@ -230,7 +236,7 @@ def with_device(problem: Problem, device: Device) -> Problem:
 
     Parameters
     ----------
-    problem : problem whose device is replaced and whose uncertainty is dropped
+    problem : problem; the result has the other device and no uncertainty
     device : device in the problem's units
     """
     return replace(problem, device=device, uncertainty=None)

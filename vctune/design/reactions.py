@@ -1,7 +1,8 @@
 """Find the environments that put a pole of the loop on the unit circle: a curve for each hand, in double precision.
 
-At each angle theta, in a hand and with a share of the coupling, exactly one Z_e = damping + j reactance brings the loop
-to its limit: -Y, or -1/Y for an impedance display (model/README.md, section 18).
+Consider one angle theta = omega T, one hand and one share of the coupling. Exactly one impedance Z_e = damping + j
+reactance of the environment puts a pole at e^(j theta): Z_e = -Y, or Z_e = -1/Y for an impedance display
+(model/README.md, section 18).
 """
 
 from __future__ import annotations
@@ -30,18 +31,20 @@ Numbers = NDArray[np.intp]
 Marks = NDArray[np.bool_]
 
 SHARES = (0.0, 0.001, 0.01, 0.04, 0.1, 0.2, 0.4, 0.7, 1.0)
-"""Shares of each range at which hands are evaluated."""
+"""Positions in the range of each number of a hand at which the search evaluates hands: 0 is the least value, 1 the
+greatest."""
 INWARDS = 1e-9
-"""Distance by which the least share of a coupling lies within its range, against rounding errors."""
+"""Relative distance of the least evaluated share of the coupling from the end 1/g of its range. The distance protects
+against rounding errors."""
 LOWEST, NEAR = 1e-4, 1e-3
-"""Least angle, and distance of the greatest angle from pi."""
+"""Least angle theta, and distance of the greatest angle from pi, rad."""
 COARSE, FINE = 160, 400
-"""Number of angles that are evaluated first, and number of angles where some environment puts a pole."""
+"""Number of angles of the first grid, and number of angles of the fine grid where some environment puts a pole."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reactions:
-    """The environments that put a pole on the unit circle, along curves over the angle.
+    """The environments that put a pole on the unit circle, as curves with the angle as parameter.
 
     Attributes
     ----------
@@ -61,7 +64,7 @@ class Reactions:
     reactance: Floats
 
     def curves(self, at: Numbers) -> Reactions:
-        """Return some of the curves."""
+        """Return the curves with the given indices."""
         hands = self.hands.mapped(itemgetter(at))
         return Reactions(
             self.theta, self.u, self.device[at], hands, self.share[at], self.damping[at], self.reactance[at]
@@ -76,38 +79,39 @@ def reactions(
     factor: float,
     shares: tuple[float, ...] = SHARES,
 ) -> Reactions:
-    """Return the outermost curves, at the angles where environments with damping put poles.
+    """Return the outermost curves, at the angles where an environment with damping >= 0 puts a pole.
 
     Parameters
     ----------
     devices : devices with plain numbers and one sample time
     hands : the box of hands
     gains, coupling : a design with plain numbers
-    factor : g; the function evaluates the shares 1/g and 1 of the coupling, and one halfway
-    shares : shares of each range of hands
+    factor : safety factor g; the function evaluates the shares 1/g and 1 of the coupling, and the share halfway between
+    shares : positions in each range of the hands, from 0 to 1
     """
     theta = np.geomspace(LOWEST, pi - NEAR, COARSE)
-    first = _over(devices, hands, gains, coupling, factor, shares, theta)
-    bad = np.any(first.damping >= 0, axis=0)
-    if not bad.any():
-        return first.curves(np.zeros(0, np.intp))
-    kept = first.curves(_farthest(first))
-    wide = bad | np.append(bad[1:], False) | np.append(False, bad[:-1])
+    coarse = _over(devices, hands, gains, coupling, factor, shares, theta)
+    with_pole = np.any(coarse.damping >= 0, axis=0)
+    if not with_pole.any():
+        return coarse.curves(np.zeros(0, np.intp))
+    outermost = coarse.curves(_farthest(coarse))
+    wide = with_pole | np.append(with_pole[1:], False) | np.append(False, with_pole[:-1])
     near = np.interp(np.linspace(0, wide.sum() - 1, FINE), np.arange(wide.sum()), np.log(theta[wide]))
     fine = np.unique(np.append(np.exp(near), theta[wide]))
-    return _along(devices, kept, gains, coupling, fine)
+    return _along(devices, outermost, gains, coupling, fine)
 
 
-def _farthest(found: Reactions) -> Numbers:
-    """Return the curves that are outermost at some angle: in damping, or in reactance on either side."""
-    bad = found.damping >= 0
-    ahead = [
-        np.where(bad, found.damping, -np.inf),
-        np.where(bad, found.reactance, -np.inf),
-        np.where(bad, -found.reactance, -np.inf),
+def _farthest(curves: Reactions) -> Numbers:
+    """Return the indices of the curves that have, at some angle, the greatest damping or the greatest or least
+    reactance."""
+    with_pole = curves.damping >= 0
+    outwards = [
+        np.where(with_pole, curves.damping, -np.inf),
+        np.where(with_pole, curves.reactance, -np.inf),
+        np.where(with_pole, -curves.reactance, -np.inf),
     ]
-    first = np.concatenate([np.argmax(each, axis=0)[bad.any(axis=0)] for each in ahead])
-    return np.unique(first)
+    best = np.concatenate([np.argmax(values, axis=0)[with_pole.any(axis=0)] for values in outwards])
+    return np.unique(best)
 
 
 def _over(
@@ -131,8 +135,8 @@ def _over(
 def _along(
     devices: Sequence[Device], curves: Reactions, gains: Gains, coupling: AnyCoupling, theta: Floats
 ) -> Reactions:
-    """Return these curves at other angles."""
-    met = np.empty((curves.share.size, theta.size), complex)
+    """Return curves of the same devices, hands and shares of the coupling at other angles."""
+    environment = np.empty((curves.share.size, theta.size), complex)
     for k in np.unique(curves.device).astype(int):
         check_time()
         device, at = devices[k], np.flatnonzero(curves.device == k)
@@ -141,25 +145,25 @@ def _along(
         s, share, T = np.sin(theta / 2), curves.share[at, None], device.sample_time
         reaction = -(seen.lost / seen.size) - 1j * seen.swing / (s * seen.size)
         if isinstance(coupling, SpringDamper):
-            given = spring_damper_admittance(coupling, T, firmware_filter(device, theta, FLOATS), theta, FLOATS)
-            met[at] = -1 / (share * (given.re + 1j * given.im) + s * s * reaction)
+            admittance = spring_damper_admittance(coupling, T, firmware_filter(device, theta, FLOATS), theta, FLOATS)
+            environment[at] = -1 / (share * (admittance.re + 1j * admittance.im) + s * s * reaction)
         else:
             Z_c = coupling_impedance(series_coupling(coupling), 2 / T * np.tan(theta / 2))
-            met[at] = -(share * (Z_c.re + 1j * Z_c.im) + reaction)
+            environment[at] = -(share * (Z_c.re + 1j * Z_c.im) + reaction)
     u = 2 / devices[0].sample_time * np.tan(theta / 2)
-    damping = np.where(np.isfinite(met), met.real, -np.inf)
-    return Reactions(theta, u, curves.device, curves.hands, curves.share, damping, np.nan_to_num(met.imag))
+    damping = np.where(np.isfinite(environment), environment.real, -np.inf)
+    return Reactions(theta, u, curves.device, curves.hands, curves.share, damping, np.nan_to_num(environment.imag))
 
 
 @dataclass(frozen=True, slots=True)
 class LimitPoints:
-    """The points of curves at which environments with enough damping put poles, run by run.
+    """The points of curves whose damping exceeds a limit, in runs of neighbouring angles on one curve.
 
     Attributes
     ----------
-    curve, angle : numbers of the curve and of the angle, shape (n,)
-    u, damping, reactance : values at these points
-    starts : indices at which a new run begins
+    curve, angle : indices of the curve and of the angle, shape (n,)
+    u, damping, reactance : (2/T) tan(theta/2), rad/s, and the environment's damping and reactance, N s/m
+    starts : indices of the points at which a new run begins
     """
 
     curve: Numbers
@@ -171,12 +175,12 @@ class LimitPoints:
 
     @classmethod
     def of(cls, curves: Reactions, least: float) -> LimitPoints:
-        """Return the points with enough damping.
+        """Return the points whose damping exceeds a limit.
 
         Parameters
         ----------
         curves : curves on which the points lie
-        least : damping that the points exceed, N s/m
+        least : the limit, N s/m
         """
         curve, angle = np.nonzero(curves.damping > least)
         new = np.ones(curve.size, bool)
@@ -186,25 +190,29 @@ class LimitPoints:
 
     @classmethod
     def with_edges(cls, curves: Reactions, least: float) -> LimitPoints:
-        """Return these points, and the points between two angles where a curve has exactly the least damping.
+        """Return the points of `of`, and the points between two angles where the damping of a curve equals the limit.
 
         Parameters
         ----------
         curves, least : see `of`
         """
-        points, more = cls.of(curves, least), curves.damping > least
-        curve, angle = np.nonzero(more[:, 1:] != more[:, :-1])
+        points, exceeds = cls.of(curves, least), curves.damping > least
+        curve, angle = np.nonzero(exceeds[:, 1:] != exceeds[:, :-1])
         first, last = curves.damping[curve, angle], curves.damping[curve, angle + 1]
         with np.errstate(all="ignore"):
             share = np.nan_to_num((least - first) / (last - first))
 
-        def there(values: Floats) -> Floats:
+        def at_edge(values: Floats) -> Floats:
             return np.asarray(values[..., 0] + share * (values[..., 1] - values[..., 0]))
 
         beside = np.stack((angle, angle + 1), axis=1)
-        added = there(curves.u[beside]), np.full(curve.size, least), there(curves.reactance[curve[:, None], beside])
-        known = points.u, points.damping, points.reactance
-        u, damping, reactance = (np.append(old, new) for old, new in zip(known, added, strict=True))
+        edge_values = (
+            at_edge(curves.u[beside]),
+            np.full(curve.size, least),
+            at_edge(curves.reactance[curve[:, None], beside]),
+        )
+        point_values = points.u, points.damping, points.reactance
+        u, damping, reactance = (np.append(old, new) for old, new in zip(point_values, edge_values, strict=True))
         runs = points.curve.size + np.arange(curve.size)
         return cls(
             np.append(points.curve, curve),
@@ -216,7 +224,8 @@ class LimitPoints:
         )
 
     def hit(self, low: Floats, high: Floats) -> Marks:
-        """Return the boxes of environments that contain an environment with a pole at one of the points.
+        """Return a flag for each box of environments: whether it contains an environment with a pole at one of the
+        points.
 
         Parameters
         ----------
@@ -227,11 +236,12 @@ class LimitPoints:
         return np.any(enough & (self.reactance >= least) & (self.reactance <= most), axis=1)
 
     def between(self, low: Floats, high: Floats) -> list[tuple[int, int, int] | None]:
-        """Return for each box a curve and two of its angles between which every member has a pole; None without such.
+        """Return for each box a curve and two of its angles between which every member has a pole; None if there are
+        none.
 
         Parameters
         ----------
-        low, high : least and greatest numbers of the boxes, shape (3, n)
+        low, high : least and greatest mass, damping and stiffness of the boxes, shape (3, n)
         """
         if not self.starts.size:
             return [None] * low.shape[1]
@@ -242,7 +252,7 @@ class LimitPoints:
         return [self._nearest(over[cell], under[cell], runs[both[cell]].tolist()) for cell in range(low.shape[1])]
 
     def _nearest(self, over: Marks, under: Marks, runs: Sequence[Sequence[int]]) -> tuple[int, int, int] | None:
-        """Return the two neighbouring points of a run, on different sides, between which the damping is greatest."""
+        """Return the two points of a run on opposite sides of a box between which the least damping is greatest."""
         best, found = -inf, None
         for start, end in runs:
             flagged = start + np.flatnonzero(over[start:end] | under[start:end])
@@ -258,20 +268,20 @@ class LimitPoints:
 
         Parameters
         ----------
-        low, high : mass, damping and stiffness, shape (3,); the greatest stiffness does not count
+        low, high : mass, damping and stiffness, shape (3,); the function ignores the greatest stiffness
         """
-        met = (self.damping >= low[1]) & (self.reactance <= high[0] * self.u - low[2] / self.u)
-        return float(np.min((low[0] * self.u - self.reactance)[met] * self.u[met], initial=inf))
+        with_pole = (self.damping >= low[1]) & (self.reactance <= high[0] * self.u - low[2] / self.u)
+        return float(np.min((low[0] * self.u - self.reactance)[with_pole] * self.u[with_pole], initial=inf))
 
     def lightest(self, low: Floats, high: Floats) -> float:
         """Return the least mass above which no environment of a box has a pole.
 
         Parameters
         ----------
-        low, high : mass, damping and stiffness, shape (3,); the least mass does not count
+        low, high : mass, damping and stiffness, shape (3,); the function ignores the least mass
         """
-        met = (self.damping >= low[1]) & (self.reactance <= high[0] * self.u - low[2] / self.u)
-        return float(np.max((self.reactance + high[2] / self.u)[met] / self.u[met], initial=0.0))
+        with_pole = (self.damping >= low[1]) & (self.reactance <= high[0] * self.u - low[2] / self.u)
+        return float(np.max((self.reactance + high[2] / self.u)[with_pole] / self.u[with_pole], initial=0.0))
 
     def _reactances(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
         """Return the least and the greatest reactance of boxes at the points, shape (boxes, n)."""

@@ -23,15 +23,16 @@ from vctune.proof.engine.boxes import Integers
 from vctune.running import OutOfTimeError
 
 AT_ONCE = 64
-"""Number of cells that are compared with all curves together; their arrays fit into memory."""
+"""Number of cells that the search compares with all curves at once, so that the arrays fit into memory."""
 
 RESERVES = (5e-3, 0.03, 0.1)
-"""Shares by which the proof stays away from a limit in double precision: the first, and larger ones if the first is not
-proved. Closer limits take more boxes."""
+"""Relative distances between the value to prove and the limit in double precision. vctune tries the next distance if
+the proof fails with the one before. A smaller distance needs more boxes."""
 DIGITS = 3
 """Number of significant digits of a stated limit."""
 WORTH = 0.01
-"""Share by which a limit must exceed what is already proved to be worth a proof of its own."""
+"""Relative distance by which a limit must exceed the value that is already proved; otherwise vctune does not prove
+it."""
 MASS, STIFFNESS = 0, 2
 
 
@@ -40,19 +41,20 @@ Between = tuple[int, int, int]
 
 
 def in_hands(problem: Problem) -> Problem:
-    """Return a problem that requires every hand of its box and every passive environment."""
+    """Return a problem that requires stability in every hand of its box with every passive environment."""
     return replace(problem, stability=replace(problem.stability, criterion="hands"), worlds=None)
 
 
 @dataclass(frozen=True, slots=True)
 class Rendered:
-    """A design, prepared to prove environments in every hand of its problem.
+    """A design, prepared for proofs of its stability with boxes of environments in every hand of its problem.
 
     Attributes
     ----------
     gains, coupling : the design
     demands : constraints for the device itself
-    loops : open boxes of each problem: that of the device, and those of delays next to a whole sample
+    loops : boxes of hands in which the environment decides, for the problem and for its copies with a delay next to a
+        whole sample
     devices : devices on which the search looks for witnesses
     curves : curves along which environments have poles, in double precision
     """
@@ -66,20 +68,20 @@ class Rendered:
 
     @property
     def every(self) -> bool:
-        """Whether every environment is proved."""
+        """Whether the design is proved stable with every passive environment."""
         return all(loop.nothing for loop in self.loops)
 
     def proves(self, low: Floats, high: Floats) -> bool:
-        """Return whether one box of environments is proved.
+        """Return whether the design is proved stable with each environment of one box.
 
         Parameters
         ----------
-        low, high : its least and greatest numbers, shape (3,)
+        low, high : least and greatest mass, damping and stiffness, shape (3,)
         """
         return self.every or bool(self.proved(met(low[:, None], high[:, None]))[0])
 
     def proved(self, cells: WorldCells) -> Flags:
-        """Return which boxes of environments are proved."""
+        """Return for which boxes of environments the design is proved stable."""
         proved = np.ones(len(cells), bool)
         for loop in self.loops:
             at = np.flatnonzero(proved)
@@ -87,11 +89,11 @@ class Rendered:
         return proved
 
     def refuted(self, missed: WorldCells, found: Sequence[Between]) -> Flags:
-        """Return which boxes are refuted by the curves and angles that were found for them.
+        """Return a flag for each box: whether its curve and its two angles provably refute every member.
 
         Parameters
         ----------
-        missed : see `refuted_in_worlds`
+        missed : boxes of environments; see `refuted_in_worlds`
         found : a curve and two angles for each box, from `estimated`
         """
         refuted = np.zeros(len(missed), bool)
@@ -116,9 +118,9 @@ class Rendered:
 
         Returns
         -------
-        hopeful : whether nothing was found that refutes the box, shape (n,)
-        lost : indices of the boxes each of whose members is refuted
-        between : the curve and the two angles that refute them
+        hopeful : flags of the boxes in which no point of a curve lies, shape (n,)
+        lost : indices of the boxes for which a curve seems to refute every member
+        between : the curve and the two angles, for each box of `lost`
         """
         hopeful, found = np.ones(len(cells), bool), dict[int, Between]()
         points = LimitPoints.of(self.curves, float(cells.low[1].min(initial=inf)))
@@ -136,7 +138,7 @@ class Rendered:
 
 
 def rendered(problem: Problem, gains: Gains, coupling: AnyCoupling, damping: float = 0.0) -> Rendered:
-    """Return a design, prepared to prove environments in every hand of its problem.
+    """Return a design, prepared for proofs of its stability with boxes of environments in every hand of its problem.
 
     Parameters
     ----------
@@ -168,7 +170,7 @@ def met(low: Floats, high: Floats) -> WorldCells:
 
     Parameters
     ----------
-    low, high : least and greatest mass, damping and stiffness, shape (3, n); the greatest damping does not count
+    low, high : least and greatest mass, damping and stiffness, shape (3, n); the function ignores the greatest damping
     """
     most = high.copy()
     most[1] = inf
@@ -176,7 +178,7 @@ def met(low: Floats, high: Floats) -> WorldCells:
 
 
 def rendered_record(problem: Problem, judgement: Judgement) -> RenderedRecord | None:
-    """Return the stiffest spring and the lightest tool that are proved for a design in every hand.
+    """Return the stiffest spring and the lightest tool with which a design is proved stable in every hand.
 
     Parameters
     ----------
@@ -186,8 +188,8 @@ def rendered_record(problem: Problem, judgement: Judgement) -> RenderedRecord | 
     Returns
     -------
     RenderedRecord or None
-        None if the problem states no environments, if these run late or by Euler's rules, or if the time limit ends the
-        proof.
+        None if the problem states no environments, if its environments run late or by Euler's rules, or if the time
+        limit ends the proof.
     """
     worlds, certified = problem.worlds, judgement.status is Status.CERTIFIED
     if problem.hands_met is None or worlds is None or not worlds.lossless:
@@ -216,14 +218,14 @@ def rendered_record(problem: Problem, judgement: Judgement) -> RenderedRecord | 
 def _ends_beyond(
     points: LimitPoints, low: Floats, high: Floats, number: int, known: float | None
 ) -> list[tuple[float, Floats, Floats]]:
-    """Return the greatest stiffnesses, or the least masses, to prove, each with the whole box that it gives.
+    """Return the stiffnesses or the masses to prove, one for each reserve, each with the box of environments up to it.
 
     Parameters
     ----------
     points : points at which environments have poles, in double precision
     low, high : the box
     number : `STIFFNESS` or `MASS`
-    known : limit that is already proved and must be exceeded; None without one
+    known : value that is already proved; the function returns only better values. None if none is proved
     """
     stiff, found = number == STIFFNESS, []
     if not stiff and high[MASS] == 0:

@@ -35,7 +35,7 @@ class Solution:
     peak_tracked : whether the tracked peak of |S| stayed within its limits
     iterations : number of IPOPT iterations
     others : the other unknowns: log frequencies of tracked peaks, and the epigraph variable if there is one
-    multipliers : multipliers of the used constraints in the order of the NLP; negative where a lower bound binds
+    multipliers : Lagrange multipliers of the constraints in the order of the NLP; negative if a lower bound is active
     """
 
     z: Floats
@@ -63,11 +63,12 @@ class Round:
 
 @dataclass(frozen=True, slots=True)
 class Polished:
-    """A local optimum in dimensionless units that meets the constraints at every frequency, in double precision.
+    """A local optimum in dimensionless units that meets the constraints at every frequency in double precision,
+    unproved.
 
     Attributes
     ----------
-    start : the start that led to it
+    start : the start from which the exchange reached the optimum
     values : the numbers of the design
     error : transparency error
     structure, working_set, solution : the last NLP, its working set, and the point at which IPOPT stopped
@@ -89,8 +90,9 @@ class Polished:
 class Repair:
     """A change of one number of the problem file that makes a design possible, while 90 % of the change does not.
 
-    If the number is 0, any other value may suffice; the repair is then a small value. A given number of a design does
-    not change as little as possible, but to the value with the least error, or back to that of the solved design.
+    If the old number is 0, any other value may suffice, and the repair is then a small value. If the number is a gain
+    of a given design, the repair is not the least change: it is the value with the least error, or the value of the
+    solved design.
 
     Attributes
     ----------
@@ -98,7 +100,7 @@ class Repair:
     old, new : old and new value, in the unit of the file; 1 and 0 for true and false
     change : meaning of the change, in words
     needs : the new line of the file, in TOML
-    size : change relative to the greater of both values; among repairs with the same error the smallest comes first
+    size : change relative to the greater of both values; orders repairs with the same error
     error : transparency error of the repaired design
     """
 
@@ -123,13 +125,13 @@ class Repair:
 
 @dataclass(frozen=True, slots=True)
 class Price:
-    """The value of improving one number of the device while everything else of the problem stays.
+    """The effect on the least error of improving one number of the device while the rest of the problem stays the same.
 
     Attributes
     ----------
     key : key of the number in the problem file
     old, new : the value, and a value that is better by a hundredth, in SI units and hertz
-    change : first-order change of the least error, relative to it; at most 0
+    change : first-order change of the least error as a share of this error; at most 0
     """
 
     key: str
@@ -145,7 +147,7 @@ class Alternative:
     Attributes
     ----------
     criterion : "hands" or "passive"
-    error : error of its design
+    error : error of the best design under this criterion
     stiffness : stiffness of an impedance display's coupling, N/m
     drag : drag of an admittance display's coupling, N s/m
     """
@@ -164,16 +166,17 @@ class Solved:
     ----------
     problem : the problem
     judgement : judgement of the best design; None without a design
-    polished : the local optimum that was rounded to the design; None if nothing was optimised
+    polished : the local optimum before rounding; None if the optimiser did not find the design
     optima : number of local optima
     infeasibility : reason why there is no design; else None
     scanned : result of the scan; None without a scan
     seconds : seconds by stage
     optimality : proved bound on the error of any design; None if not requested
-    nominal_error : error of the best design for the nominal device alone, not proved; None if no device is uncertain
+    nominal_error : error of the best design for the nominal device alone, not proved; None if the device is not
+        uncertain
     repairs : changes of the problem that would make a design possible; None if not requested
-    alternatives : errors that either criterion alone would permit; None if there is one criterion or if not requested
-    prices : values of a better device, the greatest gain first; None if not requested or without an optimum
+    alternatives : least errors under each criterion alone; None if the problem has one criterion or if not requested
+    prices : prices of the device's numbers, the greatest gain first; None if not requested or without an optimum
     cut : stages that the time limit cut short, in words
     """
 
@@ -201,7 +204,7 @@ class Solved:
 
     @property
     def known(self) -> str:
-        """The outcome in two words: the status, and the error of the design."""
+        """The outcome in words: the status and, if there is a design, its error."""
         judgement = self.judgement
         return self.status.value if judgement is None else f"{self.status.value} with error {judgement.error:.3g}"
 
@@ -243,7 +246,7 @@ class Solved:
 
     @property
     def reason(self) -> str | None:
-        """Why there is no design, with the best repair; for a given design, by how much it fails."""
+        """The reason why there is no design, with the best repair; for a given design, the amount by which it fails."""
         if self.infeasibility is None:
             return self.judgement.reserve_missed if self.judgement else None
         if self.repairs:

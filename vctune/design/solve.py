@@ -27,46 +27,54 @@ if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality, SearchState
 
 BOUND = "the search of every box"
-"""Name of another stage that a time limit may cut short."""
+"""Name of the search of every box among the stages that a time limit may cut short."""
 SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
-"""Number of boxes in the search for a design, or for the proof that there is none, if the optimiser found none; all
-devices at which a box is evaluated share it. It takes as long as somebody waits for an answer. Half as many boxes prove
-fewer problems infeasible, twice as many a few more. SEARCH_GAP is the gap at which the search accepts a design, 1 %."""
+"""SEARCH_BOXES is the greatest number of boxes in the search of every box, which runs if the optimiser finds no design.
+
+If the search evaluates each box on several devices, it divides this number by the number of devices. The search then
+takes about as long as a user waits for an answer. With half as many boxes it proves fewer problems infeasible; with
+twice as many it proves only a few more. SEARCH_GAP is the gap at which the search accepts a design: 1 %.
+"""
 STABILITY_BOXES = 1_500_000
-"""Number of boxes in proofs that loops are stable or unstable, which take a tenth of the time each. Searches of
-problems/ take about as many as lower bounds. A loop that is sampled once in half an hour takes a hundred times as many
-and never ends. Half and twice as many take half and twice as long to give up."""
+"""Greatest number of boxes in the proofs that loops are stable or unstable. Each of these boxes takes a tenth of the
+time of a box with a lower bound. The problems of problems/ need about as many stability boxes as boxes with a lower
+bound. A loop with a sample time of half an hour needs more than a hundred times as many. Half or twice this number
+takes half or twice the time before the search ends without a result."""
 EARLY_BOXES = 20_000
-"""Number of boxes in a first proof that there is no design, before the optimiser tries an infeasible problem: a small
-share of `SEARCH_BOXES`. Nothing is lost, since the later search continues where this one ended."""
+"""Greatest number of boxes in a first search, which tries to prove that there is no design before the optimiser runs.
+This number is a small share of `SEARCH_BOXES`. The later search continues where the first one ended, so no work is
+lost.
+"""
 BOUND_BOXES = 20_000_000
-"""Number of boxes in the search for a required bound, in practice unlimited. Ctrl-C or a time limit ends the search
-earlier and leaves the bound reached."""
+"""Greatest number of boxes in the search for a bound that the user requested; in practice there is no limit. If Ctrl-C
+or a time limit ends the search earlier, the result has the bound reached so far."""
 
 
 @np.errstate(all="ignore")
 def solve(
     problem: Problem, progress: Progress = lambda stage: None, *, gap: float | None = None, exhaustive: bool = True
 ) -> Solved:
-    """Find the most transparent feasible design and prove it. If the problem fixes every number, judge that design.
+    """Find the most transparent feasible design and prove it. If the problem fixes every number of a design, judge this
+    one.
 
     If the optimiser finds no design, a search over all designs (`vctune.design.bound`) finds one, proves that there is
-    none, or gives up. If the device is uncertain, the function also solves for the nominal device alone. That design is
-    a start, and its error shows the cost of robustness.
+    none, or ends without a result. If the device is uncertain, the function also solves the problem for the nominal
+    device alone. This nominal design is one more start, and its error shows the cost of robustness.
 
     Parameters
     ----------
     problem : problem in SI units
     progress : function that receives the current stage
-    gap : prove that no design has an error that is lower by more than this share; None for no such proof
-    exhaustive : whether to search every box if the optimiser finds no design
+    gap : share of the error; the function proves that no design has a lower error by more than this share. None for no
+        such proof
+    exhaustive : whether to search every box if the optimiser finds no design, or if `gap` is given
 
     Returns
     -------
     Solved
-        The design with its certificate, or the reason why there is none, in SI units. Repairs are not included. At the
-        end of the time limit it is the best design so far with its proved claims, and `cut` names the stages that were
-        cut.
+        The design with its certificate, or the reason why there is none, in SI units. The function does not search for
+        repairs. If the time limit ends the work, the result is the best design so far with its proved claims, and `cut`
+        names the stages that the time limit cut short.
     """
     began = perf_counter()
     if problem.bounds.fixed:
@@ -88,7 +96,7 @@ def _found(problem: Problem, progress: Progress, gap: float | None, *, exhaustiv
     Raises
     ------
     OutOfTimeError
-        If the time limit ends the work before anything is known.
+        If the time limit ends the work before the search has any result.
     """
     began = perf_counter()
     progress("scanning")
@@ -96,7 +104,7 @@ def _found(problem: Problem, progress: Progress, gap: float | None, *, exhaustiv
     scanned = scan(prepared.scaled)
     seconds = {"scan": perf_counter() - began}
     admissible = any(start.admissible for start in scanned.starts)
-    exhaustive &= problem.worlds is None or gap is not None  # a bound with environments proves few problems infeasible
+    exhaustive &= problem.worlds is None or gap is not None  # with environments, the bound is weak
     early = _early(prepared) if exhaustive and not admissible else None
     if early is not None and early.proved:
         seconds["bound"] = perf_counter() - began - seconds["scan"]
@@ -132,7 +140,7 @@ def _found(problem: Problem, progress: Progress, gap: float | None, *, exhaustiv
 
 
 def _early(prepared: Prepared) -> Optimality:
-    """Search the boxes for a short while: if the scan found no feasible point, there may be no design."""
+    """Search the boxes for a short time, to prove that there is no design if the scan found no feasible point."""
     from vctune.design.bound.search import bound
 
     share = EARLY_BOXES / SEARCH_BOXES
@@ -149,7 +157,7 @@ def _early(prepared: Prepared) -> Optimality:
 def _searched(
     prepared: Prepared, solved: Solved, progress: Progress, gap: float | None, resume: ResumeState | None
 ) -> Solved:
-    """Search the remaining boxes, or all of them, for a design if there is none, or for a bound if one is required."""
+    """Search the remaining boxes for a design if the optimiser found none, or for the bound that the user requested."""
     from vctune.design.bound.search import bound
 
     began = perf_counter()

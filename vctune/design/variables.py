@@ -12,10 +12,13 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.problem import Problem, Range
 
 Point = tuple[float, ...]
-"""The numbers K_v, K_p, b_c, m_c, b_0, followed with walls by the corner w_c of the multiplier that proves them; for an
-impedance display K_v, K_p (which is 0), b_c, k_c."""
+"""The numbers of a design in their order.
+
+For an admittance display or a servo they are K_v, K_p, b_c, m_c and b_0. With walls, the corner frequency w_c of the
+multiplier follows. For an impedance display they are K_v, K_p (always 0), b_c and k_c.
+"""
 CORNER = 5
-"""Index of the corner."""
+"""Index of the corner frequency w_c in a `Point`."""
 
 
 def keys_for(problem: Problem) -> tuple[str, ...]:
@@ -24,7 +27,7 @@ def keys_for(problem: Problem) -> tuple[str, ...]:
 
 
 def point(gains: Gains, coupling: AnyCoupling) -> Point:
-    """Return the numbers of a design in their order.
+    """Return the numbers of a design in the order of `Point`.
 
     Parameters
     ----------
@@ -44,7 +47,7 @@ def coupling_from(values: Sequence[Number]) -> AnyCoupling:
 
 
 def ranges(problem: Problem) -> tuple[Range, ...]:
-    """Return the ranges of a design's numbers in their order."""
+    """Return the ranges of a design's numbers in the order of `Point`."""
     return tuple(getattr(problem.bounds, name) for name in problem.device.kind.names)
 
 
@@ -56,7 +59,7 @@ class Coordinate:
     ----------
     index : index of the variable among a design's numbers
     name : name of the variable
-    scale : 0, or the size below which x hardly matters, so that x = 0 is an ordinary point
+    scale : 0, or the size below which changes of x hardly affect a design; with a scale > 0, x = 0 has a finite z
     low, high : bounds of z
     """
 
@@ -76,7 +79,7 @@ class Coordinate:
 
 
 def coordinates(problem: Problem, *, integrator: bool) -> tuple[Coordinate, ...]:
-    """Return the coordinates of the free variables of a dimensionless problem; K_p is included only with an integrator.
+    """Return the coordinates of the free variables of a dimensionless problem, with K_p only if there is an integrator.
 
     Parameters
     ----------
@@ -86,7 +89,7 @@ def coordinates(problem: Problem, *, integrator: bool) -> tuple[Coordinate, ...]
     Returns
     -------
     tuple of Coordinate
-        In the order of a design's numbers, without the fixed ones; the corner comes last if it is free.
+        The coordinates in the order of `Point`, without fixed variables.
     """
     device = problem.device
     loop_impedance = device.mass / device.loop_lag + device.damping

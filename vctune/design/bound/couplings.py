@@ -1,8 +1,8 @@
-"""The coupling of a display in the bound: its response, its greatest values, and how much of it the hand feels.
+"""Bound the couplings of a box of designs: their least elements, and their least share in the error.
 
-A coupling has two elements. More of each is safer, but the hand feels more of it. The elements are b_c and m_c, or
-1/k_c and 1/b_c for an impedance display. The constraints and the bounds of the variables leave a least value of both to
-each box (design/bound/README.md, section 1).
+A coupling has two elements: b_c and m_c, or 1/k_c and 1/b_c for an impedance display. If an element grows, the
+constraints are easier to meet, but the error grows. The constraints and the bounds of the variables determine a least
+value of both elements in each box (design/bound/README.md, section 1).
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 
 @dataclass(frozen=True, slots=True)
 class LeastCoupling:
-    """Lower bounds on the couplings of each box from the conditions, as arrays of shape (boxes,).
+    """Lower bounds on the elements of the couplings in each box, as arrays of shape (boxes,).
 
     Attributes
     ----------
     first, second : the least b_c and m_c; for an impedance display the least 1/k_c and 1/b_c
-    none : boxes whose conditions permit no coupling
+    none : flags of the boxes whose conditions permit no coupling
     """
 
     first: Floats
@@ -40,19 +40,22 @@ class LeastCoupling:
 
 
 class Offer(Protocol):
-    """The response that couplings offer at some places."""
+    """The resistance Re Z_c of couplings at some places, or Re(1/Z_c)/s^2 for an impedance display."""
 
     def least_elements(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
-        """Return the least first and second element that offer 1 without drag, both of shape (boxes, places)."""
+        """Return the least first and the least second element of couplings whose resistance without drag is 1.
+
+        Both arrays have the shape (boxes, places).
+        """
 
 
 def elements_for(required: Floats, offer: Offer, boxes: DesignBoxes) -> tuple[Floats, Floats]:
-    """Return the least first and second element at each place, shape (boxes, places).
+    """Return the least first and second element with which couplings can have a required resistance, at each place.
 
     Parameters
     ----------
-    required : lower bound of what the coupling has to offer, its drag included, shape (boxes, places)
-    offer : offer of the couplings at these places
+    required : lower bound of the required resistance of the coupling with its drag, shape (boxes, places)
+    offer : resistance of the couplings at these places
     boxes : n boxes of designs
     """
     needed = np.maximum(required - boxes.high[B_0][:, None], 0.0)
@@ -75,7 +78,7 @@ class Couplings(Protocol):
         """Return the least and the greatest ratio of the second element to the first in each box."""
 
     def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
-        """Return a lower bound of the coupling's weighted share of the squared error, over all designs of each box.
+        """Return a lower bound of the coupling's weighted term of the squared error, over all designs of each box.
 
         Parameters
         ----------
@@ -85,9 +88,8 @@ class Couplings(Protocol):
         Returns
         -------
         array of float
-            Dimensionless. For norm "rms", the mean over the band, shape (n, devices), or (n, 1) if all devices have the
-            same.
-                For "peak", the share of the error at each frequency, shape (n, frequencies).
+            The bound, dimensionless. For norm "rms" it is the mean over the band, shape (n, devices), or (n, 1) if all
+            devices have the same mean. For "peak" it has a value for each frequency, shape (n, frequencies).
         """
 
 
@@ -98,7 +100,7 @@ class SeriesCouplings:
     Attributes
     ----------
     problem : problem in SI units
-    omega : frequencies at which the error is evaluated, rad/s; None for its mean
+    omega : frequencies of the error, rad/s; None for its mean
     """
 
     problem: Problem
@@ -120,10 +122,11 @@ class SeriesCouplings:
         return boxes.low[TAU_C], boxes.high[TAU_C]
 
     def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
-        """Return a lower bound of |Z_c|^2 = b_0^2 + 2 b_0 b_c s + b_c^2 s, s = x^2/(1 + x^2) or its mean, weighted.
+        """Return a lower bound of the weighted |Z_c|^2 = b_0^2 + 2 b_0 b_c s + b_c^2 s, or of its mean over the band.
 
-        The number s grows with tau_c, and s/tau_c^2 falls. Expressed by b_c, the last term is therefore least at the
-        least tau_c; expressed by m_c, it is least at the greatest tau_c. The bound is the larger of both.
+        Here s is x^2/(1 + x^2), or the mean of this number over the band; s grows with tau_c, and s/tau_c^2 falls. With
+        a fixed b_c, the last term is therefore least at the least tau_c; with a fixed m_c = b_c tau_c, it is least at
+        the greatest tau_c. The function uses the larger of both values.
 
         Parameters
         ----------
@@ -133,7 +136,7 @@ class SeriesCouplings:
         Returns
         -------
         array of float
-            Dimensionless, shape (n, frequencies), or (n, 1) for the mean.
+            The bound, dimensionless, shape (n, frequencies), or (n, 1) for the mean.
         """
         b_c, m_c, b_0 = (each[:, None] for each in (least.first, least.second, boxes.low[B_0]))
         shortest, longest = (edge[TAU_C][:, None] for edge in (boxes.low, boxes.high))
@@ -143,7 +146,8 @@ class SeriesCouplings:
         return np.asarray((wanted.weights.coupling / wanted.reference_impedance) ** 2 * (b_0 * b_0 + coupled))
 
     def _transmitted(self, tau_c: Floats) -> Floats:
-        """Return x^2/(1 + x^2), or its mean over log frequency. Without drag it is |Z_c/b_c|^2 and Re Z_c/b_c."""
+        """Return x^2/(1 + x^2), or its mean over log frequency. Without drag, both |Z_c/b_c|^2 and Re Z_c/b_c have this
+        value."""
         if self.omega is not None:
             x2 = np.square(self.omega * tau_c)
             return np.asarray(x2 / (1 + x2))
@@ -154,7 +158,7 @@ class SeriesCouplings:
 
 @dataclass(frozen=True, slots=True)
 class SeriesOffer:
-    """The offer Re Z_c at omega; in hands omega is (2/T) tan(theta/2).
+    """The resistance Re Z_c at omega. In the sampled loop omega is (2/T) tan(theta/2).
 
     Attributes
     ----------
@@ -180,8 +184,8 @@ class SpringDampers:
     Attributes
     ----------
     problem : problem in SI units
-    compliance : |1/Z_c|^2, weighted, as a function of boxes of b_c and k_c, at frequencies or over intervals
-    devices : number of devices whose intervals follow one another in the mean; None for frequencies
+    compliance : weighted |1/Z_c|^2 as a function of boxes of b_c and k_c, at frequencies or over intervals
+    devices : number of devices, whose intervals follow one another; None if `compliance` is at frequencies
     """
 
     problem: Problem
@@ -200,13 +204,14 @@ class SpringDampers:
 
     @staticmethod
     def ratio(boxes: DesignBoxes) -> tuple[Floats, Floats]:
-        """Return the least and the greatest k_c/b_c; inf without damping."""
+        """Return the least and the greatest k_c/b_c; inf if b_c is 0."""
         with np.errstate(divide="ignore"):
             return 1 / boxes.high[TAU_C], 1 / boxes.low[TAU_C]
 
     def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
-        """Return a lower bound of |1/Z_c|^2, weighted. |Z_c|^2 is convex and has its maximum at a vertex of b_c and
-        k_c.
+        """Return a lower bound of the weighted |1/Z_c|^2.
+
+        |Z_c|^2 is a convex function of b_c and k_c, so its greatest value over a box is at a vertex.
 
         Parameters
         ----------
@@ -216,7 +221,7 @@ class SpringDampers:
         Returns
         -------
         array of float
-            Dimensionless, shape (n, frequencies), or (n, devices) for the mean.
+            The bound, dimensionless, shape (n, frequencies), or (n, devices) for the mean.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             k_c, b_c = 1 / least.first, 1 / least.second
@@ -232,11 +237,13 @@ def _inverse(range_: Range) -> Range:
 
 @dataclass(frozen=True, slots=True)
 class SpringOffer:
-    """The offer Re(1/Z_c)/s^2 at some angles, (a_0 + a_1 tau)/(b_0 + b_1 tau + b_2 tau^2) per k_c, with tau = b_c/k_c.
+    """Re(1/Z_c)/s^2 of spring-dampers at some angles theta, with s = sin(theta/2) and tau = b_c/k_c.
+
+    For k_c = 1 it is (a_0 + a_1 tau)/(b_0 + b_1 tau + b_2 tau^2).
 
     Attributes
     ----------
-    stiff, damped : the 1/k_c and the 1/b_c that offer 1, as functions of boxes of tau
+    stiff, damped : the 1/k_c and the 1/b_c for which Re(1/Z_c)/s^2 = 1, as functions of boxes of tau
     best_time_constant : tau with the least 1/k_c, s, shape (places,)
     """
 
@@ -245,7 +252,7 @@ class SpringOffer:
     best_time_constant: Floats
 
     def least_elements(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
-        """Return the least 1/k_c and 1/b_c that offer 1; inf if the box offers nothing."""
+        """Return the least 1/k_c and 1/b_c for which Re(1/Z_c)/s^2 = 1; inf if it is positive nowhere in the box."""
         low, high = boxes.low[TAU_C], boxes.high[TAU_C]
         of_tau = DesignBoxes(np.stack((low, 0 * low)), np.stack((high, 0 * high)))
         nearest = np.clip(self.best_time_constant, low[:, None], high[:, None])
@@ -260,7 +267,7 @@ class SpringOffer:
 
 
 def spring_offer(devices: Sequence[Device], angles: Sequence[Floats]) -> SpringOffer:
-    """Return the offer Re(1/Z_c)/s^2 of spring-dampers as a function of tau = b_c/k_c, at angles of several devices.
+    """Return Re(1/Z_c)/s^2 of spring-dampers as a function of tau = b_c/k_c, at angles of several devices.
 
     Parameters
     ----------
@@ -270,7 +277,7 @@ def spring_offer(devices: Sequence[Device], angles: Sequence[Floats]) -> SpringO
     Returns
     -------
     SpringOffer
-        The offer at the angles of all devices, one device after another.
+        The function at the angles of all devices, one device after another.
     """
     each = []
     for device, theta in zip(devices, angles, strict=True):

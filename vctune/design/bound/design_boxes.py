@@ -1,4 +1,4 @@
-"""Boxes of designs, and how the search halves them."""
+"""Represent boxes of designs, and halve them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class DesignBoxes:
         return int(self.low.shape[1])
 
     def subset(self, at: NDArray[np.intp] | Flags) -> DesignBoxes:
-        """Return some of the boxes."""
+        """Return the boxes with the given indices or flags."""
         return DesignBoxes(self.low[:, at], self.high[:, at])
 
 
@@ -38,7 +38,7 @@ class Axis:
     Attributes
     ----------
     low, high : range of the variable
-    scale : 0; or, for a variable that may be 0, the size below which it hardly matters
+    scale : 0; or, for a variable that may be 0, the size below which changes of the variable hardly affect a design
     """
 
     low: float
@@ -46,7 +46,7 @@ class Axis:
     scale: float
 
     def middle(self, low: Floats, high: Floats) -> Floats:
-        """Return the points where intervals are halved.
+        """Return the points at which the search halves intervals: the middles in the coordinate.
 
         Parameters
         ----------
@@ -55,7 +55,7 @@ class Axis:
         Returns
         -------
         array of float
-            In the unit of the variable, shape (n,).
+            The points, in the unit of the variable, shape (n,).
         """
         if self.scale == 0:
             return np.clip(np.sqrt(low) * np.sqrt(high), low, high)
@@ -114,7 +114,7 @@ def halves(axis: Axis, row: int, boxes: DesignBoxes) -> tuple[DesignBoxes, Desig
 
     Parameters
     ----------
-    axis : axis along which the boxes are halved
+    axis : axis along which the function halves the boxes
     row : row of the axis in `DesignBoxes`
     boxes : n boxes
 

@@ -1,10 +1,9 @@
-"""Bound what hands require of the coupling in the sampled loop, over boxes of gains (design/bound/README.md, section
-1).
+"""Bound R in hands in the sampled loop from below, over boxes of gains (design/bound/README.md, section 1).
 
 In a hand, F and P are affine in the gains; their constants depend on the angle and the hand
-(`vctune.model.sampled.hand_loop`). So both sides of |F|^2 Re Z_c >= factor (-o/2) are quadratic in the gains. In any
-passive hand on an impedance display both sides are quadratic in K_v (`vctune.model.sampled.any_hand`). The bound is
-valid for any set of places.
+(`vctune.model.sampled.hand_loop`). Both sides of |F|^2 Re Z_c >= factor (-o/2) are therefore quadratic in the gains. In
+any passive hand on an impedance display, both sides are quadratic in K_v (`vctune.model.sampled.any_hand`). The bound
+is valid for any set of places. A place is an angle with a hand, or an angle for any passive hand.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from vctune.proof.enclosures.array_intervals import Enclosure, Flags, Floats, de
 from vctune.proof.enclosures.jets import ENCLOSURES
 
 NO_GAINS = Gains(0.0, 0.0)
-"""Gains of a device without a loop of its own."""
+"""Gains with which the code evaluates the parts of a loop that do not depend on the gains."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +39,7 @@ class SampledConditions:
 
     Attributes
     ----------
-    offer : offer of the couplings at these places
+    offer : resistance of the couplings at these places
     required : R; for an impedance display R/s^2
     """
 
@@ -53,16 +52,16 @@ class SampledConditions:
         Parameters
         ----------
         boxes : n boxes of designs
-        factor : factor by which the coupling must exceed what is required
+        factor : safety factor, the least permitted ratio of Re Z_c to R
         """
         R, none = self.least_required(boxes)
         return *elements_for(factor * R, self.offer, boxes), none
 
     def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
-        """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes that permit no coupling.
+        """Return a lower bound of R, at least 0, shape (boxes, places), and the boxes that permit no coupling.
 
-        In such a box the denominator of R is negative throughout at some place: a passive hand makes the loop of K_v
-        alone unstable.
+        A box permits no coupling if the denominator of R is negative for all its gains at some place. A passive hand
+        then makes the loop of K_v alone unstable.
         """
         middle = 0.5 * (boxes.low + boxes.high)
         K_v, K_p = middle[K_V][:, None], middle[K_P][:, None]
@@ -123,7 +122,7 @@ def angles_of(device: Device, omega: Floats) -> Floats:
 def _conditions(
     devices: Sequence[Device], angles: list[Floats], each: list[tuple[Coefficients, Coefficients]]
 ) -> SampledConditions:
-    """Return the constraint, given the coefficients of R's numerator and denominator for each device."""
+    """Return the constraint on the coupling from the coefficients of R's numerator and denominator for each device."""
     lost, size = (joined([coefficients[k] for coefficients in each]) for k in (0, 1))
     offer: Offer
     if devices[0].kind.inverse:
@@ -137,7 +136,7 @@ def _conditions(
 def coefficients_in_hands(
     device: Device, theta: Floats, hands: Hand
 ) -> tuple[Coefficients, Coefficients, Coefficients]:
-    """Return the coefficients of -o/2, |F|^2 and e/2.
+    """Return the coefficients of -o/2, |F|^2 and e/2 as quadratics in the gains (model/README.md, section 14).
 
     Parameters
     ----------
@@ -160,7 +159,7 @@ def coefficients_in_hands(
         position = form(at.position) if isinstance(at, LoopInHand) else None
         return Affine(form(at.open), form(at.velocity), position)
 
-    # o in P conj F = e + j s o is Im(P conj F) with s = 1: `parts` omits s, `true` includes it
+    # P conj F = e + j s o: without the factor s in each number (`parts`) its imaginary part is o, with s (`true`) s o
     split, whole = loop(parts), loop(true)
 
     def seen(form: Callable[[EvenOdd], Pair]) -> Affine:

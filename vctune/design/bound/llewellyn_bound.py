@@ -1,4 +1,4 @@
-"""Llewellyn's conditions at some frequencies, bounded over boxes of gains (design/bound/README.md, section 1)."""
+"""Bound Llewellyn's conditions at some frequencies over boxes of gains (design/bound/README.md, section 1)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class LlewellynConditions:
 
     Attributes
     ----------
-    offer : offer of the couplings at these frequencies
+    offer : resistance of the couplings at these frequencies
     D2, C2, P, resistance : |D|^2, |C|^2, Re(C conj D) and the loop's resistance, rounded up
     operator_relief : 2 b_h Re(C conj N), rounded up; None without an operator
     D2_low, C2_low : |D|^2 and |C|^2, rounded down
@@ -49,16 +49,16 @@ class LlewellynConditions:
         Parameters
         ----------
         boxes : n boxes of designs
-        factor : factor by which the coupling must exceed what is required
+        factor : safety factor, the least permitted ratio of Re Z_c to R
         """
         R, none = self.least_required(boxes)
         return *elements_for(factor * R, self.offer, boxes), none
 
     def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
-        """Return a lower bound of R where it is positive, shape (boxes, frequencies), and the boxes that permit no
-        loop.
+        """Return a lower bound of R, at least 0, shape (boxes, frequencies), and the boxes that permit no coupling.
 
-        R is (excess - relief)/(2 r) with the loop's resistance r. In such a box r is positive nowhere.
+        R is (excess - relief)/(2 r) with the loop's resistance r. A box permits no coupling if r is positive for none
+        of its gains at some frequency.
         """
         im = np.maximum(np.maximum(self.im_low.least(boxes), -self.im_high.greatest(boxes)), 0.0) * (1 - GUARD)
         resistance, P = self.resistance.greatest(boxes), self.P.greatest(boxes)
@@ -92,7 +92,7 @@ def _conditions(device: Device, omega: Floats) -> LlewellynConditions:
     at, crossed = loop_at(device, omega), device.velocity is not None
     C2, D2 = (quadratic(re_conj_product, part, part, crossed=crossed) for part in (at.C, at.D))
     im = quadratic(im_conj_product, at.C, at.D, crossed=crossed)
-    if device.ideal:  # the product of C with itself contributes rounding errors only
+    if device.ideal:  # C conj C is real, so its share is only a rounding error
         im = im[0], im[1], None, None
     return LlewellynConditions(
         SeriesOffer(omega),

@@ -1,4 +1,4 @@
-"""Lower bounds on the error of the designs of a box, from a relaxation of their problem.
+"""Compute lower bounds on the error of the designs of a box, from a relaxation of their problem.
 
 See model/README.md, section 8; design/bound/README.md, section 1.
 """
@@ -27,8 +27,8 @@ class LowerBounds:
     Attributes
     ----------
     error : a lower bound on the error of the feasible designs; inf if no design is feasible
-    infeasibility : a lower bound of the greatest of |S| and the coupling's elements relative to their limits; above 1
-        no design is feasible
+    infeasibility : a lower bound of the greatest of |S| and the coupling's elements, each divided by its limit; if it
+        is above 1, no design is feasible
     """
 
     error: Floats
@@ -47,7 +47,7 @@ def lower_bounds(relaxed: Relaxation, boxes: DesignBoxes) -> LowerBounds:
     Returns
     -------
     LowerBounds
-        Both arrays have shape (n,); the error is inf if no design of a box is feasible.
+        Two arrays of shape (n,). The bound on the error is inf if no design of a box is feasible.
     """
     problem, objective = relaxed.problem, relaxed.objective
     couplings, least = objective.couplings, least_coupling(relaxed, boxes)
@@ -64,7 +64,7 @@ def lower_bounds(relaxed: Relaxation, boxes: DesignBoxes) -> LowerBounds:
 
 
 def _sensitivity_over_limit(relaxed: Relaxation, boxes: DesignBoxes) -> Floats:
-    """Return a lower bound of |S| divided by its limit."""
+    """Return a lower bound of the greatest |S|, divided by its limit."""
     limit = relaxed.problem.stability.max_sensitivity
     S2: Floats = relaxed.sensitivity.least(boxes).max(axis=1)
     return np.sqrt(S2) / limit * (1 - GUARD)
@@ -74,7 +74,7 @@ def without_integrator(problem: Problem, boxes: DesignBoxes) -> Flags:
     """Return the boxes in which no feasible design has K_p > 0, because b_0 lies below R at omega = 0.
 
     With k = K_v - tau K_p, the limit of R is ((b + tau_s K_p)^2 - 4 b_h k)/(4 (b + b_h + k))
-    (`vctune.model.loop.limits`). This holds if the device has no structure, and if it is ideal or has no operator.
+    (`vctune.model.loop.limits`). This formula holds for a device without a structure that is ideal or has no operator.
 
     Parameters
     ----------
@@ -84,7 +84,8 @@ def without_integrator(problem: Problem, boxes: DesignBoxes) -> Flags:
     Returns
     -------
     array of bool
-        Shape (n,). All False if the problem does not require the limit, or if the limit is not known.
+        Flags of the boxes, shape (n,). All flags are False if the problem does not require the limit, or if no formula
+        is known.
     """
     device = problem.device
     beyond = device.structure is not None or (device.operator is not None and not device.ideal)
@@ -109,7 +110,7 @@ def least_coupling(relaxed: Relaxation, boxes: DesignBoxes) -> LeastCoupling:
     Returns
     -------
     LeastCoupling
-        Its arrays have the shape (n,).
+        Lower bounds on the elements, shape (n,).
     """
     of, none = relaxed.objective.couplings, np.zeros(len(boxes), bool)
     lowest, highest = of.ratio(boxes)

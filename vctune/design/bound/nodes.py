@@ -13,7 +13,7 @@ from vctune.proof.enclosures.array_intervals import Flags, Floats
 
 @dataclass(frozen=True, slots=True)
 class OpenNodes:
-    """Boxes that are not yet decided.
+    """Boxes that the search has neither pruned nor halved.
 
     Attributes
     ----------
@@ -30,7 +30,7 @@ class OpenNodes:
         return len(self.bound)
 
     def subset(self, which: Flags) -> OpenNodes:
-        """Return some of the nodes."""
+        """Return the nodes with the given flags."""
         return OpenNodes(self.boxes.subset(which), self.bound[which], self.stable[which])
 
     @property
@@ -40,7 +40,7 @@ class OpenNodes:
 
 
 def root(axes: tuple[Axis, ...]) -> OpenNodes:
-    """Return the node of all designs."""
+    """Return the single node whose box contains all designs."""
     return OpenNodes(all_designs(axes), np.zeros(1), np.zeros(1, bool))
 
 

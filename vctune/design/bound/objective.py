@@ -1,8 +1,9 @@
-"""The error of the designs of a box, term by term, bounded from below (design/bound/README.md, section 1).
+"""Bound the error of the designs of a box from below, term by term (design/bound/README.md, section 1).
 
-Every term is a quotient of expressions that are affine in two numbers: |X|^2/|Y|^2 in the gains, and 1/|Z_c|^2 in b_c
-and k_c. Let X_0 be X without gains. By Cauchy and Schwarz, the mean of |X|^2/|Y|^2 over an interval is at least
-|integral of X conj X_0|^2/(integral of |X_0|^2 |Y|^2). Arb encloses these integrals of known functions.
+Every term is a quotient |X|^2/|Y|^2. X and Y are affine functions of the gains, or of b_c and k_c for the term
+1/|Z_c|^2. Let X_0 be the value of X if both gains are 0. By the inequality of Cauchy and Schwarz, the mean of
+|X|^2/|Y|^2 over an interval is at least |integral of X conj X_0|^2/(integral of |X_0|^2 |Y|^2). Arb encloses the
+coefficients of both integrals.
 """
 
 from __future__ import annotations
@@ -42,8 +43,8 @@ from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.running import check_time
 
 PRECISION = 2.0**-44
-"""Relative precision of the integrals, 6e-14, about the size of `GUARD`. Half and twice this precision change the bound
-by as much, and the time by one node of Gauss's rule."""
+"""Relative precision of the integrals, 6e-14, about the size of `GUARD`. Half and twice this number change the bound by
+about the same share, and change the number of nodes of Gauss's rule by one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,9 +54,9 @@ class Objective:
     Attributes
     ----------
     admittance, tracking : the two terms of the loop
-    couplings : couplings, whose share is the third term
-    omega : frequencies at which the error is evaluated for norm "peak", rad/s; None for "rms"
-    devices : number of devices; the objective is the greatest of their errors, and their terms follow one another
+    couplings : the couplings, which give the third term
+    omega : frequencies of the error for norm "peak", rad/s; None for "rms"
+    devices : number of devices, whose terms follow one another; the objective is the greatest of their errors
     """
 
     admittance: BoundedQuotient
@@ -66,7 +67,7 @@ class Objective:
 
 
 def objective_of(problem: Problem, devices: Sequence[Device], intervals: int) -> Objective:
-    """Return the terms of a problem's squared error, as quotients that can be bounded over boxes.
+    """Return the terms of a problem's squared error as quotients, with methods that bound them over boxes.
 
     Parameters
     ----------
@@ -121,7 +122,7 @@ def _compliance(device: Device, omega: Number, ops: Arithmetic) -> Term:
 def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) -> list[Term]:
     """Return the terms of the mean over log frequency, by Cauchy and Schwarz on each of several equal intervals.
 
-    The function does not compute the terms that are not wanted; it sets their numbers to 1.
+    For a term with weight 0, the function sets all numbers to 1 and computes no integral.
     """
     exact, first = device_ball(device.bare), ball(band.min).log()
     length = ball(band.max).log() - first
@@ -140,7 +141,7 @@ def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) 
         throughout = integrand(acb(low.union(high)), True)
         if throughout == 0:
             return arb(0)
-        # relative to the integrand, because the integral may be 0
+        # an absolute tolerance, because the integral may be 0
         size = float(throughout.abs_upper())
         tolerance = size * float(high - low) * PRECISION if size < inf else 0.0
         return acb.integral(integrand, low, high, rel_tol=PRECISION, abs_tol=tolerance).real / length
@@ -156,5 +157,5 @@ def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) 
 
         return replaced(shape, [row(index) for index in range(len(listed(shape)))])
 
-    with ctx.workprec(64), interrupt_deferred():  # Arb turns an exception within an integrand into one of another name
+    with ctx.workprec(64), interrupt_deferred():  # Arb would replace an exception of the integrand by another one
         return [integrated(term, counts) for term, counts in zip(terms, wanted, strict=True)]

@@ -1,4 +1,4 @@
-"""Coefficients of quadratics in the gains, from the constants of a loop that is affine in them.
+"""Compute the coefficients of quadratics in the gains from the constants of a loop that is affine in the gains.
 
 See design/bound/README.md, section 1.
 """
@@ -26,11 +26,13 @@ Coefficients = tuple[
 
 
 class Term(NamedTuple):
-    """A term |X|^2/|Y|^2 of the squared error, which is at least |along|^2/size.
+    """A term |X|^2/|Y|^2 of the squared error, prepared for the inequality of Cauchy and Schwarz.
+
+    For the integrals of both attributes, the mean of the term is at least |along|^2/size.
 
     Attributes
     ----------
-    along : X conj X_0, with X_0 the value of X with both gains 0
+    along : X conj X_0, where X_0 is the value of X if both gains are 0
     size : |X_0|^2 |Y|^2
     """
 
@@ -44,8 +46,9 @@ def quadratic(of: Callable[[Pair, Pair], Number], a: Affine, b: Affine, *, cross
     Parameters
     ----------
     of : Re or Im of the first number times the conjugate of the second
-    a, b : two numbers at the same frequencies; if both factors of a coefficient are None, it is None
-    crossed : whether the product K_v K_p has a coefficient; it has none if the shares of both gains are at right angles
+    a, b : two numbers at the same frequencies; if no product contributes to a coefficient, it is None
+    crossed : whether the product K_v K_p has a coefficient; it has none if the complex coefficients of K_v and K_p are
+        at right angles
 
     Returns
     -------
@@ -75,11 +78,11 @@ def quadratic(of: Callable[[Pair, Pair], Number], a: Affine, b: Affine, *, cross
 
 
 def error_term(of: Quotient, *, crossed: bool) -> Term:
-    """Return a term |X|^2/|Y|^2 of the squared error, prepared for Cauchy and Schwarz.
+    """Return a term |X|^2/|Y|^2 of the squared error, prepared for the inequality of Cauchy and Schwarz.
 
     Parameters
     ----------
-    of : X and Y at some frequencies, affine in the gains; X_0 is X with both gains 0
+    of : X and Y at some frequencies, affine in the gains; X_0 is the value of X if both gains are 0
     crossed : whether the product K_v K_p has a coefficient in |Y|^2, see `quadratic`
 
     Returns
@@ -104,12 +107,12 @@ def mapped(coefficients: Coefficients, f: Callable[[Number], Number]) -> Coeffic
     Parameters
     ----------
     coefficients : coefficients of a quadratic; a part that is None stays None
-    f : function of one coefficient; called in the order constant, linear, square, cross
+    f : function of one coefficient; `mapped` calls it in the order constant, linear, square, cross
 
     Returns
     -------
     Coefficients
-        The results in the same places.
+        The results, in the same order.
     """
     constant, linear, square, cross = coefficients
     return (
@@ -121,7 +124,7 @@ def mapped(coefficients: Coefficients, f: Callable[[Number], Number]) -> Coeffic
 
 
 def summed(a: Coefficients, b: Coefficients) -> Coefficients:
-    """Return the coefficients of the sum of two quadratics with the same places.
+    """Return the coefficients of the sum of two quadratics at the same places.
 
     Parameters
     ----------
@@ -169,11 +172,11 @@ def _pairs(affine: Affine) -> tuple[Pair | None, Pair | None, Pair | None]:
 
 
 def concatenated(parts: Sequence[Sequence[Number]]) -> list[Number]:
-    """Concatenate corresponding numbers of several devices, one device after another.
+    """Concatenate the arrays of several devices, one device after another.
 
     Parameters
     ----------
-    parts : the enclosed numbers of each device, in the same order
+    parts : for each device its enclosed numbers, in the same order
     """
     return [
         Enclosure(np.concatenate([x.mid for x in row]), np.concatenate([x.rad for x in row]))
@@ -191,17 +194,17 @@ def joined(parts: Sequence[Coefficients]) -> Coefficients:
 
 
 def repeated(devices: Sequence[Device], count: int) -> Device:
-    """Return several devices as one device with arrays of numbers, in which each device is repeated for its places.
+    """Return several devices as one device with arrays of numbers, which repeat the numbers of each device.
 
     Parameters
     ----------
     devices : d devices with the same parts
-    count : number of places of each device
+    count : number of times that the arrays repeat the numbers of each device
 
     Returns
     -------
     Device
-        Its numbers have shape (d count,). A single device stays as it is, with plain numbers.
+        A device with numbers of shape (d count,). If there is only one device, the function returns it unchanged.
     """
     if len(devices) == 1:
         return devices[0]

@@ -1,4 +1,4 @@
-"""Quadratic functions of two numbers, usually the gains, and their quotients, bounded over many boxes at once."""
+"""Bound quadratic functions of two numbers, usually the gains, and quotients of them, over many boxes at once."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from vctune.proof.enclosures.array_intervals import Enclosure, Floats
 GUARD = 1e-14
 """Allowance for the rounding of a quadratic in the gains and of the operations after it, relative to their moduli.
 
-It is 90 u with u = 2^-53. A coefficient of such a quadratic has at most 3 roundings. In `less` these are the product,
-the difference, and the sum with its share of `GUARD`; in `rounded_up` they are two sums. A square's term has at most 6
-further roundings: 3 in gain (linear + gain square), and 3 in the sum of the terms. The other terms have fewer. So the
-value is wrong by at most 9 u times the sum of the moduli of its terms, except for products of roundings (Higham 2002,
-section 3.1). Since no gain is negative, raising each coefficient by `GUARD` of its modulus raises the value by ten
-times that.
+The allowance is 90 u with u = 2^-53. A coefficient of such a quadratic has at most 3 roundings. In `less` these are the
+product, the difference, and the sum with its share of `GUARD`; in `rounded_up` they are two sums. A square's term has
+at most 6 further roundings: 3 in gain (linear + gain square), and 3 in the sum of the terms. The other terms have
+fewer. The error of the value is therefore at most 9 u times the sum of the moduli of its terms, except for products of
+roundings (Higham 2002, section 3.1). No gain is negative. If the code raises each coefficient by `GUARD` of its
+modulus, the value therefore rises by ten times this error bound.
 
-The minimum of a convex quadratic is attained where its slope is 0, so that the rounding of that point has only a
-second-order effect. With curvatures from l to h over gains up to w, the point is wrong by at most w and by h u/l of w.
-This lowers the value by at most min(l, h^2 u^2/l) w^2 <= h u w^2.
+At the minimum of a convex quadratic the slope is 0, so a rounding error of the minimiser has only a second-order effect
+on the value. With curvatures from l to h over gains up to w, the error of the minimiser is at most w, and at most w h
+u/l. This error changes the value by at most min(l, h^2 u^2/l) w^2 <= h u w^2.
 
-In `lower_bounds.py` a factor 1 - 10 `GUARD` covers 900 u, which includes some 30 operations and a logarithm with 8
-units in the last place. Half and twice this allowance change the bound only in its fourteenth digit.
+In `lower_bounds.py` a factor 1 - 10 `GUARD` covers 900 u. This factor is enough for some 30 operations and a logarithm
+with an error of 8 units in the last place. Half and twice this allowance change the bound only in its fourteenth digit.
 """
 
 
@@ -37,8 +37,7 @@ class Quadratic:
     ----------
     constant : shape (points,)
     linear, square : coefficients of K_v and of K_p, each of shape (points,); None for 0
-    cross : mixed coefficient, shape (points,); None if the contributions of K_v and K_p are at right angles to each
-        other
+    cross : mixed coefficient, shape (points,); None if the complex contributions of K_v and K_p are at right angles
     """
 
     constant: Floats
@@ -56,7 +55,7 @@ class Quadratic:
         Returns
         -------
         array of float
-            Shape (boxes, points).
+            The values, shape (boxes, points).
         """
         crossed = 0.0 if self.cross is None else K_v * K_p * self.cross
         return np.asarray(self.constant + self._part(K_V, K_v) + self._part(K_P, K_p) + crossed)
@@ -64,8 +63,8 @@ class Quadratic:
     def greatest(self, boxes: DesignBoxes) -> Floats:
         """Return an upper bound of the values over each box of gains, shape (boxes, points).
 
-        If no square is negative or there is no cross term, it is the greatest value, which occurs at a vertex.
-        Otherwise it is the sum of the greatest values of the terms.
+        Without a cross term, or if no coefficient of `square` is negative, the bound is the greatest value. Otherwise
+        it is the sum of the greatest values of the terms.
         """
         if self.cross is not None and self.square is not None and all(np.all(square >= 0) for square in self.square):
             vertices = [(K_v, K_p) for K_v in self._ends(K_V, boxes) for K_p in self._ends(K_P, boxes)]
@@ -75,9 +74,10 @@ class Quadratic:
         return total if self.cross is None else total + np.maximum(*self._crossed(boxes))
 
     def least(self, boxes: DesignBoxes) -> Floats:
-        """Return a lower bound of the values over each box of gains, shape (boxes, points). It is the least value.
+        """Return the least value over each box of gains, shape (boxes, points).
 
-        With a cross term the least value lies on an edge, or where both slopes are 0.
+        With a cross term, the least value is on an edge of the box or at the point at which both partial derivatives
+        are 0.
         """
         if self.cross is not None:
             return np.minimum(self._least_on_edges(boxes), self._least_inside(boxes))
@@ -95,7 +95,8 @@ class Quadratic:
         return np.minimum.reduce(least)
 
     def _least_inside(self, boxes: DesignBoxes) -> Floats:
-        """Return the value where both slopes are 0 if this is a minimum inside the box; else inf."""
+        """Return the value at the point with both partial derivatives 0, if it is a minimum inside the box; else
+        inf."""
         if self.square is None or self.linear is None or self.cross is None:
             return np.full((1, 1), np.inf)
         (v, p), (vv, pp), cross = self.linear, self.square, self.cross
@@ -113,7 +114,8 @@ class Quadratic:
         return boxes.low[axis][:, None], boxes.high[axis][:, None]
 
     def _extremes(self, axis: int, boxes: DesignBoxes) -> list[Floats]:
-        """Return a gain's contribution at both ends of the boxes, and at the point where its slope is 0."""
+        """Return the contribution of a gain at both ends of the boxes, and at the point at which its derivative is
+        0."""
         low, high = self._ends(axis, boxes)
         ends = [self._part(axis, low), self._part(axis, high)]
         if self.square is None or self.linear is None or not np.any(self.square[axis]):
@@ -132,7 +134,7 @@ class Quadratic:
 
 
 def less(a: Quadratic, factor: Floats, b: Quadratic) -> Quadratic:
-    """Return a quadratic that exceeds a - factor b nowhere for gains >= 0.
+    """Return a quadratic that is at most a - factor b for all gains >= 0.
 
     Parameters
     ----------
@@ -142,7 +144,7 @@ def less(a: Quadratic, factor: Floats, b: Quadratic) -> Quadratic:
     Returns
     -------
     Quadratic
-        Its coefficients have shape (boxes, points).
+        The quadratic, with coefficients of shape (boxes, points).
     """
 
     def difference(x: Floats | float, y: Floats | float) -> Floats:
@@ -200,11 +202,11 @@ class LeastQuotient:
     below_low: Quadratic
 
     def least(self, boxes: DesignBoxes, guess: Floats) -> Floats:
-        """Return a lower bound of the quotient over each box, or 0 if the bound found is negative.
+        """Return a lower bound of the quotient over each box, at least 0.
 
-        If m is the least value of above - r below, the quotient is at least r + m/below, for any r. The better r is,
-        the tighter is the bound. The function evaluates it for 0, for the guess, and then for the better of the two
-        results.
+        Let m be the least value of above - r below over the box. The quotient is at least r + m/below, for any r. The
+        bound is tightest if r is the least quotient. The function computes the bound for r = 0, then for the guess, and
+        then for the greater of the two bounds.
 
         Parameters
         ----------
@@ -214,7 +216,7 @@ class LeastQuotient:
         Returns
         -------
         array of float
-            Shape (n, points).
+            The bound, shape (n, points).
         """
         most, least = self.below.greatest(boxes), np.maximum(self.below_low.least(boxes), 0.0)
 
@@ -229,17 +231,17 @@ class LeastQuotient:
 
 
 def upper(coefficients: Coefficients, factor: int = 1) -> Quadratic:
-    """Return a quadratic with coefficients that are nowhere less than the enclosed ones, for gains >= 0.
+    """Return a quadratic whose coefficients are upper bounds of the enclosed ones.
 
     Parameters
     ----------
     coefficients : enclosed coefficients, shape (points,)
-    factor : factor of the quadratic; a power of 2, so that the product is not rounded
+    factor : factor of the quadratic; a power of 2, so that the product has no rounding error
 
     Returns
     -------
     Quadratic
-        Its coefficients have shape (points,).
+        The quadratic, with coefficients of shape (points,).
     """
     constant, linear, square, cross = coefficients
 
@@ -255,7 +257,7 @@ def upper(coefficients: Coefficients, factor: int = 1) -> Quadratic:
 
 
 def lower(coefficients: Coefficients) -> Quadratic:
-    """Return a quadratic whose coefficients are nowhere more than the enclosed ones."""
+    """Return a quadratic whose coefficients are lower bounds of the enclosed ones."""
     constant, linear, square, cross = coefficients
     return Quadratic(
         rounded_down(constant),

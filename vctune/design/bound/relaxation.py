@@ -1,10 +1,10 @@
-"""A relaxed design problem, with which boxes of designs can be judged at once.
+"""Relax a design problem, so that many boxes of designs can be bounded at once.
 
 See model/README.md, section 8; design/bound/README.md, section 1.
 
-The relaxation imposes the constraints only at some frequencies, angles and hands; all of them together are harder to
-meet. At these places all constants are known, and only the gains are not (`llewellyn_bound.py`, `hands_bound.py`). The
-error is bounded term by term (`objective.py`).
+The relaxation imposes the constraints only at some frequencies, angles and hands, so every feasible design of the
+problem also meets the constraints of the relaxation. At each of these places, the constraint contains constants of the
+device and the unknown gains (`llewellyn_bound.py`, `hands_bound.py`). `objective.py` bounds the error term by term.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ class Conditions(Protocol):
     """A constraint on the coupling at some places of several devices, one device after another."""
 
     def least_elements(self, boxes: DesignBoxes, factor: float) -> tuple[Floats, Floats, Flags]:
-        """Return the least elements of the coupling at each place, each of shape (boxes, places), and the boxes with no
-        feasible coupling.
+        """Return the least elements of the coupling, each of shape (boxes, places), and the boxes that permit no
+        coupling.
 
         Parameters
         ----------
         boxes : n boxes of designs
-        factor : factor by which the coupling must exceed what is required
+        factor : safety factor, the least permitted ratio of Re Z_c to R
         """
 
 
@@ -52,9 +52,9 @@ class Relaxation:
     Attributes
     ----------
     problem : the problem
-    devices, places : devices and places at which the constraints are imposed
-    conditions : conditions on the coupling
-    sensitivity : |S|^2 of the sampled loop; for an uncertain device it is bounded at each vertex of the box, too
+    devices, places : devices and places for which the relaxation imposes the constraints
+    conditions : constraints on the coupling
+    sensitivity : |S|^2 of the sampled loop of each device
     objective : the terms of the squared error
     """
 
@@ -72,10 +72,10 @@ class Places:
 
     Attributes
     ----------
-    omega : frequencies in the stability band, rad/s
-    sensitivity : frequencies up to Nyquist for |S|, rad/s
-    in_hands : frequencies, each with a hand
-    any_hand : frequencies for any passive hand on an impedance display
+    omega : frequencies of the stability band for Llewellyn's conditions, rad/s
+    sensitivity : frequencies up to Nyquist for the limit on |S|, rad/s
+    in_hands : frequencies, each with a hand, for the constraint in hands
+    any_hand : frequencies for the constraint in any passive hand on an impedance display, rad/s
     """
 
     omega: Floats
@@ -94,7 +94,7 @@ class Places:
         return len(self.omega) + len(self.sensitivity) + len(self.in_hands) + len(self.any_hand)
 
     def joined(self, more: Places) -> Places:
-        """Return these and other places in order, without duplicates."""
+        """Return the union of these places and others, in ascending order and without duplicates."""
         return Places(
             np.union1d(self.omega, more.omega),
             np.union1d(self.sensitivity, more.sensitivity),
@@ -121,7 +121,8 @@ def relaxation(
     Returns
     -------
     Relaxation
-        Each feasible design of the problem is feasible for the relaxation, with an error that is not greater.
+        The relaxation. Each feasible design of the problem is feasible for the relaxation, and its error there is not
+        greater.
     """
     terms = objective_of(problem, objective, intervals)
     return Relaxation(
@@ -135,7 +136,7 @@ def relaxation(
 
 
 def at_places(relaxed: Relaxation, places: Places) -> Relaxation:
-    """Return the relaxation with its constraints at other places. The terms of the error stay.
+    """Return a relaxation with the constraints at other places, and with the same terms of the error.
 
     Parameters
     ----------
@@ -145,7 +146,7 @@ def at_places(relaxed: Relaxation, places: Places) -> Relaxation:
     Returns
     -------
     Relaxation
-        It is tighter if the places include the previous ones.
+        The relaxation, which is tighter if `places` includes the previous places.
     """
     problem, devices = relaxed.problem, relaxed.devices
     return replace(

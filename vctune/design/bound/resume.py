@@ -1,4 +1,4 @@
-"""The state from which a search for a bound continues, and its file."""
+"""Save the state of a search for a bound in a file, and read it, so that a later search can continue."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vctune.version import __version__
 
 @dataclass(frozen=True, slots=True)
 class ResumeState:
-    """The state from which a search continues.
+    """The state of a search, from which a later search continues.
 
     Attributes
     ----------

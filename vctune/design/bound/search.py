@@ -1,10 +1,10 @@
-"""A lower bound on the error of all designs, by branch and bound.
+"""Compute a lower bound on the error of all feasible designs, by branch and bound.
 
 See design/bound/README.md.
 
-The search halves boxes of (K_v, K_p, tau_c, b_0), or of (K_v, tau_c) for an impedance display, the most promising box
-first. It prunes a box if its lower bound is within the gap of the best known design, if no design in it meets the
-constraints, or if its loops are unstable.
+The search halves boxes of (K_v, K_p, tau_c, b_0), or of (K_v, tau_c) for an impedance display. The search begins with
+the boxes with the least lower bounds. It prunes a box in three cases: the lower bound is within the gap of the best
+known error, no design of the box meets the constraints, or all loops of the box are unstable.
 """
 
 from __future__ import annotations
@@ -38,30 +38,35 @@ from vctune.model.transparency import TermName
 from vctune.running import OutOfTimeError, out_of_time
 
 FREQUENCIES, INTERVALS = 40, 48
-"""Number of the first frequencies for the conditions and for |S|, and of intervals of the transparency band. The time
-grows in proportion to both. Fewer of them give weaker bounds, so that the search needs more boxes."""
+"""Number of frequencies of the first relaxation, and number of intervals of the transparency band. The time of a bound
+is proportional to both numbers. With smaller numbers the bounds are weaker, and the search needs more boxes."""
 MOST_FREQUENCIES = 160
-"""Number of frequencies up to which the search adds those that the middle of a box violates: four times the first
-number, at four times the cost of a bound. Near the end of a search no new constraint is violated."""
+"""Number of frequencies at which the search stops adding places. Up to this number, it adds the places at which the
+design in the middle of a box violates a constraint. A bound with this number of frequencies takes four times as long as
+a bound of the first relaxation. Near the end of a search, the middles of boxes violate no constraint at a new place.
+"""
 LOWEST_ANGLE = 1e-3
-"""Least angle above 0 for any passive hand, relative to pi. Below it R equals its limit to 1e-5."""
+"""Least angle above 0 for any passive hand, relative to pi. At smaller angles R differs from its limit at 0 by at most
+1e-5."""
 SHARES_IN_HANDS, ANGLES_IN_HANDS = (0.0, 0.1, 1.0), 12
-"""Shares of the ranges of hands, and number of angles per decade, for the first places in hands."""
+"""Positions in the range of each number of a hand, from 0 to 1, and number of angles per decade, for the first places
+in hands."""
 LITTLE = 1e-3
 """Substitute for a gain of 0, relative to its upper bound, when the search tries the design in the middle of a box."""
 CHUNK = 1024
-"""Number of boxes halved together. It is large enough that NumPy's calls cost little, and small enough that the bounds
-of all halves (4 axes, 2 halves, 160 frequencies) take tens of MB. With half this number the search chooses boxes
-slightly better, but each takes slightly more time; with twice this number it is the other way round."""
+"""Number of boxes that the search halves in one round. With this number NumPy's calls have little overhead, and the
+arrays for all halves (4 axes, 2 halves, 160 frequencies) take tens of MB. With half this number, the search needs
+slightly fewer boxes and slightly more time for each; with twice this number, the reverse is true."""
 TRY_EVERY = 8
-"""Number of rounds after which the search tries the best box: it looks for violated frequencies and for a better
-design. Half as many rounds find better designs earlier; twice as many waste less."""
+"""Number of rounds after which the search tries the box with the least bound: it adds violated places and looks for a
+better design. With half as many rounds, it finds better designs earlier; with twice as many, it makes fewer attempts in
+vain."""
 VIOLATED = 1e-4
-"""Relative violation of a constraint above which its frequency is added. Smaller violations would not raise a bound
-that matters."""
+"""Relative violation of a constraint above which the search adds its place. With a smaller violation, the new place
+would raise the bound only negligibly."""
 BETTER = 1e-3
-"""Share by which a design's error must be lower to count as better than the incumbent. It is less than a usual gap of 1
-%, and more than the difference between polishing one optimum from two starts."""
+"""Share by which the error of a design must be below the incumbent's to count as better. This share is less than the
+usual gap of 1 %, and more than the difference between two results of the optimiser for one optimum."""
 
 Improve = Callable[[Gains, float], Judgement | None]
 """Function that returns a certified design found from given gains with an error below a limit, or None."""
@@ -69,7 +74,7 @@ Improve = Callable[[Gains, float], Judgement | None]
 
 @dataclass(frozen=True, slots=True)
 class SearchState:
-    """State of the search: number of computed boxes, lower bound, error of the best known design, number of open
+    """State of the search: number of computed lower bounds, proved bound, error of the best known design, open
     boxes."""
 
     boxes: int
@@ -90,11 +95,11 @@ class SearchState:
 class Optimality:
     """The proved bound on the error of every feasible design.
 
-    The error has only the terms that can differ between designs, which are usually all terms.
+    The error contains only the terms that can differ between designs; usually these are all terms.
 
     Attributes
     ----------
-    bound : no feasible design has a lower error; inf if no design is feasible
+    bound : the lower bound; inf if no design is feasible
     incumbent : error of the best known design; inf without one
     proved : whether the bound is within the required gap
     improved : a better design than the given one; None if the search found none
@@ -123,9 +128,9 @@ class _Search:
 
     Attributes
     ----------
-    relaxed : the relaxation with the frequencies known so far
+    relaxed : the relaxation with all places so far
     incumbent : error of the best known design
-    improved : that design, if the search found it
+    improved : the best known design, if the search found it; else None
     pruned_bound : the least lower bound of the pruned boxes
     boxes : number of lower bounds computed
     history : states so far
@@ -162,22 +167,23 @@ def bound(
     best : the best known design; None without one
     improve : function that looks for a design with a lower error near given gains
     gap : the search ends when the incumbent's error is at most 1 + gap times the bound
-    most_boxes : number of lower bounds after which the search gives up
-    most_stability_boxes : number of boxes in the proofs of stable or unstable loops after which the search gives up
+    most_boxes : number of lower bounds after which the search ends without a proof of the gap
+    most_stability_boxes : the same limit for the boxes in the proofs of stable or unstable loops
     jobs : number of threads
-    resume : state of an earlier search of the same problem; ignored if that search pruned boxes that this gap must keep
+    resume : state of an earlier search of the same problem; the function ignores it if the earlier search pruned boxes
+        that a search with this gap must keep open
     stopped : function that returns whether to end the search now
     progress : function that receives the state of the search in every round
 
     Returns
     -------
     Optimality
-        The bound is valid however the search ends, including at the time limit.
+        The bound, which is valid even if the search ends early, for example at the time limit.
 
     Raises
     ------
     OutOfTimeError
-        If the time limit ends the search before the relaxation is set up.
+        If the time limit ends the search before it has a relaxation.
     """
     given, posed = posed, compared(posed)
     axes = axes_of(posed.problem)
@@ -187,7 +193,7 @@ def bound(
         nodes, pruned_bound, boxes = resume.nodes, resume.pruned_bound, resume.boxes
     search = _Search(_relaxed(posed, best), incumbent, None, pruned_bound, boxes, [])
     with suppress(OutOfTimeError):
-        if all(axis.low == axis.high for axis in axes[:TAU_C]):  # fixed gains are never halved
+        if all(axis.low == axis.high for axis in axes[:TAU_C]):  # the search never halves fixed gains
             nodes = _with_stability(posed, search, Halved(nodes, np.ones(len(nodes), bool), 0))
     rounds, single = 0, all(axis.low == axis.high for axis in axes)
     with ThreadPoolExecutor(jobs) as pool, np.errstate(all="ignore"):
@@ -199,7 +205,7 @@ def bound(
             stop |= search.boxes > most_boxes or search.stability_boxes > most_stability_boxes
             if not len(nodes) or stop or (single and _stands(search)):
                 break
-            with suppress(OutOfTimeError):  # on a time limit the nodes stay as they are
+            with suppress(OutOfTimeError):  # at the time limit the open nodes stay open
                 if single or rounds % TRY_EVERY == 0:
                     _try_best_node(posed, search, nodes, improve)
                 promising, others = _most_promising(nodes)
@@ -221,12 +227,12 @@ def bound(
 
 
 def _stands(search: _Search) -> bool:
-    """Return whether the last round raised no bound. With a single box, no further round would."""
+    """Return whether the last round did not raise the bound. For a single box, no further round would raise it."""
     return len(search.history) > 2 and search.history[-1].bound == search.history[-2].bound
 
 
 def _relaxed(posed: Posed, best: Judgement | None) -> Relaxation:
-    """Relax the problem to a grid of frequencies and those at which the best known design reaches its limits."""
+    """Relax the problem: impose the constraints on a grid and where the best known design is closest to its limits."""
     problem = posed.problem
     band = np.geomspace(*posed.span, FREQUENCIES) if problem.passive else np.zeros(0)
     slowest = slowest_resonance(problem, problem.bounds.velocity.min)
@@ -240,7 +246,7 @@ def _relaxed(posed: Posed, best: Judgement | None) -> Relaxation:
 
 
 def _in_worst_hands(problem: Problem, best: Judgement | None) -> PlacesInHands:
-    """Return some angles, each with the hand that is worst for the best known design, or for a design in the middle."""
+    """Return angles, each with the worst hand for the best known design or, without one, for gains in the middle."""
     if problem.hands_met is None:
         return PlacesInHands.of(())
     at, bounds = loops_in_hands(problem.device, problem.hands_met, SHARES_IN_HANDS, ANGLES_IN_HANDS), problem.bounds
@@ -251,7 +257,7 @@ def _in_worst_hands(problem: Problem, best: Judgement | None) -> PlacesInHands:
 
 
 def _tight_places(problem: Problem, gains: Gains, coupling: AnyCoupling, *, broken: bool = False) -> Places:
-    """Return the places at which the constraints are tightest for a design, or violated."""
+    """Return the places at which a design has the least reserve or, if `broken`, at which it violates a constraint."""
     stability, omega = problem.stability, np.zeros(0)
     least = stability.safety_factor * (1 - VIOLATED) if broken else inf
     if problem.passive:
@@ -267,7 +273,10 @@ def _tight_places(problem: Problem, gains: Gains, coupling: AnyCoupling, *, brok
 
 
 def _devices(cases: tuple[Problem, ...]) -> list[Device]:
-    """Return the devices with their nominal responses. With any other response the constraints can only be harder."""
+    """Return the devices of some problems without unmodelled responses, and without duplicates.
+
+    Without an unmodelled response, the constraints can only be easier to meet, so the relaxation stays valid.
+    """
     return list(dict.fromkeys(case.device.modelled for case in cases))
 
 
@@ -291,7 +300,8 @@ def _most_promising(nodes: OpenNodes) -> tuple[OpenNodes, OpenNodes]:
 
 
 def _with_stability(posed: Posed, search: _Search, young: Halved) -> OpenNodes:
-    """Mark the boxes whose loops have just become provably stable, and close those whose loops are all unstable."""
+    """Mark the new boxes whose loops are all proved stable, and set the bound of boxes with only unstable loops to
+    inf."""
     nodes = young.nodes
     unknown = np.flatnonzero(young.along_gains & ~nodes.stable & (nodes.bound < search.incumbent))
     if len(unknown):
@@ -310,7 +320,7 @@ def _try_best_node(posed: Posed, search: _Search, nodes: OpenNodes, improve: Imp
     middle = np.array([axis.middle(low[row], high[row]) for row, axis in enumerate(axes)])
     least = least_coupling(search.relaxed, DesignBoxes(middle, middle))
     K_v, K_p, tau_c, b_0 = (float(middle[row, 0]) for row in (K_V, K_P, TAU_C, B_0))
-    if high[K_P, 0] <= axes[K_P].scale:  # so small a position gain counts as 0
+    if high[K_P, 0] <= axes[K_P].scale:  # a box of very small position gains: try K_p = 0
         K_p = 0.0
     _add_places(posed, search, Gains(K_v, K_p), coupling_of(posed.problem, float(least.first[0]), tau_c, b_0))
     better = improve(Gains(K_v, K_p), search.incumbent * (1 - BETTER))
@@ -319,7 +329,7 @@ def _try_best_node(posed: Posed, search: _Search, nodes: OpenNodes, improve: Imp
 
 
 def _add_places(posed: Posed, search: _Search, gains: Gains, coupling: AnyCoupling) -> None:
-    """Add the places at which a design violates a constraint to those of the relaxation."""
+    """Add the places at which a design violates a constraint to the places of the relaxation."""
     known = more = search.relaxed.places
     for case in posed.cases:
         more = more.joined(_tight_places(case, gains, coupling, broken=True))

@@ -33,22 +33,22 @@ class Stability:
 def proved_stability(posed: Posed, boxes: DesignBoxes) -> Stability:
     """Return the boxes whose designs all have stable loops, and those whose designs all have an unstable loop.
 
-    With K_p = 0 the loop does not contain the position. A box whose K_p starts at 0 includes this face, which has its
-    own proof.
+    With K_p = 0 the loop does not contain the position. If a box begins at K_p = 0, its loops with K_p = 0 need a
+    separate proof.
 
     Parameters
     ----------
-    posed : the problem; its constraints decide which loops must be stable: the sampled loop without a hand, the sampled
-        loop in a hand, the frequency model
+    posed : the problem, whose claims determine which loops must be stable: the sampled loop without a hand, the sampled
+        loop in a hand, or the frequency model
     boxes : n boxes; only their gains matter
 
     Returns
     -------
     Stability
-        Its flags have shape (n,).
+        Flags of shape (n,), and the number of boxes.
     """
     gains = np.concatenate((boxes.low[: K_P + 1], boxes.high[: K_P + 1]))
-    rectangles, rectangle_of = np.unique(gains, axis=1, return_inverse=True)  # boxes often share their gains
+    rectangles, rectangle_of = np.unique(gains, axis=1, return_inverse=True)  # many boxes have the same gains
     low, high = rectangles[:2], rectangles[2:]
     found = _of_rectangles(posed, low, high)
     face, count = (low[K_P] == 0) & (high[K_P] > 0), found.boxes
@@ -66,7 +66,7 @@ def proved_stability(posed: Posed, boxes: DesignBoxes) -> Stability:
 def _of_rectangles(posed: Posed, low: Floats, high: Floats) -> Stability:
     """Return the stability of rectangles of K_v and K_p, whose edges have shape (2, n)."""
     count, boxes = low.shape[1], 0
-    cells = Cells(*(np.concatenate((end, np.ones((3, count)))) for end in (low, high)))  # any coupling will do
+    cells = Cells(*(np.concatenate((end, np.ones((3, count)))) for end in (low, high)))  # the coupling does not matter
     stable, unstable = np.zeros(count, bool), np.zeros(count, bool)
     for which in by_integrator(cells):
         part = cells.subset(which)
@@ -80,7 +80,7 @@ def _of_rectangles(posed: Posed, low: Floats, high: Floats) -> Stability:
 
 
 def _turns(demands: Demands, cells: Cells) -> tuple[Floats, int]:
-    """Return how often each required curve goes around 0 (nan if undecided), and the number of boxes."""
+    """Return the winding number around 0 of the curve of each loop (nan if undecided), and the number of boxes."""
     found = encirclements(demands, cells)
     boxes = int(found.boxes.sum() + found.throughout.sum())
     if demands.hands is None:

@@ -1,12 +1,12 @@
-"""Strong branching: halve boxes along every axis on trial, and keep the halves of the axis that gains the most.
+"""Strong branching: halve boxes along every axis on trial, and keep the halves of the axis that raises the bound most.
 
-The rule is that of Achterberg, Koch, Martin (2005), section 2. The score of an axis is a weighted sum of the gains of
-its worse and its better half,
+Achterberg, Koch and Martin (2005, section 2) give the rule. The score of an axis is a weighted sum of the increases of
+the lower bound in both halves,
 
-    score = min(gain_1, gain_2) + BETTER_HALF max(gain_1, gain_2),
+    score = min(increase_1, increase_2) + BETTER_HALF max(increase_1, increase_2).
 
-with the worse half first, because it becomes the bound of the box. The code compares bounds instead of gains, since all
-axes of a box start from the same bound.
+The smaller increase has the greater weight, because it determines the new bound of the box. The code uses the bounds
+themselves instead of their increases, since the bound of the parent is the same for all axes.
 """
 
 from __future__ import annotations
@@ -27,14 +27,15 @@ from vctune.model.problem import Problem
 from vctune.proof.enclosures.array_intervals import Flags, Floats
 
 BETTER_HALF = 0.1
-"""Weight of the better half relative to the worse. It is 0.2 in the paper's mixed-integer programs (mu = 1/6)."""
+"""Weight of the greater increase relative to the smaller one. In the paper's mixed-integer programs it is 0.2 (mu =
+1/6)."""
 LENGTH = 1e-2
-"""Weight of the share of its axis that a box spans, relative to the incumbent's error. It decides while no axis gains
-anything, as at the root, and it is less than a gain that matters. With 0, a search without gain might halve one axis
-forever."""
+"""Weight in the score of the share of its axis that a box spans. This term decides if no axis raises the bound, for
+example at the root; otherwise it is small compared with the increases. With the weight 0, a search whose bound does not
+rise might halve the same axis again and again."""
 DIGITS = 9
-"""Number of digits after which scores count as equal, so that rounding errors, which differ between machines, do not
-choose an axis."""
+"""Number of decimals to which the code rounds scores before it compares them. Without rounding, errors that differ
+between machines could decide which axis the search chooses."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +45,7 @@ class Halved:
     Attributes
     ----------
     nodes : two nodes for each box
-    along_gains : whether each box was halved along K_v or K_p, so that its loops may have become provably stable
+    along_gains : for each box, whether it was halved along K_v or K_p; its loops may then have become provably stable
     worked_out : number of lower bounds computed
     """
 
@@ -55,7 +56,7 @@ class Halved:
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """An axis along which all boxes are halved on trial, with the bounds of the lower and upper halves."""
+    """The halves of all boxes along one axis, lower and upper, with their bounds; `row` is the row of the axis."""
 
     row: int
     halves: tuple[DesignBoxes, DesignBoxes]
@@ -65,11 +66,10 @@ class _Candidate:
 def halved(
     relaxed: Relaxation, axes: Sequence[Axis], parents: OpenNodes, incumbent: float, pool: ThreadPoolExecutor
 ) -> Halved:
-    """Halve each box along the axis that raises its lower bound the most.
+    """Halve each box along the axis with the greatest score.
 
-    If no axis has an extent, bound the box again.
-
-    While no design is known, the greatest infeasibility of a box replaces its bound.
+    If all variables are fixed, the function computes the bound of the single box again. Until a design is known, the
+    score uses the bounds of the infeasibility instead of the bounds of the error.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def halved(
     Returns
     -------
     Halved
-        2 n boxes, or the same n boxes if no axis has an extent.
+        2 n boxes, or the same n boxes if all variables are fixed.
     """
     candidates = _candidates(relaxed, axes, parents.boxes, pool)
     if not candidates:
@@ -116,8 +116,9 @@ def _candidates(
 def _best_axis(
     axes: Sequence[Axis], candidates: list[_Candidate], parents: OpenNodes, incumbent: float
 ) -> NDArray[np.intp]:
-    """Return the best candidate for each box."""
-    most = 2 * incumbent if incumbent < inf else 1.0  # a half beyond this is pruned, by however much it exceeds it
+    """Return the index of the candidate with the greatest score, for each box."""
+    # the search prunes a half far above the incumbent, so a greater bound of it does not matter
+    most = 2 * incumbent if incumbent < inf else 1.0
     scores = []
     for candidate in candidates:
         one, two = (np.minimum(_worth(bounds, parents, incumbent), most) for bounds in candidate.bounds)
@@ -133,7 +134,7 @@ def _worth(bounds: LowerBounds, parents: OpenNodes, incumbent: float) -> Floats:
 
 
 def _without_idle_position(problem: Problem, boxes: DesignBoxes) -> DesignBoxes:
-    """Return the boxes, reduced to K_p = 0 where they include it and no feasible design in them has K_p > 0."""
+    """Return the boxes; a box that contains K_p = 0, but no feasible design with K_p > 0, shrinks to K_p = 0."""
     high = boxes.high.copy()
     high[K_P, (boxes.low[K_P] == 0) & without_integrator(problem, boxes)] = 0.0
     return DesignBoxes(boxes.low, high)

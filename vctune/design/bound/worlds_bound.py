@@ -1,12 +1,13 @@
-"""Bound what a box of environments requires of the coupling, over boxes of gains (design/bound/README.md, section 1).
+"""Bound the coupling that a box of environments requires, over boxes of gains (design/bound/README.md, section 1).
 
-The condition of model/README.md, section 18, holds at an angle in a hand only if one of four margins is positive. Where
+The condition of model/README.md, section 18, holds at an angle in a hand only if one of four margins is positive. If
 
     (m_2 (2/T) s^2 - k_1 (T/2) c^2) |F|^2 > c e/2
 
-for all gains of a box, `above` and `turned` are negative whatever the coupling is. The coupling then needs Re Z_c > g
-(R - b_1), or a reactance s c Im Z_c > g (k_2 (T/2) c^2 - m_1 (2/T) s^2 + c e/(2 |F|^2)). Both sides of all three are
-quadratic in the gains. Places at which the inequality does not hold for all gains of a box require nothing.
+for all gains of a box, `above` and `turned` are negative for every coupling. The coupling then needs a resistance Re
+Z_c > g (R - b_1) or a reactance s c Im Z_c > g (k_2 (T/2) c^2 - m_1 (2/T) s^2 + c e/(2 |F|^2)). Times |F|^2, both sides
+of all three inequalities are quadratic in the gains. If the first inequality does not hold for all gains of a box, the
+relaxation imposes no constraint at this place.
 """
 
 from __future__ import annotations
@@ -35,11 +36,12 @@ class ConditionsInWorlds:
 
     Attributes
     ----------
-    offer : offer of the couplings at these places
+    offer : resistance of the couplings at these places
     required : R
     kept : b_1, the least damping of the environments, N s/m
-    light_enough : a number that is positive where no coupling is saved by `above`; None if the mass has no limit
-    reactive : the least s c Im Z_c/g with which `below` holds; None if the stiffness has no limit
+    light_enough : (m_2 (2/T) s^2 - k_1 (T/2) c^2) |F|^2 - c e/2; if it is positive, `above` is negative for every
+        coupling. None if the mass has no limit
+    reactive : the least s c Im Z_c/g for which `below` is positive; None if the stiffness has no limit
     inertia : (2/T) s^2 at each place
     """
 
@@ -61,8 +63,8 @@ class ConditionsInWorlds:
         resistance = factor * (_least(self.required, boxes) - self.kept)
         first, second = elements_for(resistance, self.offer, boxes)
         if self.light_enough is not None:
-            asked = self.light_enough.least(boxes) > 0
-            first, second = np.where(asked, first, 0.0), np.where(asked, second, 0.0)
+            above_negative = self.light_enough.least(boxes) > 0
+            first, second = np.where(above_negative, first, 0.0), np.where(above_negative, second, 0.0)
         if self.reactive is not None:
             reactance = factor * _least(self.reactive, boxes)
             b_c, m_c = (np.where(reactance > 0, reactance * x, 0.0) for x in self._elements_of_reactance(boxes))
@@ -70,7 +72,10 @@ class ConditionsInWorlds:
         return first, second, np.zeros(len(boxes), bool)
 
     def _elements_of_reactance(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
-        """Return the least b_c and m_c for s c Im Z_c = 1: at the tau_c next to 1/omega, and at the least tau_c."""
+        """Return the least b_c and the least m_c for s c Im Z_c = 1.
+
+        The least b_c occurs at the tau_c nearest to 1/omega, the least m_c at the least tau_c.
+        """
         shortest, longest = (edge[TAU_C][:, None] for edge in (boxes.low, boxes.high))
         nearest, omega2 = np.clip(1 / self.offer.omega, shortest, longest), np.square(self.offer.omega)
         b_c, m_c = (1 + omega2 * np.square(nearest)) / nearest, 1 + omega2 * np.square(shortest)
@@ -110,8 +115,11 @@ def conditions_in_worlds(devices: Sequence[Device], places: PlacesInHands, world
 
 
 def _at(device: Device, theta: Floats, places: PlacesInHands, worlds: Worlds) -> tuple[Coefficients, ...]:
-    """Return the coefficients of -o/2, |F|^2, (m_2 (2/T) s^2 - k_1 (T/2) c^2) |F|^2 - c e/2 and of (k_2 (T/2) c^2 - m_1
-    (2/T) s^2) |F|^2 + c e/2; without a limit the number is 0."""
+    """Return the coefficients of four quadratics; an infinite m_2 or k_2 counts as 0.
+
+    The quadratics are -o/2, |F|^2, (m_2 (2/T) s^2 - k_1 (T/2) c^2) |F|^2 - c e/2, and (k_2 (T/2) c^2 - m_1 (2/T) s^2)
+    |F|^2 + c e/2.
+    """
     lost, size, swing = coefficients_in_hands(device, theta, places.hands)
     half, T, ends = Enclosure(theta) / 2, decimal(device.sample_time), worlds.converted(decimal)
     sin, cos = ENCLOSURES.sin(half), ENCLOSURES.cos(half)

@@ -48,16 +48,18 @@ from vctune.model.transparency import TERMS, log_quadrature
 from vctune.model.worlds import WorldsMet
 
 NEAR_SIDE = 1e-2
-"""Distance at which a point counts as lying on a side of the box. Where the error is flat, IPOPT's barrier keeps a
-point off the side. If a point counts as on a side, the exchange takes another round. Half this distance misses some
-optima that lie on a side; twice this distance takes another round."""
+"""Distance within which a point counts as lying on a side of the trust box. If the error is nearly constant there,
+IPOPT's barrier keeps a point at some distance from the side. If a point counts as on a side, the exchange takes another
+round. With half this distance, the exchange misses some optima on a side; with twice this distance it takes another
+round."""
 TRACKING_REACH = 0.5
-"""Distance in log frequency by which the NLP may move a tracked peak of |S|. It is less than the distance of two peaks,
-which a delay separates by about a factor of two. Half this distance takes more rounds, because an answer at the limit
-is not settled. With twice this distance the NLP may end at another stationary point of |S|."""
+"""Greatest change of the log frequency of a tracked peak of |S| in one NLP. This change is less than the distance of
+two peaks, which a delay separates by about a factor of two. With half this distance the exchange takes more rounds,
+because it repeats an NLP whose peak reaches the end of its range. With twice this distance the NLP may end at another
+stationary point of |S|."""
 KEPT = 4096
-"""Number of loops in hands that are cached, because each round of a search needs the loops of earlier rounds again.
-Half and twice as many are as fast."""
+"""Number of loops in hands in the cache. The cache saves time, because each round of an exchange needs the loops of
+earlier rounds again. Half and twice this number are equally fast."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,10 +97,10 @@ def numbers_of(
     posed : prepared problem, dimensionless
     structure : structure of the NLP
     free : the n free variables of the NLP
-    start : the numbers of the design to start from; those of fixed variables stay
+    start : the numbers of the design from which IPOPT starts, and of the fixed variables
     box : least and greatest coordinates, each of shape (n,)
     working_set : points at which the constraints are imposed
-    tightening : relative tightening of the constraints, which leaves room for rounding the result
+    tightening : relative tightening of the constraints, so that rounding the result does not violate them
     """
     low, high = (list(bound) for bound in box)
     guess = [min(max(c.to_z(start[c.index]), lo), hi) for c, lo, hi in zip(free, low, high, strict=True)]
@@ -150,18 +152,19 @@ def solve(structure: NlpStructure, given: NlpNumbers) -> Solution:
 def lagrangian(structure: NlpStructure, given: NlpNumbers, solution: Solution) -> float:
     """Return the Lagrangian of an NLP at a guess, with the multipliers and the other unknowns of a solution.
 
-    By the envelope theorem (Fiacco 1983), its derivative with respect to the numbers is that of the least objective.
+    By the envelope theorem (Fiacco 1983), the derivative of the Lagrangian with respect to the numbers of the NLP
+    equals the derivative of the least objective.
 
     Parameters
     ----------
     structure : structure of the NLP
-    given : numbers of the NLP; the guess holds the free variables
+    given : numbers of the NLP; its guess contains the free variables
     solution : solution of an NLP of the same structure, with the same number of used constraints
 
     Returns
     -------
     float
-        It omits the constant product of multipliers and constraint bounds.
+        The Lagrangian without the constant product of multipliers and constraint bounds.
     """
     unknowns = np.concatenate((given.guess[: len(structure.free)], solution.others))
     multipliers = np.zeros(given.least.shape)
@@ -217,7 +220,7 @@ def _parameters(
 
 
 def unmodelled_radius(posed: Posed, point: ConstraintPoint) -> float:
-    """Return the radius of the device's response at a dimensionless point.
+    """Return the radius of the unmodelled dynamics at a dimensionless point.
 
     Parameters
     ----------
@@ -250,10 +253,10 @@ def _common(problem: Problem, structure: NlpStructure, free: tuple[Coordinate, .
 
 
 def _at_frequencies(structure: NlpStructure, device: Device, omega: Floats) -> dict[str, Any]:
-    found = device_numbers(device_response(device, omega, FLOATS))
+    numbers = device_numbers(device_response(device, omega, FLOATS))
     if structure.kind.inverse:
-        found |= _firmware_filter(device, omega)
-    return {name: np.broadcast_to(found[name], omega.shape) for name in frequency_layout(structure)}
+        numbers |= _firmware_filter(device, omega)
+    return {name: np.broadcast_to(numbers[name], omega.shape) for name in frequency_layout(structure)}
 
 
 def _pulse_transfer(points: Sequence[ConstraintPoint], *, position: bool) -> dict[str, Any]:
@@ -262,16 +265,18 @@ def _pulse_transfer(points: Sequence[ConstraintPoint], *, position: bool) -> dic
 
 
 def _firmware_filter(device: Device, omega: Any) -> dict[str, Any]:
-    """Return F by the names of `FIRMWARE_FILTER`. Omega is dimensionless, so that theta = omega."""
+    """Return the response F of the low-passes, keyed by the names of `FIRMWARE_FILTER`. With T = 1, omega equals
+    theta."""
     low_pass = firmware_filter(device, omega, FLOATS) or Pair(1.0, 0.0)
     return {"low_pass_re": low_pass.re, "low_pass_im": low_pass.im}
 
 
 def _in_hands(points: Sequence[ConstraintPoint], *, worlds: bool) -> dict[str, Any]:
-    """Return the loop in hands by the names of `in_hand_layout`. Omega is dimensionless, so that theta = omega."""
-    held = _HELD | ({"impedance": _force_in_worlds} if worlds else {})
-    found = [held[at.device.kind.name](at) for at in points]
-    return {name: np.array([each[name] for each in found]).T for name in found[0]}
+    """Return the loops in hands at some points, keyed by the names of `in_hand_layout`. With T = 1, omega equals
+    theta."""
+    functions = _HELD | ({"impedance": _force_in_worlds} if worlds else {})
+    columns = [functions[at.device.kind.name](at) for at in points]
+    return {name: np.array([column[name] for column in columns]).T for name in columns[0]}
 
 
 @lru_cache(maxsize=KEPT)
@@ -289,7 +294,7 @@ def _force_in_worlds(at: ConstraintPoint) -> dict[str, Any]:
 
 
 def _force_in_hand(at: ConstraintPoint) -> dict[str, Any]:
-    """Return the polynomials of R of an impedance display, from its values at K_v = 0, 1 and -1."""
+    """Return the polynomials in K_v of R's numerator and denominator, from the values at K_v = 0, 1 and -1."""
     theta = min(at.omega, pi)
     without, plus, minus = (_required(at, Gains(K_v, 0.0), theta) for K_v in (0.0, 1.0, -1.0))
     lost = without.lost, (plus.lost - minus.lost) / 2
@@ -299,13 +304,13 @@ def _force_in_hand(at: ConstraintPoint) -> dict[str, Any]:
 
 def _command_in_hand(at: ConstraintPoint) -> dict[str, Any]:
     theta = min(at.omega, pi)
-    found = _required(at, Gains(0.0, 0.0), theta)
+    required = _required(at, Gains(0.0, 0.0), theta)
     seen = seen_in_hand(_loop_at(at, theta), Gains(0.0, 0.0))
-    return {"theta": theta, "required": found.lost / found.size, "swing": seen.swing / seen.size}
+    return {"theta": theta, "required": required.lost / required.size, "swing": seen.swing / seen.size}
 
 
 def _in_worlds(count: int, met: WorldsMet, spare: float, *, inverse: bool) -> dict[str, Any]:
-    """Return the environments of some points by the names of `WORLDS_IN_HAND`. An infinite limit becomes 0."""
+    """Return the environments for `count` points, keyed by the names of `WORLDS_IN_HAND`. Infinite limits become 0."""
     ends, names = {"low": met.worlds.low, "high": met.worlds.high}, posed_in(met.worlds, met.factor, inverse=inverse)
     numbers = {f"environment_{end}_{name}": x for end, world in ends.items() for name, x in asdict(world).items()}
     numbers = {name: x if x < inf else 0.0 for name, x in numbers.items()} | {"reserve": met.factor, "spare": spare}
@@ -314,7 +319,7 @@ def _in_worlds(count: int, met: WorldsMet, spare: float, *, inverse: bool) -> di
 
 
 def _in_time(points: Sequence[ConstraintPoint], met: WorldsMet, spare: float) -> dict[str, Any]:
-    """Return the sides of environments at some points, by the names of `SIDES_IN_HAND`."""
+    """Return the sides of environments at some points, keyed by the names of `SIDES_IN_HAND`."""
     theta = np.array([min(point.omega, pi) for point in points])
     sides = enumerate(open_sides(met.worlds, 1.0, theta))
     numbers = {f"side_{k}_{part}": getattr(side, part) for k, side in sides for part in HalfPlane._fields}
@@ -322,7 +327,7 @@ def _in_time(points: Sequence[ConstraintPoint], met: WorldsMet, spare: float) ->
 
 
 def _in_walls(points: Sequence[ConstraintPoint]) -> dict[str, Any]:
-    """Return which points belong to walls, by the names of `WALLS_IN_HAND`."""
+    """Return the rows of `WALLS_IN_HAND` for some points, keyed by their names."""
     walls = [at.wall or AtWall(1.0, 0.0) for at in points]
     walled = np.array([1.0 * (at.wall is not None) for at in points])
     return {"walled": walled, **{name: np.array([getattr(each, name) for each in walls]) for name in AtWall._fields}}

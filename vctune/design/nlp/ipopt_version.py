@@ -1,4 +1,4 @@
-"""The version of IPOPT. The module imports only what this question needs."""
+"""Find the version of IPOPT, without importing the rest of the optimiser."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vctune.interrupt import interrupt_deferred
 
 @lru_cache(maxsize=1)
 def ipopt_version() -> str:
-    """Return the version from IPOPT's banner, the only place where CasADi shows it."""
+    """Return the version that IPOPT prints in its banner; CasADi shows it nowhere else."""
     banner = StringIO()
     x = ca.SX.sym("x")
     quiet: dict[str, Any] = {"print_time": False, "ipopt.sb": "yes", "ipopt.print_level": 5, "ipopt.max_iter": 0}

@@ -1,7 +1,7 @@
-"""The design problem on a finite set of frequencies as a CasADi NLP (design/README.md, section 7).
+"""State the design problem on a finite set of frequencies as a CasADi NLP (design/README.md, section 7).
 
-Device, hold and delay enter as numbers for each frequency, so that one compiled NLP serves every problem of its
-structure.
+The NLP has parameters for the response of device, hold and delay at each frequency, so that one compiled NLP serves
+every problem of its structure.
 """
 
 from __future__ import annotations
@@ -65,9 +65,9 @@ OPTIONS: dict[str, Any] = {
     "ipopt.min_refinement_steps": 0,
     "ipopt.max_refinement_steps": 1,
 }
-"""Options of IPOPT. The multipliers of the parameters are not needed, and CasADi warns on stderr if one is not finite.
-The last six options are for speed: some thirty well scaled equations need neither scaling nor exact barrier
-problems."""
+"""Options of IPOPT. CasADi does not compute the multipliers of the parameters, because vctune does not need them and
+CasADi would warn on stderr if one is not finite. The last six options shorten the run time: an NLP with some thirty
+well-scaled constraints needs neither scaling nor exact solutions of the barrier problems."""
 
 
 class _SymbolArithmetic:
@@ -113,7 +113,7 @@ class _SymbolArithmetic:
 
     @staticmethod
     def interpolated(x: Number, table: tuple[tuple[float, float], ...]) -> Number:
-        raise NotImplementedError("a symbol is between no two points")
+        raise NotImplementedError("a symbol lies between no two points of a table")
 
     @staticmethod
     def within(radius: Number) -> Number:
@@ -133,13 +133,13 @@ SYMBOLS: Arithmetic = _SymbolArithmetic()
 
 @dataclass(frozen=True, slots=True)
 class _AtOneFrequency:
-    """The NLP's building blocks as symbols at one frequency, to be mapped over all frequencies.
+    """The expressions of the NLP as symbols at one frequency. `assembled` applies them to all frequencies.
 
     Attributes
     ----------
     z, common, epigraph : free variables, parameters common to all frequencies, epigraph variable
-    inputs, values : for each kind of frequency, its parameters, and its share of the objective or value of the
-        constraint
+    inputs : parameters at a frequency, for each kind of constraint and for the nodes of the quadrature
+    values : value of the constraint, or term of the objective, for each kind
     """
 
     z: ca.SX
@@ -156,7 +156,7 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
     pulse_column, pulse = _symbols("pulse", PULSE_TRANSFER)
     perturbed_column, perturbed = _symbols("perturbed", PERTURBED_LOOP)
     cut_column, cut = _symbols("cut", STABILITY_CUT)
-    held_column, held = _symbols("held", tables(structure)["in_hand"].layout)
+    in_hand_column, in_hand = _symbols("held", tables(structure)["in_hand"].layout)
     plant_column, plant = _symbols("plant", plant_layout(structure))
 
     gains, coupling, corner = _design(structure, z, common)
@@ -167,7 +167,7 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
     weights = dict(zip(TERMS, ca.vertsplit(common["weights"]), strict=True))
     error2 = sum((weights[term] ** 2 * getattr(squares, term) for term in structure.terms), start=ca.SX(0))
     offered = 2 * loop.resistance * response.re
-    if loop.operator_relief is not None:  # R may then be negative and has no logarithm
+    if loop.operator_relief is not None:  # R may be negative; the relief on this side keeps both sides > 0
         offered += common["safety_factor"] * loop.operator_relief
     L, perturbed_L = _loop_gain(structure, gains, pulse), _loop_gain(structure, gains, perturbed)
     sampled = plant_of(structure, {name: ca.vertsplit(column) for name, column in plant.items()})
@@ -184,7 +184,7 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
             "stability": cut_column,
             "peak": frequency_column,
             "unmodelled": perturbed_column,
-            "in_hand": held_column,
+            "in_hand": in_hand_column,
             "tracked_peaks": ca.vertcat(y, plant_column),
         },
         values={
@@ -194,7 +194,7 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
             "stability": cut["open"] + gains.velocity * cut["velocity"] + gains.position * cut["position"],
             "peak": epigraph - ca.log(error2) / 2,
             "unmodelled": _room(perturbed_L) - perturbed["log_radius"],
-            "in_hand": _demanded_in_hand(structure, held, gains, coupling, corner),
+            "in_hand": _demanded_in_hand(structure, in_hand, gains, coupling, corner),
             "tracked_peaks": ca.vertcat(-log_peak, ca.gradient(log_peak, y)),
         },
     )
@@ -207,13 +207,14 @@ def _loop_gain(structure: NlpStructure, gains: Gains, pulse: dict[str, ca.SX]) -
 
 
 def _room(L: Pair) -> Number:
-    """Return -log |1 - S|, the logarithm of the permitted radius of the device's response."""
+    """Return -log |1 - S|, the logarithm of the greatest permitted radius of unmodelled dynamics."""
     return (ca.log(Pair(1 + L.re, L.im).abs2()) - ca.log(L.abs2())) / 2
 
 
 SCALE_IN_HAND = 0.05
-"""Re Z_c, in units of Z_0, above which the constraint in a hand compares logarithms. Below it the constraint compares
-the numbers themselves, because R may be 0 or negative there. Half and twice this number take as many iterations."""
+"""Scale of the asinh with which the constraint in a hand compares Re Z_c and R, in units of Z_0. Far above this scale
+asinh acts like a logarithm. Far below it asinh is linear, so that R may be 0 or negative. Half and twice this scale
+take as many iterations."""
 
 
 def _coupling_response(coupling: AnyCoupling, frequency: dict[str, ca.SX]) -> Pair:
@@ -227,132 +228,147 @@ def _low_pass(numbers: dict[str, ca.SX]) -> Pair:
     return Pair(numbers["low_pass_re"], numbers["low_pass_im"])
 
 
-def _margin_in_hand(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
-    """Return f(Re Z_c) - f(factor R) with a rising function f; for an impedance display with Re(1/Z_c)/s^2."""
+def _margin_in_hand(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
+    """Return asinh(Re Z_c) - asinh(factor R), scaled, which is >= 0 if the coupling suffices in a hand.
+
+    For an impedance display, the left side is Re(1/Z_c)/s^2 with s = sin(theta/2), and R is divided by s^2 as well.
+    """
     if isinstance(coupling, SpringDamper):
-        (l_0, l_1), (q_0, q_1, q_2), K_v = ca.vertsplit(held["lost"]), ca.vertsplit(held["size"]), gains.velocity
+        (l_0, l_1), (q_0, q_1, q_2), K_v = ca.vertsplit(in_hand["lost"]), ca.vertsplit(in_hand["size"]), gains.velocity
         required = (l_0 + l_1 * K_v) / (q_0 + K_v * (q_1 + q_2 * K_v))
-        wanted = ca.fmax(held["factor"] * required, required)  # a multiple of a negative R requires nothing
-        offered = offered_by_spring(coupling, 1.0, _low_pass(held), held["theta"], SYMBOLS).quotient
+        wanted = ca.fmax(in_hand["factor"] * required, required)  # the greater of both if R is negative
+        offered = offered_by_spring(coupling, 1.0, _low_pass(in_hand), in_hand["theta"], SYMBOLS).quotient
         return ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)
-    offered = sampled_resistance(series_coupling(coupling), 1.0, held["theta"], SYMBOLS)
-    wanted = held["factor"] * (held["required"] if "required" in held else _required_of_loop(held, gains))
+    offered = sampled_resistance(series_coupling(coupling), 1.0, in_hand["theta"], SYMBOLS)
+    wanted = in_hand["factor"] * (in_hand["required"] if "required" in in_hand else _required_of_loop(in_hand, gains))
     return ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)
 
 
 UNPOSED = 1e3
-"""Amount subtracted from a margin that can never be positive, so that it is never the greatest."""
+"""Amount that the NLP subtracts from a margin that the problem does not have, so that it is never the greatest."""
 BLUNT = 1e-2
-"""Smoothing of the greatest of several margins where two are nearly equal, so that IPOPT can move from one to the
-other. At a frequency at which an optimum needs two of them, it makes the coupling too large by 0.7 of this number. With
-a tenth of it exchanges do not converge; with three tenths they take twice as many rounds."""
+"""Width of the smooth function that replaces the maximum of several margins. Smoothing allows IPOPT to move from a
+design that satisfies one margin to a design that satisfies another. If two margins are equal at an optimum, smoothing
+makes the coupling too large by 0.7 of this number, as a share. With a tenth of this number exchanges do not converge;
+with three tenths they take twice as many rounds."""
 
 
 def _demanded_in_hand(
-    structure: NlpStructure, held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, corner: ca.SX | None
+    structure: NlpStructure, in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, corner: ca.SX | None
 ) -> Number:
     if corner is not None:
-        return _margin_with_walls(held, gains, coupling, corner)
+        return _margin_with_walls(in_hand, gains, coupling, corner)
     if structure.in_time:
-        return _margin_in_time(structure, held, gains, coupling)
+        return _margin_in_time(structure, in_hand, gains, coupling)
     if structure.worlds:
-        return reduce(ca.fmin, [_margin_in_worlds(held, gains, coupling, share) for share in structure.shares])
-    return _margin_in_hand(held, gains, coupling)
+        return reduce(ca.fmin, [_margin_in_worlds(in_hand, gains, coupling, share) for share in structure.shares])
+    return _margin_in_hand(in_hand, gains, coupling)
 
 
 ALIKE = 4
-"""Sides of late environments that are about the same at low frequencies. With half as many answers violate their own
-constraints; with twice as many the coupling is 0.3 % greater."""
+"""Number of sides of late environments whose margins are nearly equal at low frequencies; `_greatest` needs this
+number. With half of it, the answers violate their own constraints; with twice as many, the coupling is 0.3 %
+greater."""
 
 
-def _margin_in_time(structure: NlpStructure, held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
-    """Return the least of the margins with each share of the coupling, of environments late or by Euler's rules."""
-    seen, at = _seen(held, gains), offered_at(series_coupling(coupling), 1.0, held["theta"], SYMBOLS)
-    planes = [HalfPlane(*(held[f"side_{k}_{part}"] for part in HalfPlane._fields)) for k in range(SIDES)]
+def _margin_in_time(structure: NlpStructure, in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
+    """Return the margin for environments late or by Euler's rules: the least over the shares of the coupling."""
+    seen, at = _seen(in_hand, gains), offered_at(series_coupling(coupling), 1.0, in_hand["theta"], SYMBOLS)
+    planes = [HalfPlane(*(in_hand[f"side_{k}_{part}"] for part in HalfPlane._fields)) for k in range(SIDES)]
     each = [
-        _greatest([room_of(plane.terms(at, seen, share), ca.fabs) - held["spare"] for plane in planes], ALIKE)
+        _greatest([room_of(plane.terms(at, seen, share), ca.fabs) - in_hand["spare"] for plane in planes], ALIKE)
         for share in structure.shares
     ]
     return reduce(ca.fmin, each)
 
 
-def _margin_in_worlds(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, share: float = 1.0) -> Number:
+def _margin_in_worlds(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, share: float = 1.0) -> Number:
     """Return a smooth lower bound of the greatest of the margins, one of which must be positive.
 
-    The share of the coupling is that of an impedance display; all others are covered together.
+    Only for an impedance display does the result depend on the share of the coupling; for the other displays the
+    margins cover all shares.
     """
-    low, high = _box_of(held)
-    theta, factor, raised = held["theta"], held["reserve"], held["factor"]
+    low, high = _box_of(in_hand)
+    theta, factor, raised = in_hand["theta"], in_hand["reserve"], in_hand["factor"]
     if isinstance(coupling, SpringDamper):
-        spring = offered_by_spring(coupling, 1.0, _low_pass(held), theta, SYMBOLS)
-        at, seen = seen_by_tool(ForceInHand(*_parts(held, ForceInHand)), gains, spring, share).apart
+        spring = offered_by_spring(coupling, 1.0, _low_pass(in_hand), theta, SYMBOLS)
+        at, seen = seen_by_tool(ForceInHand(*_parts(in_hand, ForceInHand)), gains, spring, share).apart
         factor, raised = ca.SX(1), raised / factor
     else:
-        at, seen = offered_at(series_coupling(coupling), 1.0, theta, SYMBOLS), _seen(held, gains)
-    found = disjuncts(at, Worlds(low, high), 1.0, seen, factor, theta, SYMBOLS)
+        at, seen = offered_at(series_coupling(coupling), 1.0, theta, SYMBOLS), _seen(in_hand, gains)
+    margin_terms = disjuncts(at, Worlds(low, high), 1.0, seen, factor, theta, SYMBOLS)
     offered, wanted = at.resistance + factor * low.damping, raised * (seen.lost / seen.size)
     margins = {"resistive": ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)}
-    for name in found._fields[1:]:
-        margins[name] = room_of(getattr(found, name), ca.fabs) - held["spare"]
-    alike = 1 + ca.fmax(held["by_above"], held["by_below"])
-    return _greatest([margins[name] - UNPOSED * (1 - held[f"by_{name}"]) for name in margins], alike)
+    for name in margin_terms._fields[1:]:
+        margins[name] = room_of(getattr(margin_terms, name), ca.fabs) - in_hand["spare"]
+    alike = 1 + ca.fmax(in_hand["by_above"], in_hand["by_below"])
+    return _greatest([margins[name] - UNPOSED * (1 - in_hand[f"by_{name}"]) for name in margins], alike)
 
 
 ENDLESS = 1e12
-"""Mass, in units of Z_0 T, that represents a mass without limit. With walls the numbers of an NLP cannot be
-infinite."""
+"""Greatest mass of a box without a limit of mass, in units of Z_0 T. The formulas for walls need a finite number."""
 
 
-def _margin_with_walls(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, corner: ca.SX) -> Number:
-    """Return the margin of walls, or the margin of linear environments at a point that belongs to these."""
-    theta, (low, high), T = held["theta"], _box_of(held), 1.0
+def _margin_with_walls(in_hand: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling, corner: ca.SX) -> Number:
+    """Return the margin of the condition on walls; at a point for linear environments, return the margin for these."""
+    theta, (low, high), T = in_hand["theta"], _box_of(in_hand), 1.0
     at = offered_at(series_coupling(coupling), T, theta, SYMBOLS)
-    high = replace(high, mass=high.mass + ENDLESS * (1 - held["by_above"]))
+    high = replace(high, mass=high.mass + ENDLESS * (1 - in_hand["by_above"]))
     worlds = Worlds(low, high, True, corner)
-    strip = strip_in_walls(at, worlds, T, _seen(held, gains), held["share"], theta, SYMBOLS)
-    found = disjuncts_in_walls(strip, worlds, held["lead"], T, theta, SYMBOLS)
-    rooms = [room_of(terms, ca.fabs) - held["spare"] for terms in found if terms is not None]
-    linear = _margin_in_worlds(held, gains, coupling)
-    return held["walled"] * _greatest(rooms) + (1 - held["walled"]) * linear
+    strip = strip_in_walls(at, worlds, T, _seen(in_hand, gains), in_hand["share"], theta, SYMBOLS)
+    margin_terms = disjuncts_in_walls(strip, worlds, in_hand["lead"], T, theta, SYMBOLS)
+    wall_margins = [room_of(terms, ca.fabs) - in_hand["spare"] for terms in margin_terms if terms is not None]
+    linear = _margin_in_worlds(in_hand, gains, coupling)
+    return in_hand["walled"] * _greatest(wall_margins) + (1 - in_hand["walled"]) * linear
 
 
 def _greatest(margins: list[Number], alike: Number = 2) -> Number:
-    """Return a smooth lower bound of the greatest of some margins, of which at most so many are alike."""
+    """Return a smooth lower bound of the greatest of some margins.
+
+    Parameters
+    ----------
+    margins : the margins
+    alike : greatest number of margins that may be nearly equal to the greatest one
+    """
     greatest = reduce(ca.fmax, margins)
     others = sum(ca.exp((margin - greatest) / BLUNT) for margin in margins)
     return greatest + BLUNT * (ca.log(others) - ca.log(alike))
 
 
-def _box_of(held: dict[str, ca.SX]) -> tuple[World, World]:
+def _box_of(in_hand: dict[str, ca.SX]) -> tuple[World, World]:
     """Return the least and the greatest environment of the box."""
     numbers = ("mass", "damping", "stiffness")
-    low, high = (World(*(held[f"environment_{end}_{name}"] for name in numbers)) for end in ("low", "high"))
+    low, high = (World(*(in_hand[f"environment_{end}_{name}"] for name in numbers)) for end in ("low", "high"))
     return low, high
 
 
-def _seen(held: dict[str, ca.SX], gains: Gains) -> Seen:
-    return Seen(held["required"], held["swing"], 1.0) if "required" in held else seen_in_hand(_loop(held), gains)
+def _seen(in_hand: dict[str, ca.SX], gains: Gains) -> Seen:
+    return (
+        Seen(in_hand["required"], in_hand["swing"], 1.0)
+        if "required" in in_hand
+        else seen_in_hand(_loop(in_hand), gains)
+    )
 
 
-def _loop(held: dict[str, ca.SX]) -> LoopInHand:
+def _loop(in_hand: dict[str, ca.SX]) -> LoopInHand:
     """Return a velocity loop in a hand."""
-    return LoopInHand(*_parts(held, LoopInHand))
+    return LoopInHand(*_parts(in_hand, LoopInHand))
 
 
-def _parts(held: dict[str, ca.SX], loop: type[LoopInHand | ForceInHand]) -> list[EvenOdd]:
-    """Return the parts of a loop in a hand, in the order of its fields."""
-    sine = ca.sin(held["theta"] / 2)
-    return [EvenOdd(held[f"{part}_even"], held[f"{part}_odd"], sine * sine) for part in loop._fields]
+def _parts(in_hand: dict[str, ca.SX], loop: type[LoopInHand | ForceInHand]) -> list[EvenOdd]:
+    """Return the parts of a loop in a hand, in the order of the fields of `loop`."""
+    sine = ca.sin(in_hand["theta"] / 2)
+    return [EvenOdd(in_hand[f"{part}_even"], in_hand[f"{part}_odd"], sine * sine) for part in loop._fields]
 
 
-def _required_of_loop(held: dict[str, ca.SX], gains: Gains) -> Number:
+def _required_of_loop(in_hand: dict[str, ca.SX], gains: Gains) -> Number:
     """Return R of a velocity loop in a hand."""
-    required = required_in_hand(_loop(held), gains)
+    required = required_in_hand(_loop(in_hand), gains)
     return required.lost / required.size
 
 
 def _symbols(name: str, layout: Layout) -> tuple[ca.SX, dict[str, ca.SX]]:
-    """Return a column of symbols, and its parts by name."""
+    """Return a column of symbols for a layout, and the parts of this column by name."""
     column = ca.SX.sym(name, sum(layout.values()))
     return column, unpacked(layout, column)
 
@@ -381,9 +397,8 @@ def assembled(structure: NlpStructure) -> dict[str, ca.MX]:
     -------
     dict
         x, f, g and p for `casadi.nlpsol`. x has the free coordinates, the log frequencies of tracked peaks and the
-        epigraph
-            variable; f is log(error); g has the constraints in the order of `DEMANDS`, then those of tracked peaks,
-            then those of the mean errors; p has the parameters in the layout of `nlp_parameters.packed`.
+        epigraph variable. f is log(error). g has the constraints in the order of `DEMANDS`, then those of tracked
+        peaks, then those of the mean errors. p has the parameters in the layout of `nlp_parameters.packed`.
     """
     one = _at_one_frequency(structure)
     columns = {name: ca.MX.sym(name, table.rows, table.columns) for name, table in tables(structure).items()}
@@ -409,7 +424,7 @@ def assembled(structure: NlpStructure) -> dict[str, ca.MX]:
 
 
 def _mean_errors(structure: NlpStructure, squares: ca.MX) -> ca.MX:
-    """Return the logarithm of the mean error on each device of the objective, from the squares at all nodes."""
+    """Return the logarithm of the root mean square error on each device, from the weighted squares at all nodes."""
     devices = structure.objective_devices
     if devices > 1:
         squares = ca.reshape(squares, PANEL_NODES * structure.panels, devices)

@@ -1,7 +1,8 @@
-"""The parameters of an NLP by name: one layout for CasADi's symbols and for the numbers.
+"""Arrange the parameters of an NLP by name, in the same layout for CasADi's symbols and for the numbers.
 
-The parameters are tables, stored one after another and column by column. The table `common` has one column; each kind
-of frequency has a table with one column for each frequency. A layout names the rows of a table.
+The parameters are several tables, stored one after another and column by column. The table `common` has one column.
+Each kind of constraint, and the quadrature, has a table with one column for each of its frequencies. A layout names the
+rows of a table.
 """
 
 from __future__ import annotations
@@ -32,13 +33,14 @@ Layout = dict[str, int]
 """Number of rows for each name, in order."""
 
 PULSE_TRANSFER: Layout = {"re_G_v": 1, "im_G_v": 1, "re_G_x": 1, "im_G_x": 1}
-"""Responses of velocity and position to force in the sampled loop, at a frequency for |S|."""
+"""Real and imaginary parts of the pulse transfer functions from force to velocity and position, at a frequency for
+|S|."""
 PERTURBED_LOOP: Layout = {**PULSE_TRANSFER, "log_radius": 1}
-"""The same responses, and the radius of the device's response."""
+"""The rows of `PULSE_TRANSFER`, and the logarithm of the radius of unmodelled dynamics."""
 LOOP_IN_HAND: Layout = {"theta": 1, "factor": 1} | {
     f"{part}_{side}": 1 for part in LoopInHand._fields for side in ("even", "odd")
 }
-"""The loop in a hand at an angle, and the least permitted Re Z_c / R."""
+"""The angle theta, the least permitted ratio Re Z_c / R, and the loop in a hand at this angle."""
 FIRMWARE_FILTER: Layout = {"low_pass_re": 1, "low_pass_im": 1}
 """F, the firmware's low-passes, through which the coupling of an impedance display acts."""
 FORCE_IN_HAND: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER, "lost": 2, "size": 3}
@@ -46,9 +48,10 @@ FORCE_IN_HAND: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER, "lost": 2, 
 FORCE_IN_WORLDS: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER} | {
     f"{part}_{side}": 1 for part in ForceInHand._fields for side in ("even", "odd")
 }
-"""The loop of an impedance display in one hand, from which a box of environments takes the reactance, too."""
+"""The loop of an impedance display in one hand, for a problem with a box of environments. The constraint then needs the
+reactance, too."""
 COMMAND_IN_HAND: Layout = {"theta": 1, "factor": 1, "required": 1, "swing": 1}
-"""R and -s Im Z_seen of a servo in a hand. Neither depends on a gain."""
+"""R and -s Im Z_seen of a servo in a hand, which do not depend on any gain."""
 IN_HAND: dict[DisplayName, Layout] = {
     "admittance": LOOP_IN_HAND,
     "impedance": FORCE_IN_HAND,
@@ -60,12 +63,17 @@ WORLDS_IN_HAND: Layout = {
     "reserve": 1,
     "spare": 1,
 }
-"""Rows in addition to the loop in a hand: the environments, the margins that may be positive, g, and the tightening."""
+"""Rows that a box of environments adds to the loop in a hand.
+
+The rows `by_...` are 1 for the margins that the NLP may use, else 0. `reserve` is the safety factor g, and `spare` is
+the tightening.
+"""
 SIDES_IN_HAND: Layout = {f"side_{k}_{part}": 1 for k in range(SIDES) for part in HalfPlane._fields} | {"spare": 1}
-"""Beside the loop in a hand, the sides of environments that run late or by Euler's rules, and the tightening of a
-room."""
+"""Rows that environments late or by Euler's rules add to the loop in a hand: the sides of their polygon, and the
+tightening."""
 WALLS_IN_HAND: Layout = {"walled": 1, "share": 1, "lead": 1}
-"""Whether the condition of walls (1) or of linear environments (0) is imposed, and the fields of `AtWall`."""
+"""Rows that walls add: `walled` is 1 for the condition on walls and 0 for that on linear environments; the others are
+the fields of `AtWall`."""
 STABILITY_CUT: Layout = {"open": 1, "velocity": 1, "position": 1}
 """Rows of a tangent of the stability boundary: the fields of `Cut`."""
 
@@ -81,8 +89,9 @@ def in_hand_layout(structure: NlpStructure) -> Layout:
 def common_layout(structure: NlpStructure) -> Layout:
     """Return the layout of the parameters that all frequencies share.
 
-    They are the device's mass and damping, the variables' scales, the values of fixed variables, and the weights. If an
-    operator eases the conditions, its damping and the safety factor are included.
+    These parameters are the device's mass and damping, the scales of the variables, the values of the fixed variables,
+    and the weights of the error. For a device with a damped least operator, they also include the operator's damping
+    and the safety factor.
     """
     numbers = len(structure.kind.keys) + structure.walls
     layout = {"mass": 1, "damping": 1, "scales": numbers, "fixed": numbers, "weights": len(TERMS)}
@@ -90,8 +99,8 @@ def common_layout(structure: NlpStructure) -> Layout:
 
 
 def frequency_layout(structure: NlpStructure) -> Layout:
-    """Return the layout of a frequency: omega, the drive, the device's parts and, if devices differ, the device's
-    numbers."""
+    """Return the layout of the frequency model at a frequency: omega, the drive, the device's parts, and for several
+    devices the mass and damping."""
     layout = {"omega": 1, "drive_re": 1, "drive_lag": 1}
     layout |= {f"{part}_{field.name}": 1 for part in structure.parts for field in fields(PARTS[part])}
     layout |= {"mass": 1, "damping": 1} if structure.uncertain else {}
@@ -99,7 +108,7 @@ def frequency_layout(structure: NlpStructure) -> Layout:
 
 
 def plant_layout(structure: NlpStructure) -> Layout:
-    """Return the layout of a sampled plant, for a tracked peak of |S| whose frequency is not known beforehand."""
+    """Return the layout of a sampled plant, for a peak of |S| whose frequency is a variable of the NLP."""
     order = structure.order
     velocity = order + 1 if structure.differenced else order
     taps = {"velocity_newer": velocity, "velocity_older": velocity}
@@ -108,9 +117,10 @@ def plant_layout(structure: NlpStructure) -> Layout:
 
 
 def device_numbers(at: DeviceResponse) -> dict[str, Any]:
-    """Return a device's constants at frequencies by the names of `frequency_layout`, without those of absent parts.
+    """Return a device's constants at frequencies, keyed by the names of `frequency_layout`, without those of absent
+    parts.
 
-    The handle's own damping is 0, because no device at which constraints are imposed includes a hand.
+    A missing number of a part, such as the handle's own damping, becomes 0.
     """
     numbers = {"omega": at.omega, "drive_re": at.drive.re, "drive_lag": at.drive.lag}
     numbers |= {"mass": at.mass, "damping": at.damping}
@@ -123,12 +133,12 @@ def device_numbers(at: DeviceResponse) -> dict[str, Any]:
 
 
 def device_of(structure: NlpStructure, numbers: dict[str, Any], operator: Any) -> DeviceResponse:
-    """Return the device at a frequency from symbols by name, the inverse of `device_numbers`.
+    """Return the response of a device at a frequency from symbols by name, the inverse of `device_numbers`.
 
     Parameters
     ----------
     structure : structure of the NLP
-    numbers : numbers by the names of `common_layout` and `frequency_layout`; the latter take precedence
+    numbers : numbers, keyed by the names of `common_layout` and `frequency_layout`; the latter take precedence
     operator : damping of the least operator; None without one
     """
     parts = {
@@ -141,7 +151,7 @@ def device_of(structure: NlpStructure, numbers: dict[str, Any], operator: Any) -
 
 
 def plant_numbers(plant: SampledPlant) -> dict[str, Any]:
-    """Return a sampled plant by the names of `plant_layout`."""
+    """Return the numbers of a sampled plant, keyed by the names of `plant_layout`."""
     (v_0, v_1), (x_0, x_1) = plant.velocity, plant.position
     taps = {"velocity_newer": v_0, "velocity_older": v_1, "position_newer": x_0, "position_older": x_1}
     low_pass = {} if plant.low_pass is None else {"low_pass": plant.low_pass}
@@ -154,7 +164,7 @@ def plant_of(structure: NlpStructure, rows: dict[str, Sequence[Any]]) -> Sampled
     Parameters
     ----------
     structure : structure of the NLP
-    rows : rows by the names of `plant_layout`
+    rows : the numbers, keyed by the names of `plant_layout`
     """
     return SampledPlant(
         open=tuple(rows["open"]),
@@ -220,8 +230,8 @@ def packed(parts: dict[str, Table], numbers: dict[str, dict[str, Any]]) -> Float
     Parameters
     ----------
     parts : the tables, from `tables`
-    numbers : for each table with columns, arrays of shape (columns,) or (rows, columns) by the names of its rows.
-        Unused columns repeat the last one; the columns of a table without numbers are 0
+    numbers : for each table, arrays of shape (columns,) or (rows, columns), keyed by the names of its rows. If a table
+        has more columns, the last one is repeated; a table without an entry is 0
     """
     return np.concatenate([_packed(table, numbers.get(name)) for name, table in parts.items()])
 

@@ -21,13 +21,14 @@ from vctune.model.transparency import TERMS, TermName
 DEMANDS = ("ratio", "sensitivity", "stability", "peak", "unmodelled", "in_hand")
 """Names of the kinds of constraint, in the order of `NlpStructure.capacities`."""
 CAPACITY_STEPS = (12, 12, 4, 12, 12, 12)
-"""Steps in which the number of slots for each kind of constraint grows. Open bounds switch off unused slots, so that a
-growing working set rarely needs another solver. Compiling a solver takes tens of milliseconds, an unused constraint
-some microseconds. Half these steps cause more compiling, twice these steps slower iterations; the answers are the
+"""Steps in which the number of slots for each kind of constraint grows, in the order of `DEMANDS`. A slot is one
+constraint of the NLP at one point. Infinite bounds switch off unused slots, so that a growing working set rarely needs
+another compiled solver. Compiling a solver takes tens of milliseconds; an unused slot takes some microseconds. With
+half these steps vctune compiles more often; with twice these steps the iterations are slower. The answers are the
 same."""
 IN_WORLDS = 36
-"""Step for the loops in hands with a box of environments, whose points join in windows of frequencies. Half this step
-compiles twice; twice this step makes every iteration slower."""
+"""Step for the loops in hands with a box of environments. The exchange adds several of these points at a time, so the
+step is larger. With half this step vctune compiles twice; with twice this step every iteration is slower."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +42,7 @@ class NlpStructure:
     worlds : whether the environments form a box
     walls : whether the environments include walls, so that the corner of the multiplier is a number of the design
     in_time : whether the environments run late or by Euler's rules
-    shares : shares of the coupling that are looked at, each by itself
+    shares : shares of the coupling for each of which the NLP imposes the constraint with environments
     free : (index among a design's numbers, whether it may be 0) for each free variable
     integrator : whether the law has its term K_p/s
     terms : terms of the error with a positive weight
@@ -49,11 +50,11 @@ class NlpStructure:
     panels : number of panels of the quadrature; 0 for "peak"
     capacities : number of slots for each kind of constraint in `DEMANDS`
     tracked_peaks : number of peaks of |S| whose frequencies are variables
-    operator_damping : whether the damping of an operator eases the conditions
+    operator_damping : whether the damping of a least operator relaxes the constraints
     parts : fields of `DeviceResponse` that an ideal device lacks
     order : order of the sampled device; 1 for an ideal device
     differenced, low_passes : whether the velocity is a difference of positions; number of its low-passes
-    uncertain : whether the constraints are imposed on several devices, whose numbers then come with each frequency
+    uncertain : whether the NLP has several devices; if so, each frequency has the numbers of its device
     objective_devices : number of devices whose greatest error is the objective, for "rms"
     """
 
@@ -97,7 +98,8 @@ class NlpStructure:
 def nlp_structure(
     posed: Posed, free: tuple[Coordinate, ...], working_set: WorkingSet, panels: int, *, integrator: bool
 ) -> NlpStructure:
-    """Return the structure of the NLP of a problem on a working set. It omits parts that have no effect.
+    """Return the structure of the NLP of a problem on a working set. The NLP has no constraints or terms without an
+    effect.
 
     Parameters
     ----------
@@ -115,7 +117,7 @@ def nlp_structure(
     ratio, sensitivity, stability, *others = (
         -(-used // step) * step for used, step in zip(working_set.sizes(), steps, strict=True)
     )
-    if sensitivity > 0:  # where |S| can bind, the stability boundary is near
+    if sensitivity > 0:  # if |S| is near its limit, the stability boundary is near, too
         stability = max(stability, CAPACITY_STEPS[DEMANDS.index("stability")])
     return NlpStructure(
         kind=problem.device.kind,

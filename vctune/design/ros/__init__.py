@@ -1,1 +1,1 @@
-"""ROS 2 parameter files: their meaning, their check, and their repairs."""
+"""Read ROS 2 parameter files as problems, check them, repair them, and write designs as such files."""

@@ -38,8 +38,9 @@ from vctune.simulation.mechanics.scene_stability import Mode, fastest_mode
 from vctune.simulation.scene import designed_scene
 
 SLOW = 0.1
-"""Share of the Nyquist frequency below which a warning names a filter's corner. Half this share names none of the usual
-filters of 0.05 at 500 Hz and less; twice this share names some that a hand cannot tell from no filter."""
+"""Share of the Nyquist frequency below which vctune warns of a filter's corner frequency. With half this share, vctune
+would not warn of the usual coefficient 0.05 at 500 Hz or less. With twice this share, it would warn of filters that a
+hand cannot feel."""
 
 
 def check_admittance(
@@ -49,7 +50,7 @@ def check_admittance(
     only: Sequence[str] = (),
     progress: Progress = lambda stage: None,
 ) -> list[Checked]:
-    """Check the selected axes of a parameter file. Axes with the same numbers are checked once.
+    """Check the selected axes of a parameter file. If several axes have the same numbers, the function proves only one.
 
     Parameters
     ----------
@@ -62,15 +63,15 @@ def check_admittance(
     Returns
     -------
     list of Checked
-        One check for each axis, in the file's order. If an axis rotates and the device moves along a line, or the other
-        way round, it is skipped and its check is undecided.
+        One check for each axis, in the file's order. If an axis rotates and the device is linear, or if the axis
+        translates and the device is rotary, the function skips the axis, and its check is undecided.
 
     Raises
     ------
     InputError
-        If the problem is an impedance display, lacks gains, or has a filter of its own; if `only` names an axis that
-        the
-            file does not select or whose motion is of the other kind; or if no axis has the device's kind of motion.
+        If the problem is an impedance display, lacks gains, or has a force sensor with a filter besides that of the
+        file; if `only` names an axis that the file does not select or that has the other kind of motion; or if no axis
+        has the device's kind of motion.
     """
     tables, axes = _device(problem, given), _chosen(problem, path, given, only)
     fitting = " ".join(f"--axis {axis.axis}" for axis in axes if _moves_as(axis, problem))
@@ -91,7 +92,7 @@ def check_admittance(
 
 
 def _chosen(problem: ProblemFile, path: Path, given: AdmittanceFile, only: Sequence[str]) -> list[Admittance]:
-    """Return the axes to check, including those that a message names as skipped."""
+    """Return the selected axes, including those with the other kind of motion, which `check_admittance` skips."""
     axes = axes_asked_for(path, given, only)
     others = [axis for axis in axes if not _moves_as(axis, problem)]
     if others and (only or len(others) == len(axes)):
@@ -101,12 +102,12 @@ def _chosen(problem: ProblemFile, path: Path, given: AdmittanceFile, only: Seque
 
 
 def axes_asked_for(path: Path, given: AdmittanceFile, only: Sequence[str]) -> list[Admittance]:
-    """Return the axes of a parameter file that are to be checked, in the file's order.
+    """Return the axes of a parameter file to check, in the file's order.
 
     Parameters
     ----------
     path : path of the file, for messages
-    given : its selected axes
+    given : the parameter file
     only : names of the axes to check; empty for all
 
     Raises
@@ -143,7 +144,7 @@ def _unproved(verdict: CheckVerdict, code: Code, message: str, axis: Admittance)
 
 
 def _of_axis(checked: Checked, problem: ProblemFile, path: Path, axis: Admittance) -> Checked:
-    """Return a check of one axis as the check of another axis with the same numbers."""
+    """Return a check with the name of an axis; several axes with the same numbers share one check."""
     name, message, finding = f"{problem.problem.name} {axis.axis}", f"{axis.axis}: {checked.message}", checked.finding
     if isinstance(finding, DesignFinding):
         named = replace(finding.file, problem=replace(finding.file.problem, name=name))
@@ -154,7 +155,8 @@ def _of_axis(checked: Checked, problem: ProblemFile, path: Path, axis: Admittanc
 
 
 def _device(problem: ProblemFile, given: AdmittanceFile) -> dict[str, Any]:
-    """Return the problem's tables with the criterion "hands", and with the gains of a loop of its own."""
+    """Return the problem's tables with the criterion "hands" and, unless the device is a servo, with its fixed
+    gains."""
     bounds, sensor = problem.problem.bounds, problem.problem.device.sensing
     if not problem.problem.device.kind.senses_force:
         message = '"impedance", and an admittance_controller makes an admittance display; name a problem of one'
@@ -177,12 +179,12 @@ def _device(problem: ProblemFile, given: AdmittanceFile) -> dict[str, Any]:
 def _checked(
     problem: ProblemFile, tables: dict[str, Any], given: AdmittanceFile, axis: Admittance, progress: Progress
 ) -> Checked:
-    """Check one axis, whatever its name is."""
+    """Check one axis; the result does not contain its name."""
     began, T = perf_counter(), problem.problem.device.sample_time
     looped = problem.problem.device.kind.own_loop
     coupling = coupling_of_admittance(axis, T, servo=not looped)
     if coupling.mass <= 0 or coupling.drag < 0:
-        # in front of a servo the step alone is considered; it grows by itself only where D T is above 2 M
+        # for a servo the law is unstable by itself only if D T > 2 M; between M and 2 M the theory does not cover it
         grows = looped or axis.damping * T > 2 * axis.mass
         verdict = CheckVerdict.FAILED if grows else CheckVerdict.UNDECIDED
         return _unproved(verdict, "ros-step", _explicit(axis, T, problem.problem.units), axis)
@@ -224,7 +226,7 @@ def _explicit(axis: Admittance, T: float, units: Units) -> str:
 
 
 def _traps(axis: Admittance, coefficient: float, device: Device) -> list[Note]:
-    """Return warnings of common mistakes in such a file."""
+    """Return warnings of common mistakes in a parameter file."""
     found, T = [], device.sample_time
     if axis.damping == 0:
         said = (
@@ -246,7 +248,7 @@ def _traps(axis: Admittance, coefficient: float, device: Device) -> list[Note]:
 
 
 def _with_its_spring(file: ProblemFile, axis: Admittance, finding: DesignFinding) -> str:
-    """Return words on whether the axis grows because of the stiffness in the file."""
+    """Return a message: whether the axis, with its own stiffness alone, is unstable in a corner of the box of hands."""
     hands = file.problem.hands_met
     assert hands is not None, "the criterion is that of hands"
     held = finding.judgement.in_hand

@@ -1,9 +1,9 @@
 """Write a design for a servo as parameters of a ROS 2 admittance_controller.
 
-The controller's law is a coupling with b_c = 2 m_c/T, m_c = M - D T and b_0 = D (see `admittance_problem`). So M = m_c
-+ D T and D = b_0 render the mass and drag of a design. The controller has no damper in series with the mass. The file
-states D as a damping ratio of M and S, and as joint_damping. All axes share joint_damping, and without a stiffness it
-damps alone.
+The controller's law is a coupling with b_c = 2 m_c/T, m_c = M - D T and b_0 = D (see `admittance_problem`). The
+parameters M = m_c + D T and D = b_0 therefore render the mass and drag of a design. The controller has no damper in
+series with the mass. The file states D by a damping ratio, relative to M and S, and by joint_damping. All axes have the
+same joint_damping. On an axis without stiffness, joint_damping gives all the damping.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from vctune.model.gains import Coupling
 from vctune.model.problem import Problem
 
 DIGITS = 7
-"""Number of digits of a damping, which is rounded up. With half as many digits, the damping would be a hundredth of a
-per cent greater. Twice as many digits would have no benefit."""
+"""Number of significant digits to which the code rounds a damping up. With half as many digits, the damping would be up
+to a hundredth of a per cent greater. Twice as many digits would have no benefit."""
 RETURN = 1e4
-"""Time constant, s, of a spring that is present only to define a damping ratio. Half and twice this time change the
-damping by a millionth."""
+"""Time constant, s, of a weak spring that the file states only because the damping ratio refers to a stiffness. Half
+and twice this time change the damping by a millionth."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class RenderedAxis:
     ----------
     axis : name of the axis, one of `AXES`
     device : device of the axis, a servo
-    coupling : coupling of the design, without its damping
+    coupling : coupling of the design; the controller cannot render its damper b_c
     """
 
     axis: str
@@ -77,7 +77,7 @@ def parameters_of(designs: Sequence[RenderedAxis], source: str) -> AdmittanceFil
     Raises
     ------
     InputError
-        If the axes have different sample times or filters, which one controller cannot have.
+        If the axes have different sample times or filters; a controller has one of each for all axes.
     """
     for key, values in (
         ("device.sample_time", {design.device.sample_time for design in designs}),

@@ -1,12 +1,14 @@
-"""The problem of a device whose coupling is a ROS 2 admittance: problem file and parameter file together.
+"""Join a problem file and a ROS 2 parameter file: the problem of a device whose coupling is the ROS 2 admittance.
 
 The controller steps M dv/dt + D v + S x = f explicitly: (M/T) (v - v_before) + D v_before + S x_before = f. This equals
-a mass M - D T by backward Euler, a drag D - S T/2 and a lossless spring S. The mass is the coupling of the trapezoidal
-rule with b_c = 2 (M - D T)/T and m_c = M - D T. The proof covers every passive environment, and thus the spring.
+a mass M - D T by backward Euler, a drag D - S T/2 and a lossless spring S. A mass by backward Euler equals a coupling
+by the trapezoidal rule with b_c = 2 (M - D T)/T and m_c = M - D T. The proof covers every passive environment, and thus
+the spring.
 
-For a servo nothing is approximated. S pulls the measured position, which lags as the servo does. So S is the servo's
-own spring and takes nothing more from the drag. The controller's filter filters samples, as the servo's does. A
-commanded position is the sum of T v; since the servo interpolates between commands, it moves as if v were commanded.
+For a servo this form is exact. S acts on the measured position, which has the lag of the servo. S is therefore the
+servo's own spring, and the code does not subtract S T/2 from the drag. The filter of the controller acts on samples,
+like the filter of the model of a servo. The controller commands a position, the sum of T v. The servo interpolates
+between these positions, so it moves as if the controller commanded the velocity v.
 """
 
 from __future__ import annotations
@@ -18,9 +20,9 @@ from vctune.document.ros import Admittance, AdmittanceFile
 from vctune.model.gains import Coupling
 
 OF_FILE = ("admittance", "ft_sensor")
-"""Tables of a parameter file. In a document of both files they stand next to the problem's tables."""
+"""Names of the tables of a parameter file. A joint document of both files has these tables and those of the problem."""
 FILTER_OF_SAMPLES, FILTER_AS_CORNER = "force_sensor.filter_coefficient", "force_sensor.bandwidth_hz"
-"""Keys of the device's number that the controller's filter replaces: for a servo, and for any other device."""
+"""Keys under which the joint problem states the controller's filter: for a servo, and for any other device."""
 
 
 def device_tables(document: dict[str, Any]) -> dict[str, Any]:
@@ -52,7 +54,8 @@ def document_of_both(device: dict[str, Any], given: AdmittanceFile, axis: Admitt
 
 
 def as_problem(document: dict[str, Any]) -> dict[str, Any]:
-    """Return the tables of the problem that a document of both files states, as the controller computes it.
+    """Return the tables of a problem whose coupling is the admittance of a joint document, as the controller computes
+    it.
 
     Parameters
     ----------
@@ -71,7 +74,7 @@ def as_problem(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def _as_servo(device: dict[str, Any], axis: Admittance, coefficient: float) -> dict[str, Any]:
-    """Return the table of a servo with the parts that the controller adds."""
+    """Return the device's table with the spring and the filter of the controller added to the servo."""
     servo = {key: value for key, value in device["servo"].items() if key != "command"}
     if axis.stiffness > 0:
         servo["stiffness"] = axis.stiffness
@@ -101,12 +104,12 @@ def coupling_of_admittance(axis: Admittance, sample_time: float, *, servo: bool 
     ----------
     axis : the rendered environment
     sample_time : T, s
-    servo : whether the device is a servo, whose measured position the spring pulls; otherwise the spring is lossless
+    servo : whether the device is a servo; for any other device, the explicit step of the spring reduces the drag
 
     Returns
     -------
     Coupling
-        Its mass or its drag is negative if the explicit step is not passive.
+        The coupling, whose mass or drag is negative if the explicit step is not passive.
     """
     mass = axis.mass - axis.damping * sample_time
     taken = 0.0 if servo else axis.stiffness * sample_time / 2

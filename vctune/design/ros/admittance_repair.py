@@ -1,6 +1,7 @@
 """Find repairs of a refuted axis of a ROS 2 parameter file: first of its own numbers, then of the problem's.
 
-The file states no coupling. So each change is one that the user can make in the file, and is tested in that form.
+The file states no coupling. The search therefore changes the parameters of the file, as a user would, and not the
+coupling.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from vctune.model.problem import Problem
 def repairs_of_axis(
     document: dict[str, Any], problem: Problem, judgement: Judgement, progress: Progress
 ) -> list[Repair] | None:
-    """Return the changes of one number after which an axis passes, or uses its loop; None if the axis needs none.
+    """Return the changes of one number after which an axis passes or uses its loop; None if the axis needs no change.
 
     Parameters
     ----------
@@ -84,7 +85,7 @@ def _of_file(document: dict[str, Any]) -> Iterator[ParameterChange]:
     yield ParameterChange(("admittance", "mass"), "a heavier axis", axis.mass, HEAVIEST)
     yield ParameterChange(("admittance", "mass"), "a lighter axis", axis.mass, LIGHTEST)
     per_ratio, rate = 2 * sqrt(axis.stiffness / axis.mass), axis.damping / axis.mass
-    spare = 1 / T - rate  # the D/M at which nothing of the mass is left
+    spare = 1 / T - rate  # at D/M = 1/T the mass M - D T is 0
     if per_ratio > 0:
         most = axis.damping_ratio + spare / per_ratio
         yield ParameterChange(("admittance", "damping_ratio"), "a greater damping ratio", axis.damping_ratio, most)

@@ -1,8 +1,8 @@
-"""The exchange method: IPOPT on a few frequencies, to which the exchange adds those where the answer fails.
+"""The exchange method: solve an NLP with few frequencies, add those at which its answer violates a constraint, repeat.
 
-See design/README.md, section 6. The exchange stays near its start. Each NLP is confined to a box in log coordinates
-around the last point with a stable loop, because unstable loops beyond |S| = inf also satisfy the constraints at single
-frequencies.
+See design/README.md, section 6. Each NLP is confined to a trust box in log coordinates around the last point with a
+stable loop. Without this box, the exchange could end at an unstable loop, because unstable loops beyond |S| = inf also
+satisfy the constraints at single frequencies.
 """
 
 from __future__ import annotations
@@ -33,40 +33,46 @@ from vctune.running import OutOfTimeError, check_time
 # tests/design/test_search_constants.py solves references and basins with each constant halved and doubled.
 
 TIGHTENING = 1e-6
-"""Relative tightening of the constraints. It covers the rounding to eight digits and IPOPT's tolerance of 1e-9. The
-error grows by about as much. If the tightening is too small, the exchange tightens tenfold at the proof's witness."""
+"""Relative tightening of the constraints. The tightening covers the rounding to eight digits and IPOPT's tolerance of
+1e-9. The tightening increases the error by about the same share. If it is too small, the proof refutes the design, and
+the search repeats the exchange with ten times the tightening."""
 ROUNDS = 40
-"""Greatest number of NLPs in an exchange; one to three are usual. Half as many cut off an exchange that creeps along a
-boundary; twice as many wait for it."""
+"""Greatest number of NLPs in an exchange; one to three are usual. Half this number ends an exchange that converges
+slowly along the stability boundary; twice this number takes longer without a better result."""
 RADIUS = 2.0
-"""Half-widths of the first and of the widest trust box in log coordinates: a factor of 7 around the start, which is
-near a local minimum. With twice this width IPOPT ends beyond |S| = inf more often; with half this width it needs
-another round."""
+"""Half-width of the first trust box, and the greatest half-width, in log coordinates. This width permits a factor of 7
+on both sides of the start, which is near a local minimum. With twice this width IPOPT ends beyond |S| = inf more often;
+with half this width it needs another round."""
 GROWTH = 2.0
-"""Factor by which the box grows after a useful answer. Any other answer halves the box."""
+"""Factor by which the exchange widens the trust box after a useful answer. After any other answer, it halves the
+box."""
 NEARER = 0.8
-"""Ratio of successive violations below which an answer is useful although the box contains no feasible design yet, for
-example because the scan has missed a sharp resonance. With half this ratio the exchange stops on the way to such a
-design of a display with hardly any damping; with 0.9 it finds the design in as many rounds."""
+"""Ratio of successive violations below which an infeasible answer counts as useful. The trust box may contain no
+feasible design at first, for example because the scan missed a sharp resonance. With half this ratio, the exchange ends
+too early for a display with hardly any damping; with 0.9 it finds the design in the same number of rounds."""
 LEAST_RADIUS = 1e-3
-"""Size of the box, 0.1 %, at which the exchange ends; basins are distinguished to that. Half this size costs another
-round, and twice this size saves one."""
+"""Half-width of the trust box at which the exchange ends: 0.1 %, the accuracy to which the search distinguishes basins.
+With half this size the exchange takes one more round; with twice this size it takes one round less."""
 FIRST_FREQUENCIES = 9
-"""Number of log-spaced frequencies at which the exchange first imposes each constraint, enough that the first answer
-violates no constraint grossly. Missing frequencies join later. Half as many take a round or two more; twice as many
-make every round slower."""
+"""Number of log-spaced frequencies at which the first NLP imposes each constraint. With this number, the first answer
+violates the constraints only slightly; the exchange adds the missing frequencies later. Half as many frequencies take
+one or two more rounds; twice as many make every round slower."""
 PANELS = 4
 MAX_PANELS = 256
 """First and greatest number of panels of the error's quadrature, with eight nodes each. The exchange doubles them until
-the NLP's error is accurate to `OBJECTIVE_TOLERANCE`. Half the first number costs another round; half the greatest is
-too few for an undamped resonance."""
+the NLP's error is accurate to `OBJECTIVE_TOLERANCE`. With half of `PANELS`, the exchange takes another round. Half of
+`MAX_PANELS` is too small for a device with an undamped resonance.
+"""
 OBJECTIVE_TOLERANCE = {"rms": 1e-7, "peak": 1e-4}
-"""Permitted relative difference between the NLP's objective and the error of its answer. With norm "peak" every round
-gains a factor of only three or four, because the greatest error moves with the gains; 1e-5 would cost 5 % of the total
-time. Half or twice this number changes the error by as much."""
+"""Permitted relative difference between the NLP's objective and the error of its answer, for each norm. With norm
+"peak", each round reduces this difference only by a factor of three or four, because the frequency of the greatest
+error changes with the gains. A limit of 1e-5 would take 5 % more time. Half or twice the limit changes the error of the
+design by about the same share."""
 UPHILL = 1e-4
-"""Share by which an answer must be worse than a known design to count as in another basin. It exceeds the effect of the
-tightening and of IPOPT's tolerance, and is well below 0.1 %, the resolution of basins."""
+"""Share by which the error of an answer must exceed that of a known design for the exchange to reject the answer. This
+share exceeds the effect of the tightening and of IPOPT's tolerance. The share is well below 0.1 %, the accuracy to
+which the search distinguishes basins.
+"""
 
 
 def polish(
@@ -79,32 +85,36 @@ def polish(
     witnesses: WorkingSet | None = None,
     demands: WorkingSet | None = None,
 ) -> Polished | None:
-    """Improve a start to a local optimum of the semi-infinite problem; return None if nothing feasible is found.
+    """Improve a start to a local optimum of the semi-infinite problem; return None if the exchange finds no feasible
+    design.
 
-    With environments late or by Euler's rules the real part alone has to suffice at first. Their polygons are thin,
-    and an exchange that begins between them finds no way out. On an impedance display with other environments the
-    real part alone is tried, too: the smoothed choice between margins gives away half a percent of the coupling.
+    If environments run late or by Euler's rules, the function first requires the margin of the real part alone to be
+    positive, and starts a second exchange with all margins from the result. The polygons of such environments are thin,
+    and an exchange with all margins from the original start seldom becomes feasible. For environments of an impedance
+    display, the function runs one exchange with all margins and one with the margin of the real part alone, and returns
+    the better result. The smoothed maximum of several margins would make the coupling worse by half a percent.
 
     Parameters
     ----------
     posed : prepared problem, dimensionless
     start : start from the scan
     scanned : result of the scan, which decides which constraints the first NLP has
-    incumbent : error at which to give up; once the NLP's error exceeds it, more frequencies only raise the error
+    incumbent : error above which the exchange ends, because more frequencies can only raise the error of the NLP
     tightening : relative tightening of the constraints
     witnesses : points that a proof has refuted, which the first NLP includes
-    demands : points of the first NLP if the start is a known optimum; None for the local extrema at the start
+    demands : points of the first NLP if the start is a known optimum; None for a coarse grid and the worst points at
+        the start
 
     Returns
     -------
     Polished or None
-        Dimensionless. It is feasible in double precision with the constraints tightened, but not proved. At the end of
-        the time limit it is the best answer so far.
+        A dimensionless design that meets the tightened constraints in double precision, without a proof. If the time
+        limit ends the exchange, the result is the best answer so far.
 
     Raises
     ------
     OutOfTimeError
-        If the time limit has passed and there is no answer yet.
+        If the time limit ends before the exchange has a feasible answer.
     """
     again = partial(_exchanged, scanned=scanned, tightening=tightening, witnesses=witnesses, demands=demands)
     worlds = posed.problem.worlds
@@ -133,7 +143,7 @@ def _exchanged(
     witnesses: WorkingSet | None,
     demands: WorkingSet | None,
 ) -> Polished | None:
-    """Exchange points and designs from one start; see `polish`."""
+    """Run one exchange from one start; `polish` describes the arguments."""
     witnesses, cases = witnesses or WorkingSet(), list(posed.cases)
     seen = (*witnesses.ratio, *witnesses.sensitivity, *witnesses.unmodelled, *witnesses.in_hand)
     refuted = dict.fromkeys(point.device for point in seen)
@@ -171,19 +181,20 @@ def _exchanged(
 
 @dataclass(slots=True)
 class _Search:
-    """The state of a polish.
+    """The state of an exchange.
 
     Attributes
     ----------
     cases : problems of the devices at which the constraints are imposed
-    witnesses : points in hands that a proof has refuted
-    reference : the last point with sound loops, the centre of the box
-    warm_start : start of IPOPT
-    radius : half-width of the box in log coordinates
+    witnesses : points in hands at which a proof refuted an earlier design
+    reference : the last design with stable loops and Re(D + Z_h) > 0, the centre of the trust box
+    warm_start : design from which IPOPT starts
+    radius : half-width of the trust box in log coordinates
     known, known_error : the best known feasible design, an answer or the start, and its error
     missed : greatest violation of the last answer
-    start_examined : whether the start was evaluated as a known design
-    unstable : whether the last answer was unstable; after one a cut may suffice, after two in a row the box is too wide
+    start_examined : whether the exchange has evaluated the start as a known design
+    unstable : whether the last answer was unstable; after one such answer a cut may suffice, after two in a row the
+        exchange halves the trust box
     """
 
     start: Start
@@ -255,9 +266,11 @@ def _step(posed: Posed, search: _Search) -> None:
 
 
 def _examine_start(posed: Posed, search: _Search, error: float) -> None:
-    """Evaluate the start with its coupling scaled up to be feasible, if it may be better than a feasible answer.
+    """Scale the coupling of the start up until it is feasible, and remember this design if it may be better than an
+    answer.
 
-    IPOPT first moves away from bounds. From a start on a bound it may thus end in another basin, above the start.
+    IPOPT first moves away from bounds. From a start on a bound, it may therefore end in another basin with a greater
+    error.
     """
     if search.start_examined or not (1 + UPHILL) * search.start.error < error:
         return
@@ -271,7 +284,7 @@ def _examine_start(posed: Posed, search: _Search, error: float) -> None:
     at_raised = (*point(gains, raised), *corner)
     bounded = all(each.min <= x <= each.max for each, x in zip(ranges(posed.problem), at_raised, strict=False))
     sound = all(stable(case, gains) for case in of_own_loops(search.cases))
-    if posed.problem.worlds is not None:  # more of a coupling is then not always better
+    if posed.problem.worlds is not None:  # with environments, a greater coupling may be worse
         sound &= violations(posed, search.cases, at_raised, search.tightening, search.witnesses).greatest == 0
     if sound and demands.positive and not demands.sensitivity and bounded:
         _remember(search, at_raised, posed.error(gains, raised))
@@ -283,10 +296,10 @@ def _remember(search: _Search, values: Point, error: float) -> None:
 
 
 def _sharper_objective(problem: Problem, search: _Search, design: Polished, *, joined: bool) -> bool:
-    """Refine the next NLP's objective if it misses the error of the last answer; return whether that was possible.
+    """Refine the objective of the next NLP if it differs from the error of the last answer; return whether it changed.
 
-    With norm "rms" the quadrature gets more panels. With norm "peak" the NLP gets the frequencies of the greatest
-    errors, if any of them is new: without them the NLP understates the error, and its optimum is not an optimum.
+    With norm "rms" the quadrature gets more panels. With norm "peak" the objective changes if the exchange has added a
+    frequency: without the frequencies of the greatest errors, the NLP underestimates the error.
     """
     norm = problem.transparency.norm
     error = min(design.error, search.best.error) if norm == "peak" and search.best else design.error
@@ -299,9 +312,9 @@ def _sharper_objective(problem: Problem, search: _Search, design: Polished, *, j
 
 
 def _first_working_set(posed: Posed, start: Start, scanned: ScanResult) -> WorkingSet:
-    """Return a coarse working set with the local extrema at the start.
+    """Return a coarse grid of points and the worst hands at the start.
 
-    It omits constraints that the scan did not come near.
+    The set has no points for |S| if |S| was below its limit throughout the scan.
     """
     problem, coarse = posed.problem, np.geomspace(*posed.span, FIRST_FREQUENCIES)
     first = WorkingSet()
@@ -329,7 +342,7 @@ def _box(free: tuple[Coordinate, ...], reference: Point, radius: float) -> tuple
 
 
 def _at_box(free: tuple[Coordinate, ...], z: Floats, box: tuple[Floats, Floats]) -> bool:
-    """Return whether the point lies on a side of the box that is not a bound of the problem."""
+    """Return whether a point lies on a side of the trust box that is not a bound of the problem."""
     return any(
         (z[k] - box[0][k] < NEAR_SIDE and box[0][k] > c.low) or (box[1][k] - z[k] < NEAR_SIDE and box[1][k] < c.high)
         for k, c in enumerate(free)
@@ -344,7 +357,8 @@ def _values(free: tuple[Coordinate, ...], z: Floats, fixed: Point) -> Point:
 
 
 def _track_peak(working_set: WorkingSet, peak: ConstraintPoint | None) -> None:
-    """Track the peak of |S| while it is near its limit, because the peak soon leaves a fixed frequency."""
+    """Make the frequency of the peak of |S| a variable of the NLP, if the peak is near its limit; otherwise track
+    none."""
     working_set.tracked_peaks[:] = [] if peak is None else [peak]
 
 

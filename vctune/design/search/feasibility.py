@@ -1,4 +1,4 @@
-"""Estimate the quality of velocity loops without a coupling, on fixed frequencies."""
+"""Estimate which velocity loops violate the constraints that do not depend on the coupling, at fixed frequencies."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ Kinds = NDArray[np.int8]
 
 @dataclass(frozen=True, slots=True)
 class LoopFeasibility:
-    """How loops violate the constraints that do not depend on the coupling.
+    """The violations of loops: arrays with one entry for each pair of gains.
 
     Attributes
     ----------
     missed : the most serious violated constraint, over all devices
-    violation : amount of that violation: log(|S|/max_sensitivity), or how negative Re(D + Z_h) is relative to the
-        loop's impedance, or for an unstable loop the magnitude of its gains, since weaker unstable loops are nearer to
-        stability
+    violation : amount of that violation. For |S| it is log(|S|/max_sensitivity). For Re(D + Z_h) it is the magnitude of
+        the negative value, relative to the loop's impedance. For an unstable loop it is the magnitude of the gains,
+        because unstable loops with smaller gains are nearer to stability.
     peak_sensitivity : greatest |S| up to Nyquist on any device
     """
 
@@ -45,14 +45,14 @@ class LoopFeasibility:
 
 
 def loop_feasibility(problem: Problem, samples: Samples, gains: Gains, bands: list[LoopResponse]) -> LoopFeasibility:
-    """Return the constraints that loops violate on their worst device.
+    """Return the constraints that loops violate, each on the device with the most serious violation.
 
     Parameters
     ----------
     problem : problem, dimensionless
     samples : samples of the scan
     gains : gains, arrays that broadcast against each other
-    bands : the loops' responses on the stability band, one for each device (`grid.responses`)
+    bands : responses of the loops on the stability band, one for each device (`grid.responses`)
     """
     worst, *others = (
         _on_one_device(problem, there, gains, band) for there, band in zip(samples.everywhere, bands, strict=True)
@@ -68,7 +68,7 @@ def loop_feasibility(problem: Problem, samples: Samples, gains: Gains, bands: li
 
 
 def spread(gains: Gains) -> Gains:
-    """Return gains in a shape that broadcasts with frequencies along a new last axis."""
+    """Return gains with a new last axis, so that they broadcast with an array of frequencies."""
     return Gains(gains.velocity[..., None], gains.position[..., None])
 
 

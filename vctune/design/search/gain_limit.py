@@ -6,9 +6,9 @@
         |/  feasible   `-.
         +----------------- corner K_p/(b + K_v)
 
-The error falls with K_v up to the limit. Half a step of the grid below the limit, the error may be a third higher than
-on the limit. So the scan first finds the limit by dividing the step that contains it. The limit then forms a grid of
-its own over the other three axes.
+The error decreases as K_v rises to the limit. Half a grid step below the limit, the error may be a third higher than at
+the limit. The scan therefore locates the limit first, by dividing the grid step that contains it. The designs at the
+limit then form a separate grid over the other three axes.
 """
 
 from __future__ import annotations
@@ -28,20 +28,22 @@ from vctune.model.problem import Problem
 from vctune.running import check_time
 
 ROUNDS, PARTS = 3, 4
-"""Number of times that the step with the limit is divided, and number of parts: 64 parts of a step, 1 % of K_v."""
+"""Number of times that the code divides the step with the limit, and number of parts of each division. The last parts
+are 1/64 of a grid step, or 1 % of K_v."""
 BELOW, ABOVE = 0.93, 1.03
-"""Factors of a limit between which its neighbours lie. The best design for the coupling lies below the limit and may
-need a slightly smaller gain. Little lies above, because the scan's frequencies determine the limit to 1 %."""
+"""Factors of the limit that give the neighbours of a design at the limit. The best design with a coupling may need a
+K_v slightly below the limit. Above the limit 3 % suffice, because the frequencies of the scan determine the limit to 1
+%."""
 
 
 @dataclass(frozen=True, slots=True)
 class GainLimits:
-    """The least infeasible K_v of each corner, approached from below, for the corners that have one.
+    """The greatest feasible K_v at each corner frequency at which the grid contains a limit.
 
     Attributes
     ----------
-    corner, below : index of the corner in the grid, and index of its last K_v below the limit
-    velocity : limits of K_v
+    corner, below : index of the corner in the grid, and index of the last K_v of the grid below the limit
+    velocity : greatest feasible K_v, to 1 %
     scores : scores of the designs at the limits, shape (corners, 1, time constants, drags)
     """
 
@@ -51,7 +53,7 @@ class GainLimits:
     scores: Scores
 
     def places(self, problem: Problem, grid: Axes, minima: list[tuple[int, ...]]) -> Axes:
-        """Return designs at limits, each between its neighbours, given their indices in the scores.
+        """Return small grids around designs at the limits: on each axis the design and its two neighbours.
 
         Parameters
         ----------
@@ -62,7 +64,7 @@ class GainLimits:
         Returns
         -------
         Axes
-            It has shape (minima, 3).
+            Three points on each axis for each design, axes of shape (minima, 3).
         """
         near = between_neighbours(
             grid, [(int(self.below[k]), int(self.corner[k]), tau, drag) for k, _, tau, drag in minima]
@@ -73,7 +75,7 @@ class GainLimits:
 
 
 def gain_limits(problem: Problem, samples: Samples, grid: Axes, loops: LoopFeasibility) -> GainLimits:
-    """Find the limits between a grid's loops for all corners at once, and score the designs at the limits.
+    """Find the greatest feasible K_v at all corners of a grid at once, and score the designs with these K_v.
 
     Parameters
     ----------
@@ -85,7 +87,7 @@ def gain_limits(problem: Problem, samples: Samples, grid: Axes, loops: LoopFeasi
     Returns
     -------
     GainLimits
-        The limits and the scores of their designs; empty if no corner has a limit.
+        The limits and the scores of the designs at the limits; empty if no corner has a limit.
     """
     last = loops.feasible[:-1] & ~loops.feasible[1:]
     corner = np.flatnonzero(last.any(axis=0))

@@ -4,9 +4,10 @@ For given K_v, K_p, b_0 and tau_c = m_c/b_c, the least feasible b_c is a maximum
 
     b_c >= (safety_factor R - b_0) (1 + 1/(omega tau_c)^2),
 
-and the error grows with b_c. So a design is a point (K_v, corner, tau_c, b_0), where corner = K_p/(b + K_v) is the
-frequency below which the integral action outweighs the rest. Everything in this module is dimensionless (Z_0 = T = 1),
-on a fixed set of frequencies, and an estimate.
+and the error grows with b_c. A design is therefore a point (K_v, corner, tau_c, b_0). The corner K_p/(b + K_v) is the
+frequency below which the integral action outweighs K_v and the damping. All numbers of this module are dimensionless
+(Z_0 = T = 1). The constraints and the error are estimates, because the module evaluates them only at a fixed set of
+frequencies.
 """
 
 from __future__ import annotations
@@ -37,21 +38,23 @@ from vctune.running import check_time
 COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}
 """Least number of points on each axis.
 
-A basin only has to appear as a local minimum; the limits of the gains and the refinement then locate it. Half as many
-K_v, corners or time constants lose no reference problem and no basin of the tests by more than 0.1 %, so there is a
-reserve of a factor of two. With half as many drags one problem has twice the error. Twice as many points on any axis
-find no better design.
+The grid only has to be so fine that each basin has a local minimum on it; the gain limits and the refinement then
+locate the minimum exactly. With half as many K_v, corners or time constants, the error of no reference problem and of
+no basin of the tests rises by more than 0.1 %. With half as many drags, one problem has twice the error. With twice as
+many points on any axis, the scan finds no better design.
 """
 PER_DECADE = 3.5
-"""Least number of corners, and of time constants, in a decade. Usual bounds give as many with `COUNTS`; wide bounds
-keep this density."""
+"""Least number of corners, and of time constants, in a decade. With usual bounds, `COUNTS` gives this density; with
+wide bounds, the grid gets more points."""
 LOOPS_AT_ONCE = 160
-"""Number of loops whose arrays, a hundred frequencies each, fit into the processor's cache. It only affects speed."""
+"""Number of loops that the code evaluates at once. Their arrays, with a hundred frequencies for each loop, fit into the
+processor's cache. The number affects only the speed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Axes:
-    """The axes of a grid: K_v, corner of the integral action, tau_c, b_0. Leading axes hold several grids at once."""
+    """The axes of a grid: K_v, corner of the integral action, tau_c, b_0. Arrays with leading dimensions describe
+    several grids."""
 
     velocity: Floats
     corner: Floats
@@ -73,8 +76,8 @@ class Scores:
     ----------
     missed : most serious violated constraint
     violation : amount of the violation; 0 without one
-    error : transparency error if nothing is violated, else inf
-    damping : least scale within the bounds, which decides between equal designs if the coupling costs nothing
+    error : transparency error if the design violates no constraint, else inf
+    damping : least scale within the bounds, which decides between designs with equal errors
     """
 
     missed: Kinds
@@ -83,7 +86,7 @@ class Scores:
     damping: Floats
 
     def __getitem__(self, index: Any) -> Scores:
-        """Return the scores of a part of the designs."""
+        """Return the scores of the designs with the given index."""
         return Scores(self.missed[index], self.violation[index], self.error[index], self.damping[index])
 
     def rank(self, at: tuple[int, ...]) -> tuple[int, float, float]:
@@ -133,8 +136,7 @@ def axes(posed: Posed, *, integral: bool) -> Axes:
     if integral and bounds.position.fixed:
         corner = np.array([1 / device.loop_lag])
     elif integral:
-        # far below the band the integral action has no effect in it; above 1/lag, Re D < 0 at low frequency: b + K_v <
-        # lag K_p
+        # a corner far below the band has no effect in the band; with a corner above 1/lag, Re D < 0 at low frequency
         slowest, fastest = 1e-2 * problem.transparency.band.min, 2 / device.loop_lag
         corner = np.geomspace(slowest, fastest, _count("position", slowest, fastest))
     shortest, longest = time_constants(problem, low, high)
@@ -143,8 +145,7 @@ def axes(posed: Posed, *, integral: bool) -> Axes:
         tau_c = np.geomspace(shortest, longest, _count("time_constant", shortest, longest))
     if device.kind.inverse and bounds.damping.min == 0 < longest:
         tau_c = np.append(0.0, tau_c)  # a spring alone
-    # below this point K_v hardly acts and the drag causes no error, so the grid jumps from here to the least value,
-    # maybe 0
+    # below 1e-5 of the loop's impedance K_v has hardly any effect, and below 1e-3 the drag hardly any error
     K_v = _axis(bounds.velocity, COUNTS["velocity"], 1e-5 * loop_impedance)
     return Axes(K_v, corner, tau_c, _axis(bounds.drag, COUNTS["drag"], 1e-3))
 
@@ -154,9 +155,10 @@ def _count(name: str, low: float, high: float) -> int:
 
 
 def _axis(bounds: Range, count: int, floor: float) -> Floats:
-    """Return a logarithmic grid over the bounds. A range from 0 or far below `floor` starts with its end and `floor`.
+    """Return a logarithmic grid over the bounds. If the least value is 0 or far below `floor`, the next point is
+    `floor`.
 
-    A low end other than 0 is an additional point, so that the grid above it is as fine as otherwise.
+    A least value other than 0 is then an additional point, so that the grid above it keeps its spacing.
     """
     if bounds.fixed:
         return np.array([bounds.min])
@@ -178,7 +180,7 @@ def position_gain(problem: Problem, K_v: Floats, corner: Floats) -> Floats:
     Returns
     -------
     array of float
-        It has the shape of both.
+        K_p in the shape to which both arrays broadcast.
     """
     bounds = problem.bounds.position
     K_p = np.clip((problem.device.damping + K_v) * corner, bounds.min, bounds.max)
@@ -209,7 +211,7 @@ def evaluated(problem: Problem, samples: Samples, at: Axes) -> tuple[Scores, Loo
 
 
 def _joined(parts: tuple[Any, ...]) -> list[Any]:
-    """Return the arrays of parts of a grid, each joined along the first axis."""
+    """Return the arrays of several parts of a grid, joined along the first axis."""
     return [np.concatenate([getattr(part, name) for part in parts]) for name in parts[0].__slots__]
 
 
@@ -266,10 +268,10 @@ def responses(samples: Samples, gains: Gains) -> list[LoopResponse]:
 
 
 def _required(samples: Samples, gains: Gains, bands: list[LoopResponse]) -> tuple[Floats, Floats]:
-    """Return the places at which a Re Z_c is required, and the greatest R at each.
+    """Return the places at which the coupling must meet R, and the greatest R over all devices and hands at each place.
 
-    The places are frequencies of the coupling as the firmware runs it, or angles for an impedance display, whose R is
-    R/s^2.
+    A place is a frequency at which the coupling is evaluated: omega, or (2/T) tan(theta/2) in the sampled loop. For an
+    impedance display a place is an angle theta, and the second array has R/s^2 with s = sin(theta/2).
     """
     places = []
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -277,7 +279,7 @@ def _required(samples: Samples, gains: Gains, bands: list[LoopResponse]) -> tupl
             needs = [np.where(band.resistance > 0, required_resistance(band, FLOATS), 0.0) for band in bands]
             places.append((samples.band.omega, np.maximum.reduce(needs)))
         each = Gains(gains.velocity[..., None, None], gains.position[..., None, None])
-        at_angles: dict[bytes, tuple[Floats, list[Floats]]] = {}  # a structure is evaluated near its resonance
+        at_angles: dict[bytes, tuple[Floats, list[Floats]]] = {}  # devices with a structure have more angles
         for held in (hands for there in samples.everywhere for hands in there.in_hand):
             need = np.nan_to_num(held.required(each), nan=0.0).max(axis=-2)
             at_angles.setdefault(held.theta.tobytes(), (held.theta, []))[1].append(need)
@@ -305,7 +307,7 @@ def _least_damping(problem: Problem, samples: Samples, gains: Gains, bands: list
 
 
 def _within_bounds(problem: Problem, scale: Floats, at: Axes) -> tuple[Floats, Floats]:
-    """Return a scale raised to the least value within the bounds, and the log of its ratio to the upper bound."""
+    """Return a scale, raised to the lower bound, and the log of its ratio to the upper bound, 0 within the bounds."""
     least, most = scale_limits(problem, at.time_constant[..., None, None, :, None])
     b_c = np.maximum(scale, least)
     slack = 1 + 1e-9
@@ -334,6 +336,7 @@ def _error(problem: Problem, samples: Samples, gains: Gains, damping: Floats, at
 
 
 def _mean(values: Floats, averages: Floats) -> Floats:
-    """Return averages over the last axis without BLAS, whose sums depend on its number of threads."""
+    """Return averages over the last axis. The function avoids BLAS, because its sums depend on the number of
+    threads."""
     mean: Floats = np.einsum("...k,k->...", values, averages)
     return mean

@@ -1,4 +1,4 @@
-"""The best proved design that the optimiser finds: it polishes starts, rounds the optima, and proves them.
+"""Find the best proved design: optimise from each promising start (`polish`), round the optima, and prove them.
 
 See design/README.md, section 8.
 """
@@ -34,38 +34,43 @@ from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.running import OutOfTimeError, check_time, out_of_time, seconds_left, time_limit
 
 WORTH_POLISHING = 1.05
-"""Factor by which a start's scanned error may exceed the best polished error for the start to be polished. It is about
-the accuracy of the refined grid at a local minimum. A smaller factor skips a start that polishing would make the best;
-a greater factor polishes starts that do not win."""
+"""Greatest ratio of the estimated error of a start to the error of the best optimum, for the search to polish the
+start. This ratio corresponds to the accuracy of the refined grid at a local minimum. With a smaller ratio, the search
+may skip the start that leads to the best design. With a greater ratio, it polishes more starts that do not lead to the
+best design.
+"""
 PROOF_ROUNDS, MORE_DIGITS = 4, 2
-"""Number of times that a refuted optimum is polished again, and number of digits added to it. With 4 rounds the
-tightening reaches 1e-3, which makes a design 0.1 % worse. Half as many rounds give up designs that a third round
-proves; twice as many try designs that cost more than another start."""
+"""Number of times that the search tightens the constraints and polishes a refuted optimum again, and number of digits
+that it then adds to the decimals. After 4 rounds the tightening is 1e-3, which makes a design 0.1 % worse. With half as
+many rounds, the search abandons designs that the third round would prove. With twice as many, it accepts designs that
+are worse than those from another start."""
 LONG_SHOTS = 2
-"""Number of starts to polish if none is feasible, since the nearest misses may be feasible between the points of the
-grid. One start would rely on the scan's order. More starts take time, and the search of every box that follows finds
-the same designs."""
+"""Number of starts that the search polishes if none is feasible, because a feasible design may lie between the points
+of the grid. The first start alone may not lead to this design. More starts take more time, and the search of every box,
+which follows, finds the same designs."""
 NEARLY = 0.1
-"""Greatest share by which a start may miss a constraint to be polished for an estimate; the grid's refined spacing is
-half of that. Half this share misses existing repairs; twice this share polishes in vain."""
+"""Greatest violation of a start, as a share, for `within_reach` to polish it. The spacing of the refined grid is half
+of it. With half this share, vctune misses some repairs; with twice this share, it polishes more starts without
+success."""
 PROOF_BOXES = 300_000
-"""Number of boxes in undecided proofs after which the design stays undecided and the search tries no sharper design and
-no other start: a proof never resolves hands that resonate far above Nyquist. With half as many boxes the search tries
-only once; with twice as many it waits for a third failure."""
+"""Number of boxes of undecided proofs after which the search ends and the design stays undecided. Without this limit
+the search would try more tightenings and more starts, although no proof can decide hands that resonate far above
+Nyquist. With half as many boxes the search makes only one attempt; with twice as many it makes three."""
 NEW_HANDS = 12
-"""Number of hands known only to the proof with which an optimum is polished: a resonance above Nyquist occurs in a few
-hands of the box alone. Half and twice as many give the same designs. With none, a device sampled at 20 Hz has no
-design."""
+"""Number of times that the search adds a hand that only the proof has found, and polishes the optimum again. Such hands
+exist because a resonance above Nyquist may occur in few hands of the box. With half and twice this number the search
+finds the same designs. With 0, it finds no design for a device with a sampling rate of 20 Hz."""
 SHARPENING, DECIDABLE = 10.0, 1e-3
-"""Factor by which the constraints are tightened again if a proof refutes a design, and least tightening if a proof is
-undecided. The number of boxes grows with the inverse of the remaining reserve. Twice these numbers increase the error,
-at most in proportion; with half of them some proofs fail."""
+"""Factor by which the search increases the tightening if a proof refutes a design, and least tightening if a proof is
+undecided. The number of boxes of a proof grows with the inverse of the remaining reserve. Twice these numbers increase
+the error by at most the same share; with half of them some proofs fail."""
 
 SEARCH, PROOF = "the search", "the proof"
 """Names of stages that a time limit may cut short."""
 SEARCHING = 0.6
-"""Share of a time limit after which no more starts are polished once one has led to an optimum, since a proof takes
-about as long as a polish. Half this share finds worse designs; with the whole time no design is proved."""
+"""Share of the time limit for polishing starts; the rest is for the proof, which takes about as long. The share applies
+once the search has an optimum. With half this share the designs are worse; with the whole time vctune proves no
+design."""
 
 Progress = Callable[[str], None]
 
@@ -77,7 +82,7 @@ class Optimum:
     Attributes
     ----------
     judgement : judgement of the best proved design, or else of the best undecided one; None if there is neither
-    polished : the local optimum that was rounded to the design
+    polished : the local optimum before rounding
     optima : number of local optima
     seconds : seconds of polishing and of proving
     cut : stages that the time limit cut short
@@ -91,7 +96,7 @@ class Optimum:
 
 
 def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda stage: None) -> Optimum:
-    """Return the best design to which the starts lead.
+    """Return the best design that the search reaches from the starts.
 
     Parameters
     ----------
@@ -104,7 +109,7 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
     polished = perf_counter()
     progress(f"proving{_best_known(optima, prepared.units.error)}")
     best, judgement = _best_proved(prepared, scanned, optima)
-    if judgement is None and optima:  # what seemed best is not admissible, so try what seemed worse
+    if judgement is None and optima:  # no optimum is proved: try the starts that the search skipped
         tried = [optimum.start for optimum in optima]
         others = replace(scanned, starts=[s for s in scanned.starts if s not in tried])
         optima, _ = local_optima(prepared, others, progress, inf)
@@ -119,13 +124,19 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
 
 
 def _best_known(optima: Sequence[Polished], unit: float) -> str:
-    """Return words on the best optimum so far, with its error in units of `unit`."""
+    """Return the end of a progress message: the error of the best optimum so far, in SI units.
+
+    Parameters
+    ----------
+    optima : optima so far, with errors in the optimiser's units
+    unit : unit of these errors
+    """
     return f", best error {min(each.error for each in optima) * unit:.4g}" if optima else ""
 
 
 @np.errstate(all="ignore")
 def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
-    """Return the best design of a problem in SI units. It meets the constraints in double precision, without a proof.
+    """Return the best design of a problem in SI units; the design meets the constraints in double precision, unproved.
 
     Parameters
     ----------
@@ -154,8 +165,8 @@ def nominal_start(prepared: Prepared) -> tuple[Start, float] | None:
 def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
     """Return a design of a problem that the optimiser considers feasible, SI units; None if it finds none.
 
-    The function stops at the first design and proves nothing. If it finds none, it does not search the boxes. It gives
-    an estimate in a fraction of the time of `solve`.
+    The function stops at the first design and proves nothing. If it finds none, it does not search every box. Its run
+    time is a small part of that of `solve`.
 
     Parameters
     ----------
@@ -199,7 +210,7 @@ def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | 
 def local_optima(
     prepared: Prepared, scanned: ScanResult, progress: Progress, worth: float
 ) -> tuple[list[Polished], bool]:
-    """Polish the starts that can still win; return the local optima, the best first.
+    """Polish the starts that may lead to the best design; return the local optima, the best first.
 
     Parameters
     ----------
@@ -211,7 +222,7 @@ def local_optima(
     Returns
     -------
     optima : local optima, dimensionless and not proved, the least error first
-    complete : whether the time limit left time for every start
+    complete : whether the search finished before the time limit
     """
     optima: list[Polished] = []
     complete = False
@@ -224,7 +235,7 @@ def local_optima(
 def _polish_starts(
     prepared: Prepared, scanned: ScanResult, progress: Progress, worth: float, optima: list[Polished]
 ) -> None:
-    """Add the local optima to which starts lead."""
+    """Polish starts, and add the local optima to `optima`."""
     scaled, done, available = prepared.scaled, list[Start](), seconds_left()
     for_proof = (1 - SEARCHING) * available if available < inf else 0.0
     for number, start in enumerate(scanned.starts, 1):
@@ -271,12 +282,10 @@ def _best_proved(
 
 
 def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Iterator[tuple[Polished, Judgement]]:
-    """Judge the rounded optimum.
+    """Judge the rounded optimum; while it is not proved, polish it again with its witnesses, and judge the result.
 
-    While it is not proved, polish it again with its witness, tighter and with more digits.
-
-    If a hand requires more than the tightening gives, only the proof has found it. The search must then add the hand,
-    not tighten the constraints.
+    The search tightens the constraints and adds digits, with one exception: the proof may have found a hand that
+    requires more than the tightening provides. The search then adds the worst hand near it, and does not tighten.
     """
     polished: Polished | None = optimum
     tightening, witnesses, sharpened = TIGHTENING, WorkingSet(), 0
@@ -302,13 +311,14 @@ def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Ite
 
 
 def _start_at(polished: Polished) -> Start:
-    """Return an optimum as a start, from which slightly tighter constraints lead to the next optimum of its basin."""
+    """Return an optimum as the start of an exchange with slightly tighter constraints."""
     corner = polished.values[CORNER] if len(polished.values) > CORNER else None
     return Start(*design_of(polished.values), polished.error, corner=corner)
 
 
 def _new_hand(prepared: Prepared, judgement: Judgement, witnesses: WorkingSet, tightening: float) -> bool:
-    """Add the worst hand near a hand that the proof refuted, if it requires more than the tightening gives."""
+    """Add the worst hand near the hand of a witness, if it requires more than the tightening provides; return whether
+    it did."""
     problem, outcomes = prepared.problem, judgement.certificate.outcomes
     found = False
     demands = judgement.certificate.demands
@@ -333,9 +343,14 @@ def _undecided(judgement: Judgement) -> bool:
 def _collect(
     known: list[ConstraintPoint], outcome: Outcome, prepared: Prepared, of_walls: Judgement | None = None
 ) -> None:
-    """Add the point at which a design is refuted.
+    """Add the point at which a proof refutes a design.
 
-    `of_walls` is the judgement if the condition of walls fails, else None.
+    Parameters
+    ----------
+    known : points of the working set, to which the function adds the point
+    outcome : outcome of a claim
+    prepared : prepared problem
+    of_walls : judgement of the design if the claim is that on walls, else None
     """
     if outcome.verdict is Verdict.REFUTED and outcome.witness:
         wall, device = None, outcome.device or prepared.problem.device
@@ -347,7 +362,10 @@ def _collect(
 
 
 def _with_least_coupling(prepared: Prepared, judgement: Judgement) -> Judgement:
-    """If the coupling costs nothing, return the same gains with the coupling that is least in the mean."""
+    """Return the judgement of the same gains with the least feasible coupling in the mean square, if it is certified.
+
+    The error of the problem does not contain the coupling, so both designs have the same error.
+    """
     problem, gains = prepared.problem, judgement.gains
     bounds = problem.bounds
     loop = {"velocity": Range(gains.velocity, gains.velocity), "position": Range(gains.position, gains.position)}

@@ -14,21 +14,22 @@ from vctune.model.gains import Gains
 from vctune.model.problem import Problem
 
 HALVINGS = 3
-"""Number of times that the spacing of the grid around a local minimum is halved: to an eighth, 5 % of K_v. This
-suffices for the order of the starts; the optimiser does the rest in a millisecond."""
+"""Number of times that the code halves the grid spacing around a local minimum. The last spacing is an eighth of the
+first, or 5 % of K_v. This suffices to rank the starts; the optimiser then finds the exact minimum in a millisecond."""
 
 Index = tuple[int, ...]
-"""Index of a design on a grid: K_v, corner, tau_c, b_0."""
+"""Index of a design on a grid with the axes K_v, corner, tau_c and b_0."""
 
 
 def minima_of(problem: Problem, scores: Scores) -> list[Index]:
-    """Return the local minima of a grid, the best first: of the feasible designs, or of all if none is feasible.
+    """Return the local minima of the feasible designs of a grid, the best first; of all designs if none is feasible.
 
-    If the coupling costs nothing, every coupling of a loop is equally good, and the function compares loops only.
+    If the coupling has weight 0 in the error, every feasible coupling of a loop has the same error. The function then
+    compares only loops.
 
     Parameters
     ----------
-    problem : problem, whose weights tell whether the coupling costs anything
+    problem : problem with the weights of the error
     scores : scores of one grid, shape (K_v, corner, tau_c, b_0)
     """
     ranks = scores.ranks()
@@ -38,12 +39,12 @@ def minima_of(problem: Problem, scores: Scores) -> list[Index]:
 
 
 def lowest(scores: Scores) -> Index:
-    """Return the best of all designs."""
+    """Return the index of the best design of a grid."""
     return tuple(int(at[0]) for at in scores[None].lowest()[1:])
 
 
 def local_minima(ranks: Floats) -> list[Index]:
-    """Return the indices of finite numbers on a grid that exceed no neighbour, the lowest first."""
+    """Return the indices of the finite numbers on a grid that are not greater than any neighbour, the lowest first."""
     least = ranks
     for axis in range(ranks.ndim):  # take the least of each point's neighbourhood along one axis after the other
         before, after = (least.take(at, axis) for at in _beside(ranks.shape[axis]))
@@ -54,18 +55,18 @@ def local_minima(ranks: Floats) -> list[Index]:
 
 
 def between_neighbours(grid: Axes, places: list[Index]) -> Axes:
-    """Return designs of a grid, each between its neighbours, as axes of shape (designs, 3).
+    """Return small grids around designs: on each axis the design and its two neighbours, axes of shape (designs, 3).
 
     Parameters
     ----------
     grid : one grid of designs
-    places : indices of designs on it
+    places : indices of the designs on this grid
 
     Returns
     -------
     Axes
-        The design lies in the middle on each axis. At an end of an axis, the design takes the place of the missing
-        neighbour.
+        Three points on each axis for each design, with the design in the middle. At an end of an axis, the design also
+        replaces the missing neighbour.
     """
     by_axis = np.array(places, dtype=np.intp).reshape(-1, len(grid.each())).T
     return Axes(*(_between(np.tile(axis, (at.size, 1)), at) for axis, at in zip(grid.each(), by_axis, strict=True)))
@@ -78,7 +79,7 @@ def refined(problem: Problem, samples: Samples, near: Axes) -> list[Start]:
     ----------
     problem : problem, dimensionless
     samples : samples of the scan
-    near : each minimum between its neighbours, axes of shape (minima, 3)
+    near : the minima with their neighbours, axes of shape (minima, 3)
 
     Returns
     -------
@@ -104,13 +105,19 @@ def _beside(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def _between(axes: Floats, at: NDArray[np.intp]) -> Floats:
-    """Return, for each design, its place and its two neighbours on every axis, as axes of shape (designs, 3)."""
+    """Return the value of each design and of its two neighbours on an axis, shape (designs, 3).
+
+    Parameters
+    ----------
+    axes : values of the axis for each design, shape (designs, n)
+    at : index of each design on its axis
+    """
     beside = np.clip(at[:, None] + np.array([-1, 0, 1]), 0, axes.shape[1] - 1)
     return np.take_along_axis(axes, beside, axis=1)
 
 
 def _finer(near: Floats) -> Floats:
-    """Return three places on a logarithmic axis with the middles between them; a fixed number stays one place."""
+    """Return three points on a logarithmic axis and the two midpoints between them; three equal points stay three."""
     low, middle, high = near.T
     if np.array_equal(low, high):
         return near

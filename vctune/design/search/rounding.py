@@ -1,4 +1,4 @@
-"""Round the optimiser's doubles in its own units to the decimals that vctune writes, judges and uses."""
+"""Round the numbers of a design to the decimals that vctune writes, judges and uses."""
 
 from __future__ import annotations
 
@@ -7,18 +7,19 @@ from vctune.design.variables import Point, ranges
 from vctune.model.problem import Problem, Range
 
 DIGITS = 8
-"""Number of significant digits of a written number, unless a design very near the limit of any coupling needs more."""
+"""Number of significant digits in `gains.toml`. A design very near a limit may need more digits (`optimum`)."""
 
 
 def rounded(problem: Problem, values: Point, digits: int = DIGITS) -> Point:
-    """Return a design's numbers with a given number of digits, or exactly on a bound that they reach.
+    """Return the numbers of a design, rounded to a given number of digits. A number that is near a bound becomes the
+    bound.
 
-    A corner among the numbers is rounded to as many digits as `corner_of` gives.
+    The function rounds the corner frequency of the multiplier for walls to the digits that `corner_of` gives.
 
     Parameters
     ----------
     problem : problem with the bounds, SI units
-    values : K_v, K_p, b_c, m_c, b_0, SI units
+    values : numbers of the design, SI units
     digits : number of significant digits
 
     Returns
@@ -38,7 +39,8 @@ def _rounded(value: float, bounds: Range, digits: int) -> float:
 
 
 def near(value: float, bound: float, bounds: Range, digits: int = DIGITS) -> bool:
-    """Return whether a value is on a bound: it agrees with it to `digits` digits, or is negligible relative to max.
+    """Return whether a value equals a bound to `digits` digits or, for the bound 0, is negligible beside the upper
+    bound.
 
     Parameters
     ----------

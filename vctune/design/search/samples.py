@@ -30,16 +30,20 @@ from vctune.model.sampled.velocity_loop import ReturnDifference
 from vctune.model.transparency import log_quadrature
 
 FREQUENCIES = 64
-"""Least number of frequencies in the stability band, and in three decades below Nyquist. The exchange covers the gaps
-between them. Half as many change no reference problem and no basin of the tests by 0.1 %, but give worse starts."""
+"""Least number of frequencies in the stability band, and in three decades below Nyquist. The exchange later adds
+frequencies in the gaps. With half as many frequencies, the starts are worse, but the design of no reference problem and
+of no basin of the tests changes by 0.1 %."""
 FEW, FEW_ANGLES, FEW_SPRINGS = (0.0, 0.1, 1.0), 12, 4
-"""Shares of the ranges of hands, and angles per decade, at which starts are compared. The ends of the ranges alone lead
-to the same designs in more rounds; half or twice as many angles lead to the same designs. The third number is the count
-of soft springs per two decades at angle 0, between which R is at most 8 % greater. Without them, starts have no drag
-where much drag is needed."""
+"""Sampling of the hands in the scan: positions in the range of each number of a hand, number of angles per decade, and
+number of soft springs per two decades at angle 0.
+
+With only the ends of the ranges, the exchange needs more rounds and finds the same designs. With half or twice as many
+angles, the exchange finds the same designs as well. Between two of the springs, R is at most 8 % greater than at the
+springs. Without the springs, the scan would find starts without drag for problems that need much drag.
+"""
 PANELS = 3
-"""Number of panels of the quadrature over the transparency band, eight nodes each. Starts are only compared to a few
-per cent."""
+"""Number of panels of the quadrature over the transparency band, with eight nodes each. Three panels are enough,
+because the scan compares the errors of starts only to a few per cent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,12 +69,12 @@ class Samples:
     band : frequencies of the stability band
     nodes, averages : nodes and weights of the transparency band's quadrature
     circles : return differences of the sampled loops on the unit circle, first that of the device without a hand; empty
-        for a device that shares its loops with another
-    radius : radius of the unmodelled dynamics on the first circle; None without one
-    in_hand : loop in some hands, with springs at angle 0, or loop in any hand; empty if the problem has no claim in
-        hands
+        for a device that has the same loops as another one
+    radius : radius of the unmodelled dynamics at the angles of the first circle; None if there are none
+    in_hand : loops in some hands, and in soft springs at angle 0, or in any passive hand; empty if the problem has no
+        claim in hands
     objective : number of devices whose greatest error is the objective
-    others : samples of the other devices at which the constraints are imposed, with the same frequencies
+    others : samples of the other devices for which the search imposes the constraints, at the same frequencies
     """
 
     device: Device
@@ -86,7 +90,7 @@ class Samples:
 
     @property
     def everywhere(self) -> list[Samples]:
-        """These samples, and those of the other devices."""
+        """The samples of all devices: these first, then those of the other devices."""
         return [self, *self.others]
 
 
@@ -102,7 +106,7 @@ def samples_of(posed: Posed, *, integrator: bool) -> Samples:
     Returns
     -------
     Samples
-        Samples of the nominal device, which include those of the other devices.
+        Samples of the first device of the problem; their `others` are the samples of the other devices.
     """
     problem, (low, high) = posed.problem, posed.span
     band = problem.transparency.band

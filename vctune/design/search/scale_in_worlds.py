@@ -1,6 +1,7 @@
-"""The least scale of a coupling with which no environment of a box holds a pole, on the grid of the scan.
+"""Estimate the least scale of a coupling with which no environment of a box puts a pole on the unit circle.
 
-At each angle and in each hand the scales of an interval are forbidden, for the polygon of the environments is convex.
+A scale is forbidden at an angle and in a hand if an environment then puts a pole at this angle. The forbidden scales
+form an interval, because the polygon of the environments is convex.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from vctune.model.sampled.worlds.loop_in_worlds import Offered, Seen, offered_at
 from vctune.model.worlds import WorldsMet
 
 LEAPS = 2
-"""Number of intervals of forbidden scales that the scan leaves one after the other. Half and twice give starts that are
-as good."""
+"""Number of passes over the forbidden intervals. In each pass, the scan raises the scale to the greatest upper end of
+the intervals that it has reached. Half or twice this number gives starts that are equally good."""
 MOST = 1e100
 """Stand-in for infinity where numbers are multiplied."""
 
@@ -34,19 +35,19 @@ MOST = 1e100
 def least_scale_in_worlds(
     met: WorldsMet, samples: Samples, gains: Gains, time_constant: Floats, drag: Floats
 ) -> Floats:
-    """Return the least scale, b_c or 1/k_c, that no environment of a box forbids, about.
+    """Return an estimate of the least scale, b_c or 1/k_c, that no environment of a box forbids.
 
     Parameters
     ----------
-    met : the environments and g
-    samples : with loops in hands
-    gains : dimensionless arrays that fit each other
+    met : the environments and the safety factor g
+    samples : samples of the scan, which include loops in hands
+    gains : dimensionless arrays that broadcast against each other
     time_constant, drag : axes of the couplings
 
     Returns
     -------
     array
-        Of the gains' shape, with the axes of the couplings as last ones.
+        An array with the axes of the gains, followed by the axes of the time constants and of the drags.
     """
     if samples.device.kind.inverse:
         return _least_of_force(met, samples, gains, time_constant, drag)
@@ -57,10 +58,11 @@ def least_scale_in_worlds(
 
 @np.errstate(divide="ignore", invalid="ignore")
 def _least_of_lossless(met: WorldsMet, samples: Samples, gains: Gains, time_constant: Floats, drags: Floats) -> Floats:
-    """Return the least scale b_c that no environment of a box forbids; at each place those of an interval are.
+    """Return the least b_c that no environment of a box forbids. The environments run on time by the trapezoidal rule.
 
-    Below the interval the reactance of the loop is above that of every environment, beyond it the real part suffices,
-    or the reactance is below. Intervals are left one after the other, from 0 on.
+    At each angle and in each hand, the forbidden b_c form an interval. Below the interval, the reactance of the loop is
+    above that of every environment. Beyond it, the real part suffices or the reactance is below that of every
+    environment. The function starts at 0 and raises b_c to the end of each interval that it reaches.
     """
     rows = [_forbidding(met, samples.device.sample_time, there, gains) for there in _places(samples)]
     theta, missing, stiff, soft = (np.concatenate(parts, axis=-1) for parts in zip(*rows, strict=True))
@@ -83,10 +85,11 @@ def _least_of_lossless(met: WorldsMet, samples: Samples, gains: Gains, time_cons
 
 @np.errstate(all="ignore")
 def _least_of_force(met: WorldsMet, samples: Samples, gains: Gains, time_constant: Floats, drags: Floats) -> Floats:
-    """Return the least scale 1/k_c of an impedance display from which on no environment of a box forbids any.
+    """Return, for an impedance display, the least 1/k_c above which no environment of a box forbids any scale.
 
-    With the scale x the admittance is Y = s^2 (r + j i/s), r = a x - R and i = v x - X. An environment holds a pole if
-    three quadratics in x have certain signs (model/README.md, section 18), so the greatest such x is a zero of one.
+    With the scale x the admittance is Y = s^2 (r + j i/s), with r = a x - R and i = v x - X. An environment puts a pole
+    on the unit circle if three quadratics in x are all >= 0 (model/README.md, section 18). The greatest such x is
+    therefore a root of one of the quadratics.
     """
     worlds, T, rows = met.worlds, samples.device.sample_time, []
     for held in _places(samples):
@@ -127,35 +130,35 @@ class _Quadratic(NamedTuple):
     constant: Floats
 
     def times(self, factor: float | Floats) -> _Quadratic:
-        """Return the quadratic times a number.
+        """Return the quadratic times a factor.
 
         Parameters
         ----------
-        factor : the number
+        factor : factor of all three coefficients
         """
         return _Quadratic(factor * self.second, factor * self.first, factor * self.constant)
 
     def plus(self, factor: float | Floats, other: _Quadratic) -> _Quadratic:
-        """Return the sum with another one times a number.
+        """Return the sum of this quadratic and `factor` times another one.
 
         Parameters
         ----------
-        factor : the number
+        factor : factor of the other quadratic
         other : the other quadratic
         """
         return _Quadratic(*(x + factor * y for x, y in zip(self, other, strict=True)))
 
     def at(self, x: Floats) -> Floats:
-        """Return its value.
+        """Return the value of the quadratic.
 
         Parameters
         ----------
-        x : where
+        x : the scale
         """
         return (self.second * x + self.first) * x + self.constant
 
     def zeros(self) -> tuple[Floats, Floats]:
-        """Return both zeros, which are not finite where there are none."""
+        """Return both real roots, or numbers that are not finite if the quadratic has no real root."""
         root = np.sqrt(self.first**2 - 4 * self.second * self.constant)
         middle = -(self.first + np.where(self.first < 0, -root, root)) / 2
         return middle / self.second, self.constant / middle
@@ -163,10 +166,12 @@ class _Quadratic(NamedTuple):
 
 @np.errstate(divide="ignore", invalid="ignore")
 def _least_in_time(met: WorldsMet, samples: Samples, gains: Gains, time_constant: Floats, drags: Floats) -> Floats:
-    """Return the same with environments that run late or by Euler's rules; an interval is left by the factor g.
+    """Return the least b_c that no environment of a box forbids. The environments run late or by Euler's rules.
 
-    Unless masses answer only at the next sample the scan counts on the real part alone: few hands show it, while they
-    would hardly show the reactances. Places are left out where the real part suffices without a coupling.
+    To leave a forbidden interval, the function raises b_c to the safety factor g times the end of the interval. Except
+    for masses by explicit Euler on time, the function uses only the margin of the real part. The few hands of the scan
+    estimate this margin well, but not the margins of the reactance. The function skips the angles at which the real
+    part suffices without a coupling.
     """
     met = replace(met, worlds=replace(met.worlds, resistive=not met.worlds.ahead))
     T, each = samples.device.sample_time, Gains(gains.velocity[..., None, None], gains.position[..., None, None])
@@ -192,7 +197,13 @@ def _least_in_time(met: WorldsMet, samples: Samples, gains: Gains, time_constant
 
 
 def _asked(met: WorldsMet, samples: Samples, each: Gains) -> tuple[Floats, list[Floats], list[HalfPlane]]:
-    """Return angles at which a coupling is needed, the margins without one, and the sides there."""
+    """Return the angles at which the loop needs a coupling, and the margins there without a coupling.
+
+    Returns
+    -------
+    tuple
+        The angles, the margins of each side of the environments' polygon, and the sides.
+    """
     found = []
     for there in _places(samples):
         theta, seen = np.tile(there.theta, there.hands.mass.size), there.seen(each)
@@ -215,14 +226,17 @@ def _places(samples: Samples) -> Iterator[LoopsInHands]:
 def _forbidding(
     met: WorldsMet, sample_time: float, held: LoopsInHands, gains: Gains
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return angles, and the forbidden region there: less resistance, and a reactance times s c in an interval.
+    """Return angles, and the limits of the forbidden region at each angle.
+
+    A coupling is forbidden if its resistance is below the first limit and its reactance, times s c with s =
+    sin(theta/2) and c = cos(theta/2), lies between the second limit and the third one.
 
     Parameters
     ----------
-    met : the environments
+    met : the environments and the safety factor
     sample_time : T
     held : loops in hands
-    gains : arrays that fit each other
+    gains : arrays that broadcast against each other
     """
     worlds, factor, half = met.worlds, met.factor, held.theta / 2
     inertia, compliance = 2 / sample_time * np.sin(half) ** 2, sample_time / 2 * np.cos(half) ** 2
@@ -238,5 +252,6 @@ def _forbidding(
 
 
 def _times(limit: float, number: Floats) -> Floats:
-    """Return a limit times a number >= 0; without a limit the product is infinite, also at 0."""
+    """Return a limit times numbers >= 0. If the limit is infinite, the product is infinite, even where a number is
+    0."""
     return limit * number if limit < inf else np.full_like(number, inf)

@@ -1,5 +1,4 @@
-"""A cheap global scan that finds starts for the optimiser in every basin that it can see (design/README.md, section
-3)."""
+"""Scan all designs on a grid for starts of the optimiser (design/README.md, section 3)."""
 
 from __future__ import annotations
 
@@ -22,25 +21,28 @@ from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
 
 STARTS = 8
-"""Greatest number of local minima to refine on a grid, to refine on its gain limits, and to return. Half as many lose
-none of the tests' basins."""
+"""Greatest number of local minima that the scan refines on a grid, that it refines on the gain limits, and that it
+returns. With half this number, the scan still finds all basins of the tests."""
 CLOSE = 0.02
-"""Relative difference of all numbers of a design up to which two starts count as one. It is less than the refined
-spacing."""
+"""Relative difference up to which two starts count as one, if it holds for each number of the design. This difference
+is less than the spacing of the refined grid."""
 AROUND = {"velocity": np.array([0.8, 0.9, 0.96, 0.99, 1.0, 1.02, 1.1]), "corner": np.geomspace(0.25, 4.0, 13)}
-"""Factors of given gains around which other couplings are tried. K_v is often at its limit, so most of its factors are
-below 1, with small steps near 1. The error is flat in the corner, whose factors therefore range further."""
+"""Factors by which the scan varies given gains when it looks for a better coupling. K_v is often at its limit, so most
+of its factors are below 1, with small steps near 1. The error changes little with the corner, so the factors of the
+corner cover a wider range."""
 STEPS, FLAT = 9, 1.001
-"""Number of points on the way from a start to an optimum, and factor by which the error may seem to rise between them,
-which allows for the scan's few frequencies. A greater factor loses another basin behind a low rise; a smaller factor
-polishes twice."""
+"""Number of points on the straight line from a start to an optimum, and factor by which the estimated error may rise
+between two of them. The factor allows for errors of the estimate, which uses few frequencies. With a greater factor,
+the search may miss a separate basin behind a low rise of the error. With a smaller factor, the search optimises twice
+in one basin."""
 WORTH_ANOTHER = 0.9995
-"""Ratio of errors below which another start near an optimum is worth polishing. Basins are distinguished to 0.1 %, and
-the scan's frequencies resolve half of that."""
+"""Greatest ratio of the estimated error of a new start near an optimum to that of the optimum, for the search to
+optimise from the new start. The search distinguishes basins whose errors differ by 0.1 %; the frequencies of the scan
+resolve half of this."""
 PROMISING = 3.0
-"""Factor by which the error of a local minimum of the coarse grid may exceed the least error for the minimum to be
-refined. It allows for a narrow basin between the points of the grid. All minima are refined together, so that more cost
-little."""
+"""Greatest ratio of the error of a local minimum of the coarse grid to the least error, for the scan to refine the
+minimum. A large ratio is needed because a narrow basin may lie between the points of the grid. The scan refines all
+minima together, so more minima take little more time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +62,8 @@ class ScanResult:
 def scan(posed: Posed) -> ScanResult:
     """Scan a dimensionless problem for starts.
 
-    The scan treats K_p = 0 separately, because without the integrator the constraints at low frequency differ. It drops
-    other minima at the lowest K_p, because they belong to that basin.
+    The scan treats K_p = 0 separately, because without the integrator the constraints at low frequency differ. On the
+    grid with an integrator, it drops the minima at the lowest corner, because they belong to the basin of K_p = 0.
     """
     problem, faces = posed.problem, _faces(posed.problem)
     found: list[Start] = []
@@ -84,14 +86,14 @@ def scan(posed: Posed) -> ScanResult:
 def _promising(
     problem: Problem, coarse: Axes, scores: Scores, limits: GainLimits, most: float, left_out: int | None
 ) -> Axes:
-    """Return the best local minima of the grid and of its gain limits, each between its neighbours.
+    """Return the best local minima of the grid and of its gain limits, each with its neighbours on every axis.
 
-    If a minimum of the grid lies on the last step below a limit, a better design on that limit replaces it.
+    If a minimum of the grid has the last K_v below a gain limit, a better design at this limit replaces it.
 
     Parameters
     ----------
-    most : greatest error of interest; inf if nothing is feasible
-    left_out : corner whose minima are skipped
+    most : greatest error of a minimum that the function returns; inf if no design is feasible
+    left_out : index of the corner whose minima the function skips; None to skip none
     """
     best = limits.scores[limits.scores.lowest()]
     loops = zip(limits.below.tolist(), limits.corner.tolist(), strict=True)
@@ -108,10 +110,10 @@ def _promising(
 
 
 def _faces(problem: Problem) -> list[bool]:
-    """Return whether to search without and with an integrator, as the bounds and the limit at 0 permit.
+    """Return which laws to search: False stands for no integrator (K_p = 0), True for an integrator.
 
-    With damping or a force sensor's lag, without drag and without an operator's damping, no K_p > 0 is feasible on a
-    band from 0.
+    The bounds of K_p decide. In addition, no K_p > 0 is feasible on a band from 0 Hz if the device has damping or the
+    force sensor has a lag, and if the problem permits no drag and the operator has no damping.
     """
     position, device = problem.bounds.position, problem.device
     held = device.operator is not None and device.operator.damping > 0
@@ -131,7 +133,7 @@ def start_at(posed: Posed, gains: Gains) -> Start | None:
     Parameters
     ----------
     posed : prepared problem, dimensionless
-    gains : gains, dimensionless; with K_p = 0 the function tries no integrator
+    gains : gains, dimensionless; with K_p = 0 the function tries only laws without an integrator
     """
     problem, (samples, fine) = posed.problem, _surroundings(posed, gains)
     scores, _ = evaluated(problem, samples, fine)
@@ -140,19 +142,20 @@ def start_at(posed: Posed, gains: Gains) -> Start | None:
 
 
 def better_start_near(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Start | None:
-    """Return a better start near a polished design, since the best design with another coupling may be a basin away.
+    """Return a better start near an optimum, because designs with another coupling may lie in a better basin.
 
-    The scan's few frequencies decide which design is better, and also evaluate the given design.
+    The function compares the designs, including the optimum, at the few frequencies of the scan.
 
     Parameters
     ----------
     posed : prepared problem, dimensionless
-    gains, coupling : the polished design, dimensionless
+    gains, coupling : the optimum, dimensionless
 
     Returns
     -------
     Start or None
-        None if the best design nearby is not better by `WORTH_ANOTHER`, or is a neighbour.
+        None if the best design nearby is not better by the factor `WORTH_ANOTHER`, or is a neighbour of the optimum on
+        the grid.
     """
     problem, (samples, fine) = posed.problem, _surroundings(posed, gains)
     tau_c, drag = shape_of(coupling)
@@ -168,7 +171,7 @@ def better_start_near(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Star
 
 
 def _surroundings(posed: Posed, gains: Gains) -> tuple[Samples, Axes]:
-    """Return a fine grid around gains, with every coupling."""
+    """Return a fine grid of gains around the given ones, with all couplings of the coarse grid."""
     problem, integral = posed.problem, gains.position > 0
     coarse, bounds = axes(posed, integral=integral), problem.bounds.velocity
     K_v = np.array(sorted({*np.clip(gains.velocity * AROUND["velocity"], bounds.min, bounds.max).tolist()}))
@@ -186,14 +189,16 @@ def _place(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float
 
 
 def in_same_basin(posed: Posed, starts: list[Start], gains: Gains) -> list[Start]:
-    """Return the starts in the basin of given gains: on the straight logarithmic way to them, the error only falls.
+    """Return the starts in the basin of given gains: the error decreases along the line from the start to these gains.
 
-    At all gains on the way the function takes the best coupling of the scan.
+    The line is straight in logarithmic coordinates. At each point of the line, the function uses the best coupling of
+    the scan.
 
     Parameters
     ----------
     posed : prepared problem, dimensionless
-    starts : starts; the function uses those that are feasible and that have an integrator if the gains have one
+    starts : starts; the function considers only feasible starts whose law has an integrator if and only if the gains
+        have one
     gains : gains, dimensionless
     """
     problem = posed.problem

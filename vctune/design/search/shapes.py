@@ -1,8 +1,9 @@
-"""A coupling as a scale times a shape. The least feasible scale has a closed form (README, section 3).
+"""Write a coupling as a scale times a shape. The least feasible scale has a closed form (README, section 3).
 
-For an admittance display the scale is b_c, the time constant is m_c/b_c, and Z_c = b_0 + b_c (u + j v). For an
-impedance display, which is the dual, the scale is 1/k_c, the time constant is b_c/k_c, and 1/Z_c = (u + j v)/k_c. A
-rigid coupling of an admittance display has the time constant 0 and the scale m_c: Z_c = b_0 + m_c j omega.
+The shape u + j v is a function of frequency that depends only on a time constant. For an admittance display the scale
+is b_c, the time constant is m_c/b_c, and Z_c = b_0 + b_c (u + j v). For an impedance display, which is the dual case,
+the scale is 1/k_c, the time constant is b_c/k_c, and 1/Z_c = (u + j v)/k_c. A rigid coupling of an admittance display
+has the time constant 0 and the scale m_c: Z_c = b_0 + m_c j omega.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from vctune.model.sampled.impedance_display import firmware_filter, offered_by_s
 from vctune.model.sampled.worlds.loop_in_worlds import offered_at
 
 SLACK = 1e-2
-"""Share of T below which the time constant b_c/k_c hardly matters: the sampled spring alone is as good as with a damper
-of k_c T/2. Half and twice this share lead to the same designs."""
+"""Least time constant b_c/k_c of the scan, as a share of T. A smaller time constant hardly matters, because the sampled
+spring alone already acts like a spring with a damper of k_c T/2. Half and twice this share lead to the same designs."""
 
 
 def unit_response(device: Device, omega: Floats, time_constant: Floats) -> tuple[Floats, Floats]:
@@ -44,7 +45,7 @@ def unit_response(device: Device, omega: Floats, time_constant: Floats) -> tuple
 
 
 def unit_at(device: Device, theta: Floats, time_constant: Floats) -> tuple[Floats, Floats]:
-    """Return Re Z_c and sin(theta/2) cos(theta/2) Im Z_c for the scale 1 as the firmware runs it, without drag.
+    """Return Re Z_c and sin(theta/2) cos(theta/2) Im Z_c of the sampled coupling for the scale 1, without drag.
 
     Parameters
     ----------
@@ -59,7 +60,7 @@ def unit_at(device: Device, theta: Floats, time_constant: Floats) -> tuple[Float
 
 
 def scale_per_resistance(device: Device, place: Floats, time_constant: Floats) -> Floats:
-    """Return the scale that offers 1: b_c with Re Z_c - b_0 = 1, or 1/k_c with Re(1/Z_c)/s^2 = 1.
+    """Return the scale for the resistance 1: b_c with Re Z_c - b_0 = 1, or 1/k_c with Re(1/Z_c)/s^2 = 1.
 
     Parameters
     ----------
@@ -71,25 +72,27 @@ def scale_per_resistance(device: Device, place: Floats, time_constant: Floats) -
         low_pass = firmware_filter(device, place, FLOATS)
         unit = SpringDamper(time_constant, 1.0)
         there = np.asarray(offered_by_spring(unit, device.sample_time, low_pass, place, FLOATS).quotient)
-        return np.where(there > 0, 1 / np.where(there > 0, there, 1.0), 1e100)  # behind a slow filter b_c may drive
+        return np.where(
+            there > 0, 1 / np.where(there > 0, there, 1.0), 1e100
+        )  # with a slow filter, the damper may supply energy
     with np.errstate(divide="ignore", invalid="ignore"):
         x = np.where(time_constant > 0, place * time_constant, 0.0)
-        return np.minimum(1 + 1 / x**2, 1e100)  # at 0 only the drag acts
+        return np.minimum(1 + 1 / x**2, 1e100)  # at 0 the series coupling has no resistance
 
 
 def scale_limits(problem: Problem, time_constant: Floats) -> tuple[Floats, Floats]:
-    """Return the least and the greatest scale within the bounds, of the shape of the time constants.
+    """Return the least and the greatest scale within the bounds, for each time constant.
 
     Parameters
     ----------
-    problem : problem whose bounds hold
+    problem : problem with the bounds
     time_constant : time constant of the coupling, in the problem's unit of time, shape (n,)
 
     Returns
     -------
     two arrays
-        b_c, or 1/k_c for an impedance display, in the problem's units, shape (n,). If the least exceeds the greatest,
-        there is no such coupling.
+        The least and the greatest scale, b_c or for an impedance display 1/k_c, in the problem's units, shape (n,). If
+        the least scale exceeds the greatest, no coupling with this time constant is within the bounds.
     """
     bounds, tau = problem.bounds, time_constant
     if not problem.device.kind.inverse:
@@ -105,10 +108,11 @@ def scale_limits(problem: Problem, time_constant: Floats) -> tuple[Floats, Float
 
 
 def time_constants(problem: Problem, low: float, high: float) -> tuple[float, float]:
-    """Return the least and the greatest time constant worth evaluating; both are equal if it is fixed.
+    """Return the least and the greatest time constant of the scan; they are equal if the time constant is fixed.
 
-    Two decades outside the band, a coupling acts as a mass alone or a damper alone within the band (as a spring or a
-    damper for an impedance display). If the least b_c is large, the range extends further.
+    The range extends two decades beyond the band on both sides. With a time constant outside this range, a coupling
+    acts within the band like a mass alone or a damper alone, or for an impedance display like a spring alone or a
+    damper alone. If the least b_c is large, the range extends further.
 
     Parameters
     ----------
@@ -157,8 +161,8 @@ def shape_of(coupling: AnyCoupling) -> tuple[float, float]:
 
 
 def softened(coupling: AnyCoupling, by: float) -> AnyCoupling:
-    """Return a coupling of the same shape with a greater offer: a greater Z_c, or a greater 1/Z_c for an impedance
-    display.
+    """Return a coupling of the same shape with Z_c times a factor or, for an impedance display, with 1/Z_c times a
+    factor.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Stable loops to start an exchange, and tangents that keep its answers stable (design/README.md, section 6)."""
+"""Find stable loops to start an exchange, and tangents that keep its loops stable (design/README.md, section 6)."""
 
 from __future__ import annotations
 
@@ -15,23 +15,25 @@ from vctune.proof.claims.sampled_poles import prove_sampled_poles
 from vctune.proof.engine.interval import Verdict
 
 GAIN_REDUCTIONS = (1.0, 0.99, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
-"""Factors of K_p, or of both gains, that are tried until a start's loops are proved stable. On its frequencies the scan
-is wrong by some per cent, which the first factors cover; the last are for devices that no estimate fits. The NLP moves
-on from there within its box, so that other factors lead to the same optimum."""
+"""Factors of K_p, or of both gains, that the search tries until the loops of a start are proved stable. The scan
+evaluates few frequencies, so its stability limit is wrong by some per cent; the first factors correct such errors. The
+last factors are for devices with greater errors of the estimate. The NLP changes the gains again within its trust box,
+so other factors lead to the same optimum."""
 STABILITY_MARGIN = 1e-4
-"""Least distance from the stability boundary, as a share of the open loop's F, if no other constraint stops a design. A
-limit on |S| keeps a design further away. Without one, half or twice this distance changes the gains by as small a
-share."""
+"""Least distance of a design from the stability boundary, as a share of the open loop's F. This distance matters only
+if no limit on |S| keeps the design further away from the boundary. In that case, half or twice this distance changes
+the gains by about 1e-4 of their value."""
 MAX_CUTS = 24
-"""Greatest number of tangents of the stability boundary, which is a curve in the plane of the gains; a box contains a
-piece of it. If there are more, the exchange halves the box as after any bad step."""
+"""Greatest number of tangents of the stability boundary, which is a curve in the plane of the gains. The trust box
+contains only a piece of this curve, so few tangents suffice. If the exchange needs more, it halves the trust box."""
 
 
 def stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | None:
-    """Return the start with K_p or both gains reduced until its loops are sound, since the scan's estimate may be
-    wrong.
+    """Return the start with K_p, or both gains, reduced until its loops are proved stable, since the scan only
+    estimates.
 
-    Sound loops are proved stable and, if possible, have Re(D + Z_h) > 0, because otherwise the NLP has no values there.
+    If possible, the function also reduces the gains until Re(D + Z_h) > 0, because the NLP's formulas are undefined
+    otherwise.
 
     Parameters
     ----------
@@ -42,7 +44,7 @@ def stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | 
     Returns
     -------
     Point or None
-        None if no loop is stable with any of the gains that are tried.
+        None if the loops are stable with none of the gains that the function tries.
     """
     bounds, K_v, K_p = problem.bounds, start.gains.velocity, start.gains.position
     fallback: Point | None = None
@@ -56,7 +58,8 @@ def stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | 
 
 
 def stable(problem: Problem, gains: Gains) -> bool:
-    """Return whether all loops are stable. Near the boundary, where an estimate does not suffice, a proof decides.
+    """Return whether all loops are stable. Near the stability boundary, where estimates are unreliable, a proof
+    decides.
 
     Parameters
     ----------
@@ -74,7 +77,7 @@ def _loop_stable(device: Device, gains: Gains) -> bool:
 
 
 def add_stability_cut(problem: Problem, working_set: WorkingSet, inside: Gains, outside: Gains) -> bool:
-    """Add the tangent of the stability boundary that a step has crossed; return whether the tangent is new.
+    """Add a tangent of the stability boundary where a step crosses it; return whether the tangent is new.
 
     Parameters
     ----------

@@ -9,10 +9,10 @@ from vctune.model.gains import AnyCoupling, Gains
 
 
 class Missed(IntEnum):
-    """The most serious constraint that a design violates.
+    """The most serious constraint that a design violates; a greater value is more serious.
 
-    A more serious violation makes the lesser ones meaningless. An unstable loop has no margins, and where Re(D + Z_h) <
-    0 no coupling suffices.
+    A serious violation makes the lesser ones meaningless: an unstable loop has no margins, and if Re(D + Z_h) < 0, no
+    coupling suffices.
     """
 
     NOTHING = 0
@@ -24,16 +24,16 @@ class Missed(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """A design to polish.
+    """A design from which the exchange starts a local optimisation.
 
     Attributes
     ----------
     gains, coupling : the design, dimensionless
     error : its transparency error; inf if it violates a constraint at the scan's frequencies
-    missed : the most serious constraint that it violates there
+    missed : the most serious constraint that the design violates at these frequencies
     violation : amount of the violation, comparable among designs that violate the same constraint; for
-        `Missed.COUPLING` and `Missed.SENSITIVITY` the logarithm of a ratio; 0 if nothing is violated
-    corner : corner of the multiplier for walls; None if it is unknown
+        `Missed.COUPLING` and `Missed.SENSITIVITY` the logarithm of a ratio; 0 if the design violates no constraint
+    corner : corner frequency of the multiplier for walls; None if it is unknown
     """
 
     gains: Gains
@@ -50,7 +50,7 @@ class Start:
 
     @property
     def workable(self) -> bool:
-        """Whether the loop is stable with Re(D + Z_h) > 0, so that the optimiser's formulas are defined there."""
+        """Whether the loop is stable and Re(D + Z_h) > 0, so that the formulas of the NLP are defined."""
         return self.missed < Missed.RESISTANCE
 
     @property

@@ -1,7 +1,7 @@
-"""Requirements that no design can meet: theorems with numbers filled in.
+"""Find requirements that no design can meet, by theorems, and state the numbers that would have to change.
 
-The code evaluates each limit at the most favourable vertex of the bounds. It refuses a requirement only if even that
-vertex fails.
+The code evaluates each limit at the most favourable vertex of the bounds. The code excludes all designs only if even
+this vertex violates the requirement.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from vctune.model.problem import Problem
 from vctune.proof.claims.llewellyn.polynomials import is_rational
 
 LEAST_POSITION = 5e-324
-"""The smallest K_p > 0. With an integrator, however weak, the limits at omega = 0 differ from those without one."""
+"""The smallest positive double, for K_p. With any integrator, even a weak one, the limits at omega = 0 differ from
+those without."""
 
 
 def impossible(problem: Problem) -> Infeasibility | None:
@@ -33,7 +34,7 @@ def impossible(problem: Problem) -> Infeasibility | None:
 
 
 def _without_damping(problem: Problem) -> Infeasibility | None:
-    """An impedance display without damping can face a response of any size in some passive hand."""
+    """Exclude an impedance display without damping in any passive hand: some hand gives any response to its force."""
     if not problem.any_hand or problem.device.least_damping > 0:
         return None
     cause = (
@@ -44,8 +45,10 @@ def _without_damping(problem: Problem) -> Infeasibility | None:
 
 
 def _nothing_returns(problem: Problem) -> Infeasibility | None:
-    """Without a spring in any hand, an impedance display at rest may stay at any position, so stability cannot be
-    proved."""
+    """Report an impedance display in hands without stiffness.
+
+    Nothing returns the handle, so the loop has a pole at 1 and its stability cannot be proved.
+    """
     if problem.hands_met is None or problem.hands_met.high.stiffness > 0:
         return None
     cause = f"{OPENINGS[False]}: in hands without stiffness nothing returns the handle: a pole at 1"
@@ -64,14 +67,14 @@ def _of_passive_hands(problem: Problem) -> tuple[str, str] | None:
 def _in_limp_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
     """In hands with only a stiffness K, R at omega = 0 tends to K (b/K_p + tau_s) for K -> 0, while Re Z_c is the drag.
 
-    The loss in a structure's spring may ease this. Without an integrator, both sides of the constraint vanish like
-    omega^2 in hands without damping and stiffness, and a margin that vanishes cannot be proved.
+    The loss in the spring of a structure may reduce R. Without an integrator, both sides of the constraint vanish like
+    omega^2 in hands without damping and stiffness, and the proof cannot decide a margin that vanishes.
     """
     device, bounds, units = problem.device, problem.bounds, problem.units
     if hands.high.stiffness == 0 == bounds.position.max and bounds.velocity.max > 0:
         cause = f"{OPENINGS[False]}: with K_p = 0, in hands without stiffness, nothing returns the handle: a pole at 1"
         return Infeasibility(cause, "allow some gains.position, or raise operator.stiffness.max", proved=False)
-    if problem.worlds is not None:  # with a greatest mass, an environment is below every resonance at omega = 0
+    if problem.worlds is not None:  # near omega = 0 an environment with a greatest mass needs no drag
         return None
     if bounds.drag.max > 0 or bounds.velocity.max == 0 or hands.low.damping > 0 or hands.low.stiffness > 0:
         return None
@@ -93,7 +96,8 @@ def _in_limp_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
 
 
 def _vanishing_response(problem: Problem) -> tuple[str, str] | None:
-    """A disc of radius 1 around the device's response contains the response 0, for which Re G_hh = 0."""
+    """Exclude a disc of unmodelled dynamics with a radius of at least 1: it contains the response 0, with Re G_hh =
+    0."""
     radii = problem.uncertainty.unmodelled if problem.uncertainty is not None else ()
     if not radii:
         return None
@@ -125,11 +129,11 @@ def _negative_resistance(problem: Problem) -> tuple[str, str] | None:
 
 
 def _least_velocity(problem: Problem) -> float:
-    """Return the K_v above which Re G_hh > 0 at the band's lower edge with the least K_p; -inf if it is not known.
+    """Return the K_v above which Re G_hh > 0 at the band's lower edge with the least K_p; -inf if no formula is known.
 
     For omega -> 0, Re D > 0 requires tau K_p < b + K_v. For an ideal device with hold "lag" and no delay it requires
     tau K_p < b (1 + (omega tau)^2) + K_v, since there Re D = b + (K_v - tau K_p)/(1 + (omega tau)^2). An operator's b_h
-    adds to b. The loss in a structure's spring eases the requirement by an amount that grows with K_p.
+    adds to b. The loss in the spring of a structure reduces the required K_v by an amount that grows with K_p.
     """
     device, omega = problem.device, problem.stability.band.min
     if device.structure is not None or (omega > 0 and not is_rational(device)):
@@ -143,7 +147,10 @@ def _damping(device: Device) -> str:
 
 
 def _at_zero(problem: Problem) -> tuple[str, str] | None:
-    """With an integrator R tends to a constant and Re Z_c to the drag; without one both vanish like omega^2."""
+    """Compare R with Re Z_c for omega -> 0. With an integrator, R tends to a constant and Re Z_c to the drag.
+
+    Without an integrator, both vanish like omega^2.
+    """
     position = problem.bounds.position
     reasons, advice = [], []
     if position.max > 0:
@@ -186,9 +193,11 @@ def _with_integrator(problem: Problem) -> tuple[str, str] | None:
 
 
 def _without_integrator(problem: Problem) -> tuple[str, str] | None:
-    """K_v/(b + K_v)^2 rises to a maximum at K_v = b and falls beyond it. So it is least at an end of the range of K_v.
+    """Compare the limits of both sides for omega -> 0 and K_p = 0, which are proportional to omega^2.
 
-    For a non-ideal device the inertia depends on K_v, and the function reports nothing.
+    The required m_c^2/b_c is proportional to K_v/(b + K_v)^2, which rises up to K_v = b and falls beyond. The
+    requirement is therefore easiest to meet at an end of the range of K_v. For a non-ideal device the effective inertia
+    depends on K_v; the function then returns None.
     """
     device, bounds, factor = problem.device, problem.bounds, problem.stability.safety_factor
     if not device.ideal:
@@ -206,7 +215,10 @@ def _without_integrator(problem: Problem) -> tuple[str, str] | None:
 
 
 def _at_infinity(problem: Problem) -> tuple[str, str] | None:
-    """Re Z_c tends to b_c + b_0, and R grows with K_v; Re G_hh > 0 requires some K_v unless K_p is small."""
+    """Compare R with Re Z_c for omega -> inf: Re Z_c tends to b_c + b_0, and R grows with K_v.
+
+    Unless K_p is small, Re G_hh > 0 requires a least K_v.
+    """
     device, bounds, factor = problem.device, problem.bounds, problem.stability.safety_factor
     most = Coupling(bounds.damping.max, bounds.mass.max, bounds.drag.max)
     K_v = max(bounds.velocity.min, _least_velocity(problem))
@@ -228,5 +240,5 @@ def _at_infinity(problem: Problem) -> tuple[str, str] | None:
 
 
 def _met(limit: EndLimit, factor: float) -> bool:
-    """Return whether Re Z_c suffices at an end of the axis; a required R of 0 or less is always met."""
+    """Return whether Re Z_c suffices at an end of the frequency axis; every coupling meets an R of 0 or less."""
     return limit.required <= 0 or limit.coupling >= factor * limit.required

@@ -1,4 +1,4 @@
-"""Points at which a design violates the constraints, on any of their devices."""
+"""Find the points at which a design violates the constraints, on any of the devices of a problem."""
 
 from __future__ import annotations
 
@@ -39,8 +39,9 @@ from vctune.model.problem import Problem
 from vctune.model.worlds import WorldsMet
 
 TRACKED_FROM = 0.8
-"""Share of its limit above which the peak of |S| is tracked. A greater share would omit a peak that the next answer
-brings to the limit, which takes another round; a smaller share tracks peaks that do not bind."""
+"""Share of the limit on |S| above which the NLP tracks the peak of |S|. With a greater share, the NLP would not track a
+peak that its next answer brings to the limit, and the exchange would take another round. With a smaller share, the NLP
+tracks peaks at which the constraint is not active."""
 
 
 @dataclass(slots=True)
@@ -50,9 +51,9 @@ class Violations:
     Attributes
     ----------
     ratio, sensitivity, peak, unmodelled, in_hand : points for each kind of constraint
-    greatest : greatest violation
+    greatest : greatest relative violation; 0 if the design meets all constraints
     near_peak : point where |S| is greatest, if it is near its limit
-    positive : whether Re(D + Z_h) > 0 throughout
+    positive : whether Re(D + Z_h) > 0 at all frequencies on all devices
     """
 
     ratio: list[ConstraintPoint] = field(default_factory=list)
@@ -74,15 +75,15 @@ def violations(
     Parameters
     ----------
     posed : prepared problem, dimensionless
-    cases : the problem of each evaluated device, those of `posed` and others
+    cases : one problem for each evaluated device: those of `posed`, and those of devices that a proof refuted
     values : the numbers of the design
     tightening : relative tightening of the constraints
-    refuted : points in hands, found by a proof, that the search for the least ratio may miss
+    refuted : points in hands at which a proof refuted a design, which the search for the least ratio may miss
 
     Returns
     -------
     Violations
-        Dimensionless frequencies, each with a device and a hand, at which a constraint fails.
+        Dimensionless frequencies, each with a device and perhaps a hand, at which the design violates a constraint.
     """
     gains, coupling = design_of(values)
     loops = of_own_loops(cases)
@@ -119,7 +120,7 @@ def violations(
 
 
 def of_own_loops(cases: list[Problem]) -> list[Problem]:
-    """Return the problems, except those whose device differs from another's only in its unmodelled response."""
+    """Return the problems without those whose device differs from an earlier one only in its unmodelled response."""
     return list({case.device.modelled: case for case in reversed(cases)}.values())[::-1]
 
 
@@ -142,7 +143,8 @@ def _in_hands(
     tightening: float,
     worst: list[RatioInHand | RatioInAnyHand],
 ) -> Violations:
-    """Find the points where the ratio fails in the hands of a problem, at or about its least values."""
+    """Find the points in hands at which the ratio is too small: the worst points and, with environments, their
+    neighbours."""
     if problem.worlds_met is not None:
         worst = [*worst, *windows(problem, gains, coupling, worst, problem.worlds_met)]
     points = [ConstraintPoint(each.omega, problem.device, each.hand) for each in worst]
@@ -150,7 +152,8 @@ def _in_hands(
 
 
 def _at_walls(problem: Problem, values: Point, tightening: float) -> Violations:
-    """Find the points where the condition of walls fails in the hands of a problem; none without walls."""
+    """Find the points in hands at which the condition on walls fails; the result is empty for a problem without
+    walls."""
     met = walls_met(problem, values)
     if met is None or problem.hands_met is None:
         return Violations()
@@ -162,7 +165,7 @@ def _at_walls(problem: Problem, values: Point, tightening: float) -> Violations:
 
 
 def tightest_at_walls(problem: Problem, values: Point) -> list[ConstraintPoint]:
-    """Return the points at which the condition of walls has the least reserve; none without walls.
+    """Return the points at which the condition on walls has the least reserve; empty for a problem without walls.
 
     Parameters
     ----------
@@ -177,7 +180,7 @@ def tightest_at_walls(problem: Problem, values: Point) -> list[ConstraintPoint]:
 
 
 def walls_met(problem: Problem, values: Point) -> WorldsMet | None:
-    """Return the environments with walls and the corner of a design; None without walls.
+    """Return the environments of a problem, with the corner frequency of a design for walls; None without walls.
 
     Parameters
     ----------
@@ -195,7 +198,7 @@ def _point_at_walls(problem: Problem, values: Point, at: RatioInHand, met: World
 
 
 def _at_points(points: Sequence[ConstraintPoint], problem: Problem, values: Point, tightening: float) -> Violations:
-    """Return the points in hands at which the ratio fails."""
+    """Find which of the given points in hands have too small a ratio."""
     held, law = [point for point in points if point.hand is not None], design_of(values)
     linear, walls = problem.worlds_met, walls_met(problem, values)
     ratios = [
@@ -232,7 +235,7 @@ def _unmodelled(problem: Problem, gains: Gains, tightening: float) -> Violations
 
 
 def _inside(posed: Posed, gains: Gains, coupling: AnyCoupling, tightening: float) -> Violations:
-    """Find the points where the ratio fails on devices that are not vertices of their box."""
+    """Find the points at which the ratio is too small on devices inside the box, not at its vertices."""
     found, least = Violations(), log(posed.problem.stability.safety_factor) + tightening
     for worst in worst_inside(posed, gains, coupling):
         short = least - log(max(worst.ratio, 1e-300))
@@ -257,8 +260,8 @@ def _lowest_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Min
 def near_peak(cases: list[Problem], gains: Gains) -> ConstraintPoint | None:
     """Return the point where |S| is greatest over all devices, if it is near its limit and below the Nyquist frequency.
 
-    The result is None if no gain is free: the NLP could then not track the peak, and rounding alone may exceed the
-    limit.
+    The result is None if no gain is free, because the NLP then cannot change the peak, and rounding alone may put it
+    above the limit.
 
     Parameters
     ----------

@@ -18,9 +18,10 @@ from vctune.proof.claims.registry import Quantity
 
 @dataclass(frozen=True, slots=True)
 class ConstraintPoint:
-    """A point at which a constraint is imposed: a frequency, rad/s, a device, and for some constraints a hand.
+    """A point at which the NLP imposes a constraint: a frequency, rad/s, a device, and for some constraints a hand.
 
-    For walls it has a share of the coupling and a stepping rule; for linear environments `wall` is None.
+    For the constraint on walls, `wall` has a share of the coupling and an integration rule; for all other constraints
+    it is None.
     """
 
     omega: float
@@ -35,7 +36,7 @@ def constraint_points(device: Device, omega: Iterable[float]) -> list[Constraint
     Parameters
     ----------
     device : device in the units of the frequencies
-    omega : rad per unit of time
+    omega : frequencies, rad per unit of time
     """
     return [ConstraintPoint(float(w), device) for w in omega]
 
@@ -46,21 +47,23 @@ def stacked(points: Sequence[ConstraintPoint]) -> tuple[Device, Floats]:
 
 
 TIGHTENING_IN_HANDS = 1e-4
-"""Least relative tightening of the constraint in hands. A design may reach its limit in many hands and at many
-frequencies at once, for example at omega = 0 in hands of any mass. The number of boxes in the proof then grows with one
-over the square root of this tightening. The error grows by about as much as the tightening."""
+"""Least relative tightening of the constraint in hands. This constraint may be active in many hands and at many
+frequencies at once, for example at omega = 0 in hands of any mass. The number of boxes in the proof then grows as the
+inverse square root of this tightening. The tightening increases the error by about the same share."""
 
 
 @dataclass(frozen=True, slots=True)
 class WorkingSet:
-    """Points at which the constraints are imposed, and half planes that keep the gains stable.
+    """The points at which the NLP imposes the constraints, and half planes of gains that keep the loop stable.
 
     Attributes
     ----------
-    ratio, sensitivity, peak : points at which Re Z_c >= R, |S| <= max_sensitivity, and e <= epigraph are imposed
+    ratio : points for Re Z_c >= safety_factor R
+    sensitivity : points for |S| <= max_sensitivity
     stability : tangents of the stability boundary
-    unmodelled : points at which |1 - S| r < 1 is imposed
-    in_hand : points at which Re Z_c >= R in a hand is imposed
+    peak : points for e <= epigraph, with the norm "peak"
+    unmodelled : points for |1 - S| r < 1
+    in_hand : points for Re Z_c >= safety_factor R in a hand
     tracked_peaks : points where |S| peaks near its limit; the frequency of the peak is a variable of the NLP
     """
 
@@ -73,9 +76,10 @@ class WorkingSet:
     in_hand: list[ConstraintPoint] = field(default_factory=list)
 
     def points(self, quantity: Quantity) -> list[ConstraintPoint] | None:
-        """Return the points at which a claim's quantity is limited.
+        """Return the points at which the NLP limits the quantity of a claim.
 
-        Poles have tangents instead, and the search does not know storage functions; both have None.
+        The result is None for the claims on poles, for which the set has tangents instead, and for storage functions,
+        which the search does not use.
         """
         known = {
             "ratio": self.ratio,
@@ -91,16 +95,17 @@ class WorkingSet:
         return tuple(len(each) for each in points)
 
     def copy(self) -> WorkingSet:
-        """Return a copy that does not grow with this set."""
+        """Return a copy. Points that the exchange adds to this set later do not join the copy."""
         parts = (getattr(self, part.name) for part in fields(self))
         return WorkingSet(*([*part] for part in parts))
 
     def on_devices(
         self, changed: Callable[[Device], Device], time: float, held: Callable[[Hand], Hand] = lambda hand: hand
     ) -> WorkingSet:
-        """Return the same frequencies on other devices, in the same or in other hands.
+        """Return the set with other devices, in the same or in other hands.
 
-        If the loop is sampled, the angle omega T stays fixed, so that constraints at Nyquist stay there.
+        For constraints on the sampled loop the angle omega T stays the same, so that a point at Nyquist stays at
+        Nyquist. For the other constraints the frequency stays the same.
 
         Parameters
         ----------

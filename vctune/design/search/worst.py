@@ -1,7 +1,7 @@
 """Estimate the devices of an uncertain box on which the ratio Re Z_c / R of a design is least, or |S| greatest.
 
-At a frequency omega the delay d matters only through the phase omega d, which makes a full turn within 2 pi/omega. So
-the delays of one turn represent all longer ones.
+At a frequency omega, only the phase omega d of a delay d matters. This phase repeats when d changes by 2 pi/omega. The
+search therefore considers only a range of delays of at most 2 pi/omega.
 """
 
 from __future__ import annotations
@@ -25,30 +25,35 @@ from vctune.proof.device_box import DIRECTION, MOST_AT_ONCE, DeviceBox
 from vctune.running import check_time
 
 SHARES, DELAY_SHARES, MOST_DEVICES = 5, 13, 325
-"""Number of values that are tried for each uncertain number, including its ends; the same for delays and unmodelled
-responses; and greatest number of devices. The ratio is smooth in mass and damping. A delay or an unmodelled response
-turns a phase once, and 13 values sample every half turn six times. Half as many values may miss a minimum, which the
-proof then finds. Twice as many mean four to eight times the devices, whose number is limited: with many uncertain
-numbers, three or two values of each are tried."""
+"""Number of values of each uncertain number, including its ends; number of values of a delay or an unmodelled response;
+and greatest number of devices on the grid.
+
+The ratio is a smooth function of mass and damping, so five values suffice. A delay or an unmodelled response rotates a
+phase by one turn; 13 values sample every half turn six times. With half as many values the search may miss a minimum,
+which the proof then finds. With twice as many values there are four to eight times as many devices. If this
+exceeds the greatest number of devices, the search uses three or two values of each number.
+"""
 MOST = 24
-"""Number of minima over frequency that are refined, the lowest ones, all at once on arrays. A long delay makes more
-minima, but the higher ones do not bind."""
+"""Greatest number of minima over frequency that the search refines, beginning with the lowest. With a long delay there
+are more minima, but the constraint is not active at the higher ones."""
 FIRST_STEP = 0.02, 0.1
-"""First steps of the refinement: the relative step in frequency, and the step of a number as a share of its range. They
-are about half of the grid's steps. With smaller steps a minimum takes more rounds; larger steps may reach another
-minimum."""
+"""First steps of the refinement: the relative step in frequency, and the step of an uncertain number as a share of its
+range. These steps are about half of the steps of the grid. With smaller steps the refinement takes more rounds; with
+larger steps it may leave the basin of its minimum.
+"""
 STEPS, SHRINK = 40, 0.5
-"""Number of rounds of the refinement, and factor by which its steps shrink if no neighbour is lower. In 40 rounds, half
-of them for moving, the steps shrink to 1e-10. The ratio is flat at its minimum, so half as many still give it to
-1e-6."""
+"""Number of rounds of the refinement, and factor by which the steps shrink if no neighbour is lower. If half of the 40
+rounds move the point, the other half shrink the steps by a factor of about 1e-6. The ratio is flat at its minimum,
+so half as many rounds still give it to 1e-6."""
 MANY, TOGETHER = 5, 2
-"""Greatest number of variables, including the frequency, that may all move in one step. If there are more variables,
-the second number limits how many move at once. For nine variables this leaves 162 of 19,682 steps. Moving half and
-twice as many at once leads to designs that are as good."""
+"""Greatest number of variables, including the frequency, that may all change in one step; and greatest number of
+variables that change in one step if there are more. For nine variables, the limit leaves 162 of 19,682 possible steps.
+With half and twice these numbers, the search finds designs that are equally good."""
 
 SWEEPS = 3
-"""Number of times that all numbers are moved to their ends for a greater |S|. Once mostly suffices, and the proof finds
-any remaining rise. Half and twice as many find the same devices."""
+"""Greatest number of passes in which the search moves each uncertain number to the end with the greater |S|. One pass
+mostly suffices, and the proof finds any greater |S|. With half and twice as many passes the search finds the same
+devices."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +62,7 @@ class Worst:
 
     Attributes
     ----------
-    ratio : Re Z_c / R, or Re(D + Z_h)/|D| where that is not positive
+    ratio : Re Z_c / R, or Re(D + Z_h)/|D| if that is not positive
     omega : frequency, rad/s
     device : a device that is not a vertex of the box
     """
@@ -68,7 +73,7 @@ class Worst:
 
 
 Value = Callable[[Floats], Floats]
-"""A function of omega and the uncertain numbers, which lie along the first axis."""
+"""A function of an array whose first axis has omega and the uncertain numbers."""
 
 
 def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Worst]:
@@ -83,7 +88,7 @@ def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Wors
     Returns
     -------
     list of Worst
-        Estimates; the list may be empty.
+        Estimates of the minima; the list may be empty.
     """
     box, (low, high) = posed.box, posed.span
     assert box is not None
@@ -99,11 +104,11 @@ def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Wors
 
 
 def loudest(posed: Posed, gains: Gains, case: Problem, peaks: Minima) -> tuple[Problem, Minima] | None:
-    """Move uncertain numbers to the ends at which |S| is greater; return the resulting device and the maxima of its
+    """Move uncertain numbers to the ends of their ranges at which |S| is greater; return the device and the maxima of
     |S|.
 
-    The function moves one number after the other until no move helps, since |S| usually rises or falls with each
-    number.
+    The function moves one number after the other until no move increases |S|. Few moves suffice, because |S| is usually
+    a monotonic function of each number.
 
     Parameters
     ----------
@@ -114,7 +119,7 @@ def loudest(posed: Posed, gains: Gains, case: Problem, peaks: Minima) -> tuple[P
     Returns
     -------
     problem and Minima, or None
-        None if the result is the first device, or if the search tries all vertices of the box anyway.
+        None if the result is the first device, or if the search evaluates all vertices of the box anyway.
     """
     if posed.box is None or len(posed.box.modelled.uncertain) <= MOST_AT_ONCE:
         return None
@@ -137,7 +142,8 @@ def _device(box: DeviceBox, numbers: Sequence[Any]) -> Device:
 
 
 def _reach(box: DeviceBox, name: str, omega: Floats) -> Floats:
-    """Return the range of an uncertain number at each frequency; the range of a delay is at most one turn."""
+    """Return the width of the range of an uncertain number at each frequency, for a delay at most one turn of the
+    phase."""
     reach = box.high.number(name) - box.low.number(name)
     return np.minimum(reach, 2 * pi / omega) if name in DELAYS else np.full_like(omega, reach)
 
@@ -152,7 +158,13 @@ def _shares(box: DeviceBox) -> dict[str, int]:
 
 
 def _minima(value: Value, box: DeviceBox, omega: Floats) -> Floats:
-    """Return the lowest local minima over frequency of the least ratio on a grid of devices, shape (1 + numbers, n)."""
+    """Return the lowest local minima over frequency of the least ratio on a grid of devices.
+
+    Returns
+    -------
+    array
+        Frequency and uncertain numbers of each minimum, shape (1 + numbers, n).
+    """
     counts = _shares(box)
     axes = [
         np.clip(
@@ -172,7 +184,7 @@ def _minima(value: Value, box: DeviceBox, omega: Floats) -> Floats:
 
 
 def _refined(value: Value, box: DeviceBox, at: Floats, ends: Floats) -> tuple[Floats, Floats]:
-    """Return lower values and their positions, by a search among neighbours at shrinking distances."""
+    """Refine minima by a pattern search with shrinking steps; return the values and their positions."""
     low, high = ends[:, :1], ends[:, 1:]
     steps = np.array(list(product((-1.0, 0.0, 1.0), repeat=len(at))))
     if len(at) > MANY:

@@ -1,4 +1,4 @@
-"""The result of a check in one line, and the line of the file to which the result refers."""
+"""Write the result of a check in one line of text, and find the line of the file to which it refers."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ def check_message(
     Parameters
     ----------
     judgement : judgement of the design
-    repairs : repairs of a refuted design; None if not sought
-    changed : numbers that were edited since the design was solved, with their earlier values as limits
-    together : edited numbers that pass only if all of them are restored
+    repairs : repairs of a refuted design; None if vctune did not look for any
+    changed : gains that the user edited since the design was solved, with their earlier values as limits
+    together : edited gains; the design passes only if all of them are restored
     """
     if judgement.status is Status.CERTIFIED:
         return _proved(judgement)
@@ -41,7 +41,7 @@ def check_message(
 
 
 def taken_back(repairs: Sequence[Repair], changed: Sequence[ParameterChange]) -> list[Repair]:
-    """Return the repairs that undo an edit.
+    """Return the repairs that restore an edited gain.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def taken_back(repairs: Sequence[Repair], changed: Sequence[ParameterChange]) ->
 
 
 def line_to_change(text: str, repairs: Sequence[Repair] | None, together: Sequence[ParameterChange]) -> int:
-    """Return the line of the number to change, or of its table if the file does not state it.
+    """Return the line of the number to change; if the file does not state this number, return the line of the table.
 
     Parameters
     ----------

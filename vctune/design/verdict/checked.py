@@ -1,4 +1,4 @@
-"""The result of a check: the verdict in one line, and the full record of the design."""
+"""Define the result of a check: the verdict, one line of text, and the full record of the design."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ class Checked:
 
     Attributes
     ----------
-    source : path of the file that states the numbers
+    source : path of the file that states the gains
     name : name of the problem
     verdict : verdict on the claims
-    message : one line of text: proved, or the failure and its repair, or the fault of the input
-    line : line of the source that the message refers to
+    message : one line of text: what is proved, or what fails and which change would pass, or what is wrong in the input
+    line : line of the source to which the message refers
     finding : details of the check; None for bad input
     strict : whether a warning fails the check
     """
@@ -94,13 +94,14 @@ class Finding(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class DesignFinding:
-    """The details of a check of gains that could be judged.
+    """The details of a check of valid gains.
 
     Attributes
     ----------
     file : the problem
     judgement : judgement of the gains
-    repairs : repairs of a violated design: those of its own numbers first, in each part the least error first
+    repairs : repairs of a violated design: changes of its own numbers first, then of the problem, each by ascending
+        error
     warnings : warnings for the user
     seconds : duration of the check, s
     """
@@ -131,14 +132,14 @@ def finding_of(
     ----------
     file : the problem
     judgement : judgement of the gains
-    repairs : repairs found so far; None if not sought
-    notes : notes in addition to those that any judged gains get
-    repairing, proving : time taken by the repairs and by the proof, s
+    repairs : repairs found so far; None if vctune did not look for any
+    notes : additional notes for the user
+    repairing, proving : duration of the search for repairs and of the proof, s
     """
     cut = judgement.cut
     if judgement.status is Status.VIOLATED or judgement.idle:
         cut |= out_of_time()
-        repairs = repairs or None if cut else repairs  # a cut search has not shown that there is none
+        repairs = repairs or None if cut else repairs  # after the time limit others may exist
     found = [CUT_SHORT] if repairing > LONGEST else []
     if cut:
         found.append(OUT_OF_TIME)

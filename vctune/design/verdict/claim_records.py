@@ -1,4 +1,4 @@
-"""The record of each claim: where it fails, and the hand and environment with which the design then grows."""
+"""Record each claim: the place at which it fails, and a hand and environment with which the loop is then unstable."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def claim_records(problem: Problem, judgement: Judgement) -> list[ClaimRecord]:
 
 
 def changing_record(problem: Problem, judgement: Judgement) -> dict[str, ChangingRecord]:
-    """Return the record of hands whose damping changes; nothing if the problem does not require them.
+    """Return the record of the claim on hands whose damping changes; empty if the problem does not make this claim.
 
     Parameters
     ----------
@@ -74,9 +74,10 @@ def _claim(problem: Problem, judgement: Judgement, claim: ClaimId, outcome: Outc
 
 
 def _environment(problem: Problem, judgement: Judgement, outcome: Outcome) -> dict[str, EnvironmentRecord]:
-    """Return the environment with which a design grows, in the refuting or the worst hand; empty if it is not known.
+    """Return an environment with which the loop is unstable, in the hand of the witness or the worst hand.
 
-    In a hand in which only the safety factor is missed, nothing grows.
+    The result is empty if the function finds none. In a hand in which the design only misses the safety factor, the
+    loop is stable with every environment.
     """
     device, held, places = outcome.device or problem.device, judgement.in_hand, []
     if outcome.hand is not None and outcome.witness is not None:
@@ -98,7 +99,7 @@ def _environment(problem: Problem, judgement: Judgement, outcome: Outcome) -> di
 
 
 def _environment_of_any_hand(problem: Problem, judgement: Judgement, outcome: Outcome) -> dict[str, EnvironmentRecord]:
-    """Return the lossless hand and the environment with which a design grows; empty if there is none."""
+    """Return a lossless hand and an environment with which the loop is unstable; empty if the function finds none."""
     device = outcome.device or problem.device
     assert isinstance(judgement.coupling, SpringDamper)
     found = growing_in_any_hand(device, judgement.gains, judgement.coupling)
@@ -117,7 +118,8 @@ GROWING: dict[ClaimId, Callable[[Problem, Judgement, Outcome], dict[str, Environ
     "worlds": _environment,
     "any_hand": _environment_of_any_hand,
 }
-"""Functions that find the environment with which a design grows if a claim is refuted, by the claim's identifier."""
+"""Functions that find an environment with which the loop of a refuted design is unstable, by the identifier of the
+claim."""
 
 
 def _environment_record(device: Device, hand: HandRecord, found: GrowingEnvironment) -> dict[str, EnvironmentRecord]:

@@ -1,4 +1,4 @@
-"""The record of a servo's latency and of the stiffest contact that its design permits."""
+"""Record the latency of a servo and the stiffest contact that its design permits."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from vctune.proof.engine.interval import Verdict
 from vctune.running import unlimited
 
 RESERVE = 1e-3
-"""Share by which the proved contact is softer than the stiffest contact in double precision. A closer contact takes
-many more boxes: with half this share up to twice as many."""
+"""Relative distance between the stiffest contact in double precision and the contact that vctune proves. With half this
+distance, the proof takes up to twice as many boxes."""
 DIGITS = 4
-"""Number of digits of the stiffest contact."""
+"""Number of significant digits of the stiffest contact."""
 
 
 def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | None:
@@ -71,7 +71,10 @@ def _latency(device: Device) -> float:
 
 
 def _own_spring(device: Device) -> float:
-    """Return the drag that the firmware's own spring requires at rest without the force sensor's delay, N s/m."""
+    """Return the drag at rest that the firmware's own spring requires: its stiffness times the latency, N s/m.
+
+    This latency does not include the force sensor.
+    """
     assert device.servo is not None
     return (device.servo.stiffness or 0.0) * _latency(device.sensing_at_once)
 
@@ -79,13 +82,13 @@ def _own_spring(device: Device) -> float:
 def _stiffest(
     problem: Problem, judgement: Judgement, hands: Hands, bears: float
 ) -> tuple[float | None, Literal["proved", "undecided"] | None]:
-    """Return the stiffest contact in few digits and whether it is proved; None if there is none.
+    """Return the stiffest contact, rounded, and whether it is proved; None if no contact is permitted.
 
     Parameters
     ----------
     problem, judgement : problem and judgement of the design
     hands : hands of the claim; a certified design is stable in all of them
-    bears : stiffest contact in double precision, N/m
+    bears : estimate of the stiffest contact, in double precision, N/m
     """
     if judgement.status is Status.CERTIFIED and (bears == inf or _floored(bears) <= hands.high.stiffness):
         return hands.high.stiffness, "proved"
@@ -101,7 +104,7 @@ def _stiffest(
 
 
 def _floored(stiffness: float) -> float:
-    """Return a stiffness reduced by its reserve and rounded down to `DIGITS` digits."""
+    """Return a stiffness, reduced by the share `RESERVE` and rounded down to `DIGITS` digits."""
     reserved = stiffness * (1 - RESERVE)
     if not 0 < reserved < inf:
         return reserved

@@ -1,4 +1,4 @@
-"""The error under one of two criteria alone, which shows the cost of requiring both."""
+"""Compute the least error under each of two criteria alone, which shows the cost of requiring both."""
 
 from __future__ import annotations
 
@@ -20,21 +20,22 @@ COMPARISON = "the comparison of criteria"
 
 
 def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:
-    """Return a solved problem with the errors that either criterion alone would permit; unchanged with one criterion.
+    """Return a solved problem with the least error under each criterion alone; unchanged if the problem has one
+    criterion.
 
-    Such an error is the result of the file with the other criterion, including the defaults that depend on it. It is
-    measured on the same band and with the same Z_0.
+    For each criterion, vctune solves the problem file with this criterion alone, and with the defaults that depend on
+    the criterion. The errors refer to the transparency band and the Z_0 of the original problem.
 
     Parameters
     ----------
     file : the problem
-    solved : a certified result; for any other result there is nothing to compare
+    solved : a result; if it is not certified, the function returns it unchanged
     """
     problem = file.problem
     if problem.stability.criterion != "both" or problem.bounds.fixed or solved.status is not Status.CERTIFIED:
         return solved
     if not problem.device.kind.banded and of_one_device(problem) is None:
-        return solved  # a box of devices in a box of hands may take minutes
+        return solved  # with a box of devices, the computation may take minutes
     others: tuple[Criterion, ...] = ("hands", "passive") if problem.device.kind.banded else ("hands",)
     tables, found = file.document, list[Alternative]()
     try:

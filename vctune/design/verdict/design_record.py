@@ -1,4 +1,4 @@
-"""The record of a solved problem, in SI units and hertz.
+"""Make the record of a solved problem, in SI units and hertz.
 
 See document/README.md, section 3.
 """
@@ -75,7 +75,7 @@ if TYPE_CHECKING:
 PROVED_BAND = "the proof of a wider band"
 """Name of a stage that a time limit may cut short."""
 SHOWN = 200
-"""Greatest number of rounds, and of states of a search, that a record keeps."""
+"""Greatest number of rounds of an exchange, and of states of a search of boxes, that a record keeps."""
 
 
 def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> dict[str, Any]:
@@ -183,12 +183,12 @@ def _touched(problem: Problem, values: Point) -> list[tuple[str, str]]:
 
 
 def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | None = None) -> list[Note]:
-    """Return warnings about a design that is otherwise sound.
+    """Return warnings about a design.
 
     Parameters
     ----------
     problem, judgement : the design
-    cures : changes after which an idle design uses its loop, the least error first; None if not sought
+    cures : changes after which an idle design uses its loop, the least error first; None if vctune did not look for any
     """
     found = []
     for key, side in _touched(problem, point(judgement.gains, judgement.coupling)):
@@ -197,7 +197,7 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
             said = f"{key} is on its {side} bound; the bound, not the device, limits the design there"
             found.append(Note("warn-bound", said))
     band, demand = problem.stability.band, problem.stability.safety_factor
-    # an impedance display's constraints have no band, and a claim at every frequency needs no wider band
+    # only Llewellyn's claim has a band; with a claim in hands at every frequency its edge does not matter
     edged = problem.hands_met is None and problem.device.kind.banded
     if edged and demand <= judgement.min_ratio < demand * 1.001:
         for side, edge in (("lower", band.min), ("upper", band.max)):
@@ -217,11 +217,12 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
 
 
 def _cured(cures: Sequence[Repair] | None) -> str:
-    """Return which constraint keeps a design from using its loop: the one whose change has the least error."""
+    """Return which changes would make an idle design use its loop, in words; the change with the least error comes
+    first."""
     if cures is None:
         return ""
     if not cures:
-        return "; no change of one demand was found that cures it"
+        return "; vctune found no change of one constraint that cures it"
     first, *others = cures
     also = f"; so would {', or '.join(cure.needs for cure in others)}" if others else ""
     return f"; {first.needs} would cure it, {first.change}{also}"
@@ -229,7 +230,7 @@ def _cured(cures: Sequence[Repair] | None) -> str:
 
 @np.errstate(all="ignore")
 def _proved(problem: Problem, judgement: Judgement) -> dict[str, Any]:
-    """Return the records that need proofs of their own, as far as the time limit permits."""
+    """Return the records that need additional proofs, as many as the time limit permits."""
     proved = judgement.certificate.proved_band_hz
     return {
         "proved_band_hz": list(proved) if proved else None,
@@ -239,8 +240,7 @@ def _proved(problem: Problem, judgement: Judgement) -> dict[str, Any]:
 
 @np.errstate(all="ignore")
 def _borne(problem: Problem, judgement: Judgement) -> dict[str, Part]:
-    """Return what a servo's latency requires, and how far a box of environments could reach; empty for other
-    problems."""
+    """Return the records of a servo's contacts and of the environments beyond the box; empty for other problems."""
     found: dict[str, Part | None] = {"contact": contact_record(problem, judgement)}
     if problem.worlds is not None:
         found["rendered"] = rendered_record(problem, judgement)
@@ -277,12 +277,12 @@ def _judged(problem: Problem, judgement: Judgement, proved: dict[str, Any]) -> d
 
 
 def _display(problem: Problem) -> dict[str, Any]:
-    """Return the display for the record; empty for an admittance display."""
+    """Return the record of the kind of display; empty for an admittance display."""
     return {"display": problem.device.display} if problem.device.kind is not ADMITTANCE else {}
 
 
 def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
-    """Return the record of the hands of the criterion; empty without such hands."""
+    """Return the record of the claim in a box of hands; empty if the problem does not make this claim."""
     held, hands = judgement.in_hand, problem.hands_met
     if held is None or hands is None:
         return {}
@@ -326,7 +326,7 @@ def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
 
 
 def _in_any_hand(problem: Problem, judgement: Judgement) -> dict[str, AnyHandRecord]:
-    """Return the record of any passive hand on an impedance display; empty if the problem does not require it."""
+    """Return the record of the claim in any passive hand on an impedance display; empty without this claim."""
     held = judgement.in_any_hand
     if held is None:
         return {}
@@ -343,7 +343,7 @@ def _in_any_hand(problem: Problem, judgement: Judgement) -> dict[str, AnyHandRec
 
 
 def _at_whole_sample(problem: Problem, judgement: Judgement) -> dict[str, WholeSampleRecord]:
-    """Return the record at a whole number of samples of delay; empty if the delay is not near one."""
+    """Return the record of the design with a delay of a whole number of samples; empty if the delay is not near one."""
     beside = judgement.certificate.beside
     if not beside:
         return {}

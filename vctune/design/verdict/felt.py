@@ -1,4 +1,4 @@
-"""The record of how a design feels, in addition to its error."""
+"""Record the mass and damping that the hand feels, the stiffest wall, and the tracking bandwidth of a design."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vctune.model.gains import AnyCoupling, Gains
 
 
 def felt_record(device: Device, gains: Gains, coupling: AnyCoupling) -> FeltRecord:
-    """Return the felt mass and damping, the stiffest wall, and the tracking bandwidth.
+    """Return the mass and damping that the hand feels, the stiffest wall, and the tracking bandwidth.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""Choose the number of a refuted design to change: an edited one, or the one that leaves the least error.
+"""Find changes of one number of a refuted design: undo an edit, or take the value with the least error.
 
-This module neither solves nor judges: the caller passes the functions (`RepairTest`).
+This module does not solve or judge problems itself; the caller passes functions for that (`RepairTest`).
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from vctune.model.problem import Problem, Range
 from vctune.running import check_time
 
 MOST_DRAG = 10.0
-"""Greatest drag that is tried, in units of the reference impedance; alone it causes an error of about ten. Half and
-twice this drag omit, or add, designs that nobody wants to feel."""
+"""Greatest drag of a repair, in units of the reference impedance. Such a drag alone causes an error of about ten. Half
+or twice this limit only omits or adds designs with an error that no user would accept."""
 
 
 def repair_of(change: ParameterChange, new: float, design: Judgement) -> Repair:
@@ -30,33 +30,33 @@ def repair_of(change: ParameterChange, new: float, design: Judgement) -> Repair:
     Parameters
     ----------
     change : change of the number
-    new : its new value
-    design : the certified design that it leads to
+    new : new value of the number
+    design : the certified design after the change
     """
     error = design.transparency.error
     return Repair(change.key, change.old, new, change.meaning, change.line(new), change.size(new), error)
 
 
 def edits(problem: Problem, judgement: Judgement, solved: Mapping[str, float]) -> list[ParameterChange]:
-    """Return the changes that take single numbers back to a solved design, whose numbers are their limits.
+    """Return one change for each number that differs from the solved design, with the solved value as its limit.
 
     Parameters
     ----------
     problem : problem of the design
-    judgement : judgement of the numbers as they are
-    solved : the numbers of the solved design by their keys; may be empty
+    judgement : judgement of the present numbers
+    solved : the numbers of the solved design under their keys; may be empty
     """
     given = design_numbers(judgement.kind, judgement.gains, judgement.coupling)
     return [change_of_gain(problem, key, given[key], new) for key, new in solved.items() if new != given[key]]
 
 
 def undone(pasted: dict[str, Any], changed: Sequence[ParameterChange], test: RepairTest) -> list[Repair]:
-    """Return the edits that, undone one at a time, give a certified design, the least error first.
+    """Undo one edit at a time; return each that gives a certified design, the least error first.
 
     Parameters
     ----------
-    pasted : the problem's document with the numbers as they are
-    changed : the edited numbers
+    pasted : the problem's document with the present numbers of the design
+    changed : the edited numbers, with the values before the edits as limits
     test : test of changed problems
     """
     found = []
@@ -78,11 +78,11 @@ def undone_together(pasted: dict[str, Any], changed: Sequence[ParameterChange], 
 
 
 def solved_numbers(stated: dict[str, Any], judgement: Judgement, test: RepairTest) -> dict[str, float]:
-    """Return the numbers of a problem's solution by their keys; empty if there is none.
+    """Return the numbers of the best design of a problem under their keys; empty if there is none.
 
     Parameters
     ----------
-    stated : the problem's document; its fixed numbers become free
+    stated : the problem's document; the numbers of the design that it fixes become free
     judgement : judgement of a design
     test : test of a problem with free numbers
     """
@@ -92,10 +92,11 @@ def solved_numbers(stated: dict[str, Any], judgement: Judgement, test: RepairTes
 
 
 def best_values(stated: dict[str, Any], judgement: Judgement, test: RepairTest) -> Iterator[Repair]:
-    """Yield for each number of a design its value with the least error while the others stay.
+    """Yield for each number of a design the value with the least error, while the other numbers stay the same.
 
-    The search solves the problem with that number alone free, in the range that the file states or in the default
-    range. If the first estimate rejects all numbers, the search tries all of them nevertheless.
+    The function solves the problem with only this number free, in the range of the file or in the default range. The
+    function first tries the numbers for which a quick estimate finds a design. If none of these gives a repair, it
+    tries the others.
 
     Parameters
     ----------
@@ -129,7 +130,10 @@ def _solved(free: dict[str, Problem], judgement: Judgement, test: RepairTest) ->
 
 
 def _with_one_free(stated: dict[str, Any], judgement: Judgement, key: str) -> Problem | None:
-    """Return a problem whose design is fixed except for one number, including a drag that is 0 by default."""
+    """Return a problem in which one number of the design is free and the others are fixed.
+
+    If the number is the drag and the file states no range for it, the range ends at `MOST_DRAG`.
+    """
     problem = _with_free(stated, judgement, key)
     if problem is None or key != "coupling.drag" or not problem.bounds.fixed:
         return problem
@@ -138,7 +142,7 @@ def _with_one_free(stated: dict[str, Any], judgement: Judgement, key: str) -> Pr
 
 
 def _with_free(stated: dict[str, Any], judgement: Judgement, *keys: str) -> Problem | None:
-    """Return a problem whose design is fixed except for some numbers; None if this contradicts another key."""
+    """Return a problem in which some numbers of the design are free and the others fixed; None if it is not valid."""
     tables: dict[str, dict[str, Any]] = design_tables(judgement.kind, judgement.gains, judgement.coupling)
     for table, name in (key.split(".") for key in keys):
         del tables[table][name]

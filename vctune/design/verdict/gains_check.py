@@ -1,4 +1,4 @@
-"""The check of existing gains, for continuous integration. It needs no optimiser.
+"""Check existing gains, for example in continuous integration. The module imports the optimiser only to find repairs.
 
 See cli/README.md, section 2.
 """
@@ -44,7 +44,7 @@ OTHER_VERSION = Note("other-version", "the gains were made for another version o
 
 @dataclass(frozen=True, slots=True)
 class _Input:
-    """A file that is read only once, because it may be a pipe."""
+    """The content of a file. vctune reads each file only once, because it may be a pipe."""
 
     path: Path
     text: str
@@ -73,7 +73,7 @@ def check_files(
     Raises
     ------
     InputError
-        If it is not clear which gains belong to which problem.
+        If there are gains files and not exactly one problem file.
     """
     inputs = [_read(path) for path in paths]
     gains = [given for given in inputs if given.is_gains]
@@ -207,9 +207,10 @@ def _judged(
 def _repairs(
     file: ProblemFile, judgement: Judgement, changed: list[ParameterChange], progress: Progress
 ) -> tuple[list[Repair] | None, list[ParameterChange]]:
-    """Return the repairs of a refuted design in its problem, or the cures of an idle design; None for any other design.
+    """Return the repairs of a refuted design, or the changes after which an idle design uses its loop.
 
-    The second result has the edits that pass only if all of them are restored; it is empty if one alone passes.
+    The first result is None for any other design. The second result has all edited gains if the design passes only
+    after all of them are restored; otherwise it is empty.
     """
     if judgement.status is not Status.VIOLATED and not judgement.idle:
         return None, []
@@ -231,7 +232,10 @@ def _cures(
     changed: list[ParameterChange],
     progress: Progress,
 ) -> list[Repair] | None:
-    """Return the cures of an idle design; None if solving finds a design in use, or the time limit ends the search."""
+    """Return the changes after which an idle design uses its velocity loop.
+
+    The result is None if the problem, as it is, has a design that uses the loop, or if the time limit ends the search.
+    """
     try:
         if back := undone(pasted, changed, OF_FIXED_IN_USE):
             return back

@@ -1,4 +1,4 @@
-"""The reason why a problem has no design: the constraint that the nearest miss violates, and where."""
+"""Explain why a problem has no design: the constraint that the nearest miss violates, and its frequency and hand."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from vctune.model.servo import LATENCY_PARTS, latency
 from vctune.proof.claims.sampled_poles import spectral_radius
 
 OPENINGS = {True: "there is no admissible design", False: "no admissible design was found, nor proved impossible"}
-"""Beginning of the reason, by whether it is proved."""
+"""Beginning of the reason. The key is True if vctune has proved that there is no design."""
 
 CUT_SHORT = "the time limit ended the search before it had found a design"
 
 NEXT_TO_NOTHING = 1e-9
-"""Ratio below which Re Z_c counts as vanishing where R does not, as at 0 Hz without drag. Half and twice it give the
-same words."""
+"""Ratio Re Z_c / R below which the message calls Re Z_c "next to 0", as at 0 Hz without drag. Half and twice this ratio
+give the same messages."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +39,8 @@ class Infeasibility:
     ----------
     cause : violated constraint, with its place and amount
     advice : possible repair
-    proved : True if the reason follows from a theorem or from a search that pruned every box of gains; False if it
-        follows from a search without result
+    proved : True if a theorem, or a search that pruned every box of designs, proves that there is no design; False if
+        the search only found none
     """
 
     cause: str
@@ -59,18 +59,18 @@ def out_of_time_before_a_design() -> Infeasibility:
 
 
 def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> Infeasibility:
-    """Describe how the scanned point that is nearest to feasible fails.
+    """Describe which constraint the nearest miss violates: the point of the scan with the least violation.
 
     Parameters
     ----------
     prepared : the problem
     scanned : the scan's result
-    proved : whether a search of every box of gains has found no design
+    proved : whether the search of every box has proved that there is no design
 
     Returns
     -------
     Infeasibility
-        In words: the constraint, the frequency, the violation and possible repairs.
+        The constraint, the frequency, the violation and possible repairs, in words.
     """
     opening = OPENINGS[proved]
     if not scanned.starts:
@@ -83,7 +83,7 @@ def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> In
         if failure is not None:
             cause, advice = failure
             return Infeasibility(prefix + _on(case, prepared.problem) + cause, advice, proved)
-    unknown = "it meets every demand on a grid of frequencies, but IPOPT or the proof did not"
+    unknown = "it meets every constraint on a grid of frequencies, but vctune could not make it a proved design"
     return Infeasibility(prefix + unknown, "widen the bounds", proved)
 
 
@@ -98,14 +98,15 @@ def _tried(problem: Problem, gains: Gains, coupling: AnyCoupling) -> str:
 
 
 def _on(case: Problem, problem: Problem) -> str:
-    """Return the numbers in which the device of a case differs from the problem's own; "" if they are the same."""
+    """Return the numbers in which the device of a case differs from that of the problem, in words; "" if none
+    differ."""
     own = problem.device
     other = {key: number for key, number in case.device.numbers().items() if number != own.number(key)}
     return f"with {', '.join(f'{key} {number:.6g}' for key, number in other.items())}: " if other else ""
 
 
 def _first_failure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[str, str] | None:
-    """Return the most serious failure of a design on one device, and its possible repair; None if nothing fails."""
+    """Return the most serious violation of a design on one device, and a possible repair; None without a violation."""
     device, stability = problem.device, problem.stability
     looped = device.kind.own_loop
     if looped and gains.velocity == 0 and gains.position == 0 and device.damping == 0:
@@ -136,7 +137,7 @@ def _first_failure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tup
 
 
 def _short_of_drag(problem: Problem, ratio: float, place: str) -> tuple[str, str]:
-    """Return how much a servo's drag is less than stiffness times latency, and the possible repair."""
+    """Return by which factor the drag of a servo is too small, and a possible repair, in words."""
     factor, late = problem.stability.safety_factor, latency(problem.device, FLOATS)
     longest = max(LATENCY_PARTS, key=lambda part: float(getattr(late, part)))
     missed = f", short of the safety factor {factor:.4g} by a factor of {factor / ratio:.4g}" if ratio > 0 else ""
@@ -148,7 +149,7 @@ def _short_of_drag(problem: Problem, ratio: float, place: str) -> tuple[str, str
 
 
 def _shortfall(problem: Problem, coupling: AnyCoupling, ratio: float, place: str) -> tuple[str, str]:
-    """Return how much Re Z_c is less than required, and the possible repair."""
+    """Return by which factor the coupling is too weak, and a possible repair, in words."""
     factor, narrower = problem.stability.safety_factor, "stability.band_hz"
     if not problem.passive:
         narrower = "the hands of [operator]"
@@ -188,7 +189,8 @@ def _least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple
 
 
 def _lacking_resistance(problem: Problem, gains: Gains) -> tuple[str, str] | None:
-    """Return the failure where the loop's resistance is negative, and its repair; None if it is positive throughout."""
+    """Return where Re G_hh is negative on the band, and a possible repair, in words; None if it is positive
+    throughout."""
     device = problem.device
     grid = demand_grid(device, *sampled_span(problem))
     resistance = local_minima(lambda omega: response(device, gains, omega).resistance, grid)

@@ -1,4 +1,4 @@
-"""Judge given gains: error, least ratio, greatest |S| and certificate. The module does not import the optimiser."""
+"""Judge given gains: compute error, least ratio, greatest |S| and certificate, without importing the optimiser."""
 
 from __future__ import annotations
 
@@ -55,17 +55,17 @@ STATUS_OF = {
 
 
 IDLE = 0.5
-"""Mean or greatest |1 - G_he| above which the design hardly uses its velocity loop. Without a loop it is 1, and at 0.5
-half of what the operator should feel is lost. It decides on a warning and its cures, not on a design. Half this number
-warns of more designs; twice this number warns of none."""
+"""Mean or greatest |1 - G_he| above which vctune warns that a design hardly uses its velocity loop. Without a loop |1 -
+G_he| is 1; at 0.5, the handle does not follow half of the environment's motion. The number does not affect the design.
+With half this number, vctune warns of more designs; with twice this number, of none."""
 
 
 PROVING = 0.85
-"""Share of the remaining time that the proof of a design may take if there is a time limit. The rest is for the numbers
-in double precision, which take a second for an uncertain device. Half this share leaves designs unproved; the whole
-time ends late."""
+"""Share of the remaining time that the proof of a design may take if there is a time limit. The rest is for
+computations in double precision, which take a second for an uncertain device. With half this share some designs stay
+unproved; with the whole time vctune would exceed the time limit."""
 CUT = " (the time limit cut its proof)"
-"""Note on a claim whose proof the time limit ended."""
+"""Words that follow a claim if the time limit ended its proof."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,16 +77,16 @@ class Judgement:
     device : the nominal device
     gains, coupling : the design
     transparency : error and its three terms on the nominal device
-    error : objective: the error on the nominal device, or the greatest error at the vertices of a box of devices
-    compared : objective with only the terms that can differ between designs; a bound applies to it
-    min_ratio, worst : least Re Z_c / R on the band, and its frequency, rad/s (0 or inf at an end of the axis)
+    error : the objective: the error on the nominal device, or the greatest error at the vertices of a box of devices
+    compared : the objective with only the terms that can differ between designs; bounds on the error refer to it
+    min_ratio, worst : least Re Z_c / R of all claims, and its frequency, rad/s (0 or inf at an end of the axis)
     tightest : the device with the least ratio, among the nominal device and those of a box
     in_hand : the least Re Z_c / R in the hands of the claim, with its hand; None without such hands
-    in_any_hand : the least Re(1/Z_c)/R of an impedance display in any passive hand; None if that is not required
-    in_walls : the least ratio in the condition that proves walls, with its hand; None without walls
+    in_any_hand : the least Re(1/Z_c)/R of an impedance display in any passive hand; None without this claim
+    in_walls : the least ratio of the condition on walls, with its hand; None without walls
     peak_sensitivity, worst_sensitivity : greatest |S| of these devices up to Nyquist, and its frequency, rad/s
     certificate : the proved claims
-    cut : whether the time limit ended the proof, or ended the evaluation of a box of devices in hands
+    cut : whether the time limit ended the proof, or the evaluation of the devices in hands
     """
 
     device: Device
@@ -108,12 +108,12 @@ class Judgement:
 
     @property
     def status(self) -> Status:
-        """The certificate's verdict as a status."""
+        """The status that follows from the certificate's verdict."""
         return STATUS_OF[self.certificate.verdict]
 
     @property
     def corner(self) -> float | None:
-        """w_c of the multiplier that proves walls, rad/s; None without walls."""
+        """Corner frequency w_c of the multiplier for walls, rad/s; None without walls."""
         worlds = self.certificate.demands.worlds
         return None if worlds is None else worlds.corner
 
@@ -139,7 +139,7 @@ class Judgement:
 
     @property
     def facts(self) -> dict[str, float | str | None]:
-        """The design and its proved claims, by name with unit."""
+        """The numbers of the design, its error and margins, and the proved band, by name with unit."""
         values, units = astuple(self.gains) + astuple(self.coupling), UNITS[self.tightest.units]
         kind = self.kind
         return {
@@ -173,7 +173,7 @@ class Judgement:
 
     @property
     def open_claims(self) -> list[str]:
-        """The claims that are not proved, each with its verdict, its place, and the device of a box on which it
+        """The claims that are not proved, in words: each with its verdict, the place, and the device on which it
         fails."""
         units, kind = UNITS[self.tightest.units], self.tightest.kind
         return [
@@ -184,7 +184,7 @@ class Judgement:
 
     @property
     def reserve_missed(self) -> str | None:
-        """Words for a design that is absolutely stable but misses the safety factor; None for any other design."""
+        """A message for a design that is absolutely stable but misses the safety factor; None for any other design."""
         if self.certificate.without_factor is None or self.certificate.proved_ratio is None:
             return None
         return (
@@ -232,7 +232,7 @@ def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
     Returns
     -------
     Judgement
-        Certificate, status, transparency and margins, in SI units and rad/s. The time limit only cuts the proof.
+        Certificate, status, transparency and margins, in SI units and rad/s. A time limit cuts only the proof short.
     """
     posed = with_best_corner(posed, gains, coupling)
     with time_limit(PROVING * seconds_left()):
@@ -244,13 +244,15 @@ def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
 def judge_all(
     problem: Problem, designs: Sequence[tuple[Gains, AnyCoupling]], corners: Sequence[float | None] | None = None
 ) -> list[Judgement]:
-    """Judge several designs against a problem's constraints, as `judge` does for one, with a joint proof.
+    """Judge several designs against the constraints of a problem, with a joint proof; `judge` does the same for one
+    design.
 
     Parameters
     ----------
     problem : problem with all defaults filled in, SI units
     designs : gains and couplings, plain floats, SI units
-    corners : corner of the multiplier for the walls of each design, rad/s; None for the best corner
+    corners : corner frequency of the multiplier for walls of each design, rad/s; None for the one with the greatest
+        margin
 
     Returns
     -------
@@ -258,7 +260,7 @@ def judge_all(
         One judgement for each design, in their order.
     """
     posed = pose(problem)
-    if posed.demands.worlds is not None and posed.demands.worlds.walls:  # each design has its own multiplier
+    if posed.demands.worlds is not None and posed.demands.worlds.walls:  # the multiplier differs between designs
         each = zip(designs, corners or [None] * len(designs), strict=True)
         return [judge_posed(posed if known is None else with_corner(posed, known), *law) for law, known in each]
     with time_limit(PROVING * seconds_left()):
@@ -267,7 +269,7 @@ def judge_all(
 
 
 def with_best_corner(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Posed:
-    """Return a posed problem with a corner of the multiplier for its walls, if it has walls and states no corner.
+    """Return a posed problem with the best corner frequency for its walls, if it has walls and no corner frequency yet.
 
     Parameters
     ----------
@@ -281,7 +283,10 @@ def with_best_corner(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Posed
 
 
 def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: Certificate) -> Judgement:
-    """Add values in double precision to a certificate, in hands on as many devices of a box as time permits."""
+    """Return a judgement: a certificate, and values in double precision.
+
+    If the time limit ends the work, the values in hands are for only some devices of the box.
+    """
     in_hand = posed.demands.hands is not None or posed.demands.any_hand
     at: list[_InHands] = []
     for case in in_time(posed.hand_cases if in_hand else ()):
@@ -362,7 +367,7 @@ def _estimated(
 
 
 def least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float, float]:
-    """Return the least Re Z_c / R on the stability band and its frequency. The ends of the axis have exact limits.
+    """Return the least Re Z_c / R on the stability band and its frequency, with the exact limits at 0 and infinity.
 
     Parameters
     ----------
@@ -371,7 +376,7 @@ def least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[
 
     Returns
     -------
-    ratio : least ratio; inf if nothing is required
+    ratio : least ratio; inf if R is nowhere positive
     omega : frequency, rad/s; 0 or inf at an end of the axis
     """
     device, band = problem.device, problem.stability.band

@@ -1,4 +1,4 @@
-"""The record of a solved problem's NLP: its content, the omitted parts, and the active constraints."""
+"""Record the NLP of a solved problem: its content, the parts that it omits, and the active constraints."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ from vctune.model.problem import Problem
 from vctune.model.transparency import TERMS
 
 ACTIVE = 1e-5
-"""Multiplier below which a constraint is not listed. IPOPT's barrier leaves a small multiplier on constraints that do
-not bind."""
+"""Multiplier above which the record lists a constraint as active. IPOPT's barrier gives inactive constraints small
+multipliers."""
 
 
 def active(solved: Solved) -> list[ActiveRecord]:
-    """Return the constraints that limit the design, with kind, frequency and multiplier, the greatest multiplier first.
+    """Return the active constraints of a design, with kind, frequency and multiplier, the greatest multiplier first.
 
-    The multiplier is d log(error)/d log(constraint): the per cent by which the error falls if the constraint is eased
-    by one per cent. Without convergence it is no derivative, and the list is empty.
+    The multiplier is d log(error)/d log(constraint). A multiplier of 0.3 means that the error falls by 0.3 % if the
+    constraint is relaxed by 1 %. If IPOPT did not converge, the multipliers are not derivatives, and the list is empty.
     """
     if solved.polished is None or not solved.polished.solution.converged:
         return []
@@ -74,10 +74,10 @@ def _device(problem: Problem, place: ConstraintPoint) -> DeviceRecord:
 
 
 def _priced(polished: Polished) -> Floats:
-    """Return the multipliers. Those of the ratio are for 2 Re(D + Z_h) Re Z_c >= factor 2 Re(D + Z_h) R.
+    """Return the multipliers; for the ratio, return those of 2 Re(D + Z_h) Re Z_c >= factor 2 Re(D + Z_h) R.
 
-    In the hand of an operator, the NLP puts the two terms of this constraint that contain the factor on different
-    sides.
+    For a device with a least operator, two terms of this constraint contain the factor, and the NLP has them on
+    different sides. The function converts the multipliers of the NLP accordingly.
     """
     multipliers, ratio = np.abs(polished.solution.multipliers), polished.working_set.ratio
     if polished.structure.operator_damping and ratio:
@@ -126,7 +126,7 @@ def left_out(solved: Solved) -> list[Note]:
 
 
 def solver_record(solved: Solved) -> dict[str, Any]:
-    """Return how the NLP was solved; empty without an NLP."""
+    """Return the record of the optimiser: starts, sizes of the NLP, and iterations; empty without an NLP."""
     if solved.polished is None or solved.scanned is None:
         return {}
     polished = solved.polished

@@ -1,4 +1,4 @@
-"""The numbers of a problem file that a repair may change, one at a time."""
+"""Define the changes of one number of a problem file that a repair may make."""
 
 from __future__ import annotations
 
@@ -17,25 +17,28 @@ from vctune.model.problem import Problem
 
 RELATIVE_CHANGES = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 0.6, 1.0, 1.5, 2.2, 3.0, 10.0, 1e2, 1e3, 1e4, 1e5)
 CHANGES_FROM_ZERO = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0)
-"""Relative changes that are tried: relative to the smaller of the old and the new value, or to the natural size if it
-is 0.
+"""Relative changes that the search tries: relative to the smaller of the old and the new value, or to the natural size
+if the old value is 0.
 
-A gain that is changed too far fails again. Up to a factor of 4 the steps miss no window wider than 30 %.
+If a gain changes too far, the design fails again. Up to a factor of 4, the steps are so small that they miss no
+interval of passing values wider than 30 %.
 """
 FURTHEST = 1e6
-"""Greatest factor by which a bound or a gain is moved, beyond any that could be built. A factor of ten is one trial."""
+"""Greatest factor by which the search changes a bound or a gain; no device would need more. Each factor of ten takes
+one more trial."""
 SOFTEST = 1e-3
-"""Least share to which the heaviest, most damped or stiffest hand is reduced; nobody would call anything less a
-hand."""
+"""Least share to which the search reduces the greatest mass, damping or stiffness of the hands. A smaller share would
+not describe a hand."""
 FINEST, FINEST_FROM_ZERO = 1e-9, 1e-18
-"""Least relative changes, for a value and from 0; smaller ones are lost in the digits of a file, or of a number."""
+"""Least relative change of a number, and least change from 0. Smaller changes would vanish in the rounding of the
+file's decimals or of a double."""
 DIGITS = 12
 """Greatest number of significant digits of a new value."""
 BETTER = {key: each for key, each in PART_NUMBERS.items() if each.better}
-"""Numbers of a device's parts for which better values can be bought."""
+"""Numbers of a device's parts for which better parts exist, such as the bandwidth of an actuator."""
 OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
 ONLY_UPWARDS = ("coupling.mass", "coupling.drag")
-"""Keys of numbers that add to Re Z_c as they grow, so that decreasing them makes nothing possible."""
+"""Keys of numbers that increase Re Z_c as they grow. A decrease of them repairs no design."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,17 +46,18 @@ class ParameterChange:
     """A number of a problem file that may change in one direction.
 
     Changes are relative to the smaller of the old and the new value. If the old value is 0, they are relative to the
-    natural size. If it is infinite, the same holds for the reciprocals.
+    natural size. If the old value is infinite, the reciprocal changes from 0, relative to the reciprocal of the natural
+    size.
 
     Attributes
     ----------
     path : place of the number in the file
     meaning : meaning of the change, in words
     old : the value in the file, or the default
-    limit : the furthest value worth trying, above or below `old`
-    scale : natural size, for an `old` of 0 or infinity
-    other : the other edge of a band or end of a range, which the file must then state as well
-    switch : whether the change turns off what the file turns on, which is 1 for true and 0 for false
+    limit : the furthest value to try, above or below `old`
+    scale : natural size of the number, used if `old` is 0 or infinite
+    other : the other edge of the band, or the other end of the range; a changed file must state both
+    switch : whether the number is a switch, which the change turns from true (1) to false (0)
     """
 
     path: KeyPath
@@ -71,7 +75,7 @@ class ParameterChange:
 
     @property
     def eases(self) -> bool:
-        """Whether a larger change only eases constraints or widens the choice: fewer hands, a narrower band, wider
+        """Whether a larger change only relaxes constraints or permits more designs: fewer hands, a narrower band, wider
         bounds."""
         if self.path[0] in ("operator", "environment"):
             return self.path[-1] != "max" or self.limit < self.old
@@ -79,7 +83,7 @@ class ParameterChange:
 
     @property
     def least(self) -> float:
-        """The least relative change worth trying. From infinity it is the change to the natural size."""
+        """The least relative change to try, which from an infinite old value is the change to the natural size."""
         return FINEST_FROM_ZERO if self.old == 0 else FINEST if self.old < inf else 1.0
 
     def value(self, relative: float) -> float:
@@ -103,7 +107,7 @@ class ParameterChange:
     def size(self, new: float) -> float:
         """Return the size r/(1 + r) of a change with the relative change r, to compare changes of all numbers.
 
-        It is the change relative to the greater of the old and the new value, at most 1.
+        The size is the change relative to the greater of the old and the new value, at most 1.
         """
         relative = self.relative_change(new)
         return relative / (1 + relative) if relative < inf else 1.0
@@ -130,17 +134,18 @@ class ParameterChange:
         yield last
 
     def rounded(self, relative: float, growth: float) -> float:
-        """Return the shortest decimal after a relative change, which may exceed the change by the share `growth`.
+        """Return the new value after a relative change, rounded away from the old value to as few digits as possible.
 
         Parameters
         ----------
         relative : the least relative change
-        growth : greatest relative increase
+        growth : greatest relative increase of this change by the rounding
 
         Returns
         -------
         float
-            At or beyond the exact value, within the limit. The exact value itself if `DIGITS` digits do not suffice.
+            A value at or beyond the exact one, within the limit; the exact value itself if `DIGITS` digits do not
+            suffice.
         """
         exact, upwards = self.value(relative), self.limit > self.old
         for digits in range(1, DIGITS):
@@ -176,7 +181,8 @@ class ParameterChange:
 
 
 def parameter_changes(document: dict[str, Any], problem: Problem) -> list[ParameterChange]:
-    """Return the possible changes of a problem: those of the device, of the constraints, and of stated bounds or gains.
+    """Return the possible changes of a problem: of the device, of the constraints, and of the bounds or gains in the
+    file.
 
     Parameters
     ----------
@@ -187,7 +193,7 @@ def parameter_changes(document: dict[str, Any], problem: Problem) -> list[Parame
 
 
 def changes_of_demands(document: dict[str, Any], problem: Problem) -> list[ParameterChange]:
-    """Return the possible changes of a problem that keep its device.
+    """Return the possible changes of a problem, except those of its device and its hands.
 
     Parameters
     ----------
@@ -223,9 +229,9 @@ def _of_device(problem: Problem) -> Iterator[ParameterChange]:
 
 
 def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
-    """Yield changes to fewer hands: more damping or, for a claim about a box of hands, less mass or stiffness.
+    """Yield changes that leave fewer hands: more damping or, for a claim about a box of hands, less mass or stiffness.
 
-    If no hand of a box has a stiffness, nothing may return the handle; then the changes include stiffer hands.
+    If no hand of the box has a stiffness, possibly nothing returns the handle. The changes then include stiffer hands.
     """
     device, low, high = problem.device, problem.hands.low, problem.hands.high
     meaning, loop = "more damping in every hand", _natural_impedance(problem)
@@ -249,7 +255,7 @@ def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
 
 
 def _of_worlds(problem: Problem) -> Iterator[ParameterChange]:
-    """Yield changes to fewer environments: less extreme masses and stiffnesses, more damping."""
+    """Yield changes that leave fewer environments: narrower ranges of mass and stiffness, or more damping."""
     worlds = problem.worlds
     if worlds is None:
         return
@@ -272,7 +278,7 @@ def _of_worlds(problem: Problem) -> Iterator[ParameterChange]:
 
 
 def _of_band(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:
-    """Yield narrower stability bands of at least one octave."""
+    """Yield changes to narrower stability bands, which keep at least one octave."""
     band, path = problem.stability.band, ("stability", "band_hz")
     low, high = _hz(document, 0, band.min), _hz(document, 1, band.max)
     nyquist, inner = 0.5 / problem.device.sample_time, problem.transparency.band.min / (2 * pi)
@@ -301,7 +307,10 @@ def _of_demands(problem: Problem) -> Iterator[ParameterChange]:
 
 
 def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:
-    """Yield other values of fixed numbers, and wider bounds of stated ranges. Default bounds are wide enough."""
+    """Yield changes of the fixed numbers of a design, and wider bounds of the ranges in the file.
+
+    The default bounds need no change, because they are wide.
+    """
     natural = _natural_sizes(problem)
     for key in problem.device.kind.stated:
         table, name = key.split(".")
@@ -337,14 +346,14 @@ def change_of_gain(problem: Problem, key: str, old: float, limit: float) -> Para
 
 
 def _natural_impedance(problem: Problem) -> float:
-    """Return the impedance of a device's mass at its lag, or Z_0 for a servo, which has no mass, N s/m."""
+    """Return the mass of a device divided by its loop's lag, N s/m; for a servo, which has no mass, Z_0."""
     if problem.device.servo is not None:
         return problem.transparency.reference_impedance
     return problem.device.mass / problem.device.loop_lag
 
 
 def _natural_sizes(problem: Problem) -> dict[str, float]:
-    """Return the natural sizes of a design's numbers by their keys."""
+    """Return the natural size of each number of a design, under the number's key."""
     tau = problem.device.loop_lag
     loop = _natural_impedance(problem) + problem.device.damping
     Z_0 = problem.transparency.reference_impedance
@@ -352,10 +361,10 @@ def _natural_sizes(problem: Problem) -> dict[str, float]:
 
 
 def _upwards(old: float, natural: float) -> float:
-    """Return the furthest value of an upward change."""
+    """Return the greatest value to try."""
     return max(FURTHEST * old, 10 * natural)
 
 
 def _downwards(old: float, key: str) -> float:
-    """Return the furthest value of a downward change: 0 if a gain may be 0."""
+    """Return the least value to try, which is 0 for a gain of the velocity loop."""
     return 0.0 if key.startswith("gains.") else old / FURTHEST

@@ -1,6 +1,7 @@
-"""The value of a better device: the change of the least error with each of its numbers.
+"""Compute the prices of a device's numbers: the change of the least error if a number improves by 1 %.
 
-By the envelope theorem this is the derivative of the Lagrangian at the optimum. See design/README.md, section 11.
+By the envelope theorem, this change follows from the derivative of the Lagrangian at the optimum. See design/README.md,
+section 11.
 """
 
 from __future__ import annotations
@@ -25,13 +26,15 @@ PRICES = "the prices of the device's numbers"
 """Name of a stage that a time limit may cut short."""
 
 STEP = 1e-5
-"""Relative change of a number, up and down, over which the derivative is taken. Its error is about as great, and
-rounding errors are far smaller. Half and twice this step give the same four digits."""
+"""Relative step, up and down, of the difference that approximates a derivative. The relative error of the approximation
+is about 1e-5; rounding errors are far smaller. Half and twice this step give the same four digits."""
 STEEPEST = 50.0
-"""Slope d log error/d log number above which a change counts as a jump, for example where the delay of a servo passes a
-whole number of samples; no slope is above 10. Half and twice this limit decide alike."""
+"""Slope d log error/d log number above which a change of the error counts as a jump. The error jumps, for example, if
+the delay of a servo passes a whole number of samples. True slopes are at most 10, so half and twice this limit give the
+same result."""
 BETTER = 0.01
-"""Share by which a number improves. Up to this share the least error is linear, except for a bend at the optimum."""
+"""Share by which a number improves. Up to this share, the least error is nearly a linear function of the number, on
+each side of its value."""
 
 
 @np.errstate(all="ignore")
@@ -45,7 +48,7 @@ def with_prices(solved: Solved) -> Solved:
     judgement, polished = solved.judgement, solved.polished
     if judgement is None or judgement.status is not Status.CERTIFIED or polished is None:
         return solved
-    if not polished.solution.converged:  # its multipliers are then no derivatives of the error
+    if not polished.solution.converged:  # without convergence the multipliers are not derivatives
         return solved
     prepared = prepare(solved.problem)
     prices = []
@@ -79,13 +82,13 @@ class _OfDevice:
         return device.with_numbers({self.name: factor * device.number(self.name)})
 
     def held(self, hand: Hand, hands: Hands, factor: float) -> Hand:
-        """Return a hand of the box unchanged."""
+        """Return the hand unchanged."""
         return hand
 
 
 @dataclass(frozen=True, slots=True)
 class _OfHands:
-    """An end of the hands' ranges: the least or the greatest mass, damping or stiffness, or both if they are equal.
+    """The least or the greatest mass, damping or stiffness of the hands; both at once if they are equal.
 
     Attributes
     ----------
@@ -106,19 +109,18 @@ class _OfHands:
         return float(getattr(problem.hands.low if self.end == "min" else problem.hands.high, self.name))
 
     def changed(self, device: Device, factor: float) -> Device:
-        """Return a device unchanged."""
+        """Return the device unchanged."""
         return device
 
     def held(self, hand: Hand, hands: Hands, factor: float) -> Hand:
-        """Return a hand of a box, moved with the end of the range at which it lies."""
+        """Return a hand of a box; if it lies at this end of the range, its number is `factor` times as great."""
         value = getattr(hand, self.name)
         edge = getattr(hands.low if self.end == "min" else hands.high, self.name)
         return replace(hand, **{self.name: factor * value}) if isclose(value, edge) else hand
 
 
 def _numbers(problem: Problem) -> list[_OfDevice | _OfHands]:
-    """Return the numbers with a price: those of the device and, for a device without its own loop, those of the
-    hands."""
+    """Return the numbers that get a price: those of the device and, for a servo, also those of the hands."""
     found: list[_OfDevice | _OfHands] = [_OfDevice(name) for name, old in problem.device.numbers().items() if old > 0]
     if problem.device.kind.own_loop:
         return found
@@ -146,12 +148,12 @@ def _price(prepared: Prepared, polished: Polished, here: _Changed, number: _OfDe
 
 @dataclass(frozen=True, slots=True)
 class _Changed:
-    """The quantities that depend on a number of the device.
+    """The parts of the squared error after a change of one number.
 
     Attributes
     ----------
     lagrangian : Lagrangian of the last NLP, whose objective is the logarithm of the error
-    others2 : sum of the squares of the error's terms that are the same for every design and that the NLP omits
+    others2 : sum of the squared terms of the error that are the same for every design, and that the NLP omits
     """
 
     lagrangian: float
@@ -159,7 +161,10 @@ class _Changed:
 
 
 def _changed(prepared: Prepared, polished: Polished, number: _OfDevice | _OfHands, factor: float) -> _Changed:
-    """Return these quantities after a change of a number of devices or hands; all else stays the same in SI units."""
+    """Return the parts of the squared error after a number of the devices or hands is multiplied by `factor`.
+
+    The design and all other numbers of the problem stay the same in SI units.
+    """
 
     def changed(device: Device) -> Device:
         return number.changed(device, factor)

@@ -1,7 +1,7 @@
-"""Find repairs that make a design possible: changes of one number, each sufficient alone, the least error first.
+"""Find repairs: changes of one number that make a design possible, each sufficient alone, the least error first.
 
-Numbers of the problem change as little as possible. A number of a design takes the value with the least error, or the
-value of the solved design. The module imports the optimiser only when it needs it.
+A number of the problem changes as little as possible. A number of a given design takes the value with the least error,
+or the value of the solved design. The module imports the optimiser only when it needs it.
 """
 
 from __future__ import annotations
@@ -36,20 +36,22 @@ from vctune.proof.engine.interval import Verdict
 from vctune.running import OutOfTimeError, check_time, out_of_time, time_limit
 
 SHARE = 0.9
-"""Share of a repair that must not suffice."""
+"""Share of a repair that must not suffice to make a design possible."""
 ROUNDS = 10
-"""Number of corrections of a first estimate: slightly more if it does not suffice, a tenth less if less suffices. Two
-or three corrections are usual. Half as many omit repairs; twice as many find no more."""
+"""Greatest number of corrections of the estimated least change. If a change does not suffice, a correction makes it
+slightly larger. If nine tenths of a change suffice, a correction makes it a tenth smaller. Two or three corrections are
+usual. With half as many, vctune misses some repairs; with twice as many, it finds no more."""
 REPAIRS = "the repairs"
 """Name of a stage that a time limit may cut short."""
 LONGEST = 30.0
-"""Seconds after which vctune tries no more changes; only a device whose every answer takes long needs so many. Half as
-many seconds omit repairs on a slow machine, and vctune says so (`CUT_SHORT`); the listed repairs are the same."""
+"""Seconds after which vctune tries no more changes. The search takes this time only for devices whose problems take
+long to solve. With half this time, vctune misses some repairs on a slow machine and warns of it (`CUT_SHORT`); the
+listed repairs are the same."""
 CUT_SHORT = Note("warn-repairs-cut-short", f"repairs were looked for during {LONGEST:g} s; there may be more of them")
 FINER = 30.0
-"""Factor between smaller changes that are tried while even the least one suffices; then the interval is bisected."""
+"""Factor by which the search reduces a change while the change suffices. Then it bisects the last interval."""
 SLACK = 1e-5
-"""Share by which the screening requires more than the limit of the ratio, as the proof of rounded gains will."""
+"""Share by which the screening requires a greater ratio than the limit, so that the proof of rounded gains succeeds."""
 
 Progress = Callable[[str], None]
 Posed = Callable[[dict[str, Any]], Problem | None]
@@ -60,8 +62,8 @@ def _posed(document: dict[str, Any]) -> Problem | None:
 
 
 def _seems_admissible(problem: Problem) -> bool:
-    """Return whether a problem's fixed design meets the constraints in double precision and its poles are proved
-    stable."""
+    """Return whether the fixed design of a problem meets the constraints in double precision, with proved stable
+    poles."""
     return all(_seems_admissible_on(case, *problem.fixed_design) for case in pose_devices(problem).cases)
 
 
@@ -86,9 +88,9 @@ def _judged(problem: Problem) -> Judgement | None:
 def _solved(problem: Problem) -> Judgement | None:
     from vctune.design.solve import solve
 
-    # the search of every box takes up to half a minute, as long as all repairs may take
+    # without the search of every box, which alone would take up to half a minute
     solved = solve(problem, exhaustive=False)
-    if solved.cut:  # a result that was cut is not an answer
+    if solved.cut:  # the time limit cut the solution short
         raise OutOfTimeError
     judgement = solved.judgement
     return judgement if judgement is not None and judgement.status is Status.CERTIFIED else None
@@ -108,7 +110,7 @@ def _seems_solvable_in_use(problem: Problem) -> bool:
 
 
 def _in_use(judgement: Judgement | None) -> Judgement | None:
-    """Return the design if it uses its velocity loop; None for any other design, or without one."""
+    """Return a design if it uses its velocity loop; None for any other design and for None."""
     return None if judgement is None or judgement.idle else judgement
 
 
@@ -118,14 +120,15 @@ def _seems_in_use(problem: Problem) -> bool:
 
 OF_FIXED = RepairTest(_seems_admissible, _judged, 2e-3, furthest_first=True)
 OF_FREE = RepairTest(_seems_solvable, _solved, 0.05, furthest_first=True)
-"""Tests for problems that fix every number, and for those that leave a number free. The former are judged in a
-millisecond, so that the least change can be found closely; the latter are solved in a second. Half or twice the width
-costs one trial more or less for each number."""
+"""Tests for problems that fix every number of the design, and for problems that leave one free. vctune judges a problem
+of the first kind in a millisecond, so the search can determine the least change accurately. Solving a problem of the
+second kind takes a second. With half the width, each number takes one more trial; with twice the width, one less.
+"""
 OF_FIXED_IN_USE = RepairTest(_seems_in_use, lambda problem: _in_use(_judged(problem)), OF_FIXED.width)
 OF_FREE_IN_USE = RepairTest(
     _seems_solvable_in_use, lambda problem: _in_use(_solved(problem)), OF_FREE.width, furthest_first=True
 )
-"""The same tests, which require designs that use the velocity loop."""
+"""The same tests, with the additional condition that the design uses its velocity loop."""
 
 
 def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda stage: None) -> Solved:
@@ -134,7 +137,7 @@ def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda 
     Parameters
     ----------
     file : the problem
-    solved : its result
+    solved : result of the problem
     progress : function that receives the current stage
     """
     problem, judgement, began = file.problem, solved.judgement, perf_counter()
@@ -151,7 +154,7 @@ def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda 
     else:
         repairs = find_repairs(document, parameter_changes(document, problem), OF_FREE, progress)
     seconds, cut = perf_counter() - began, (REPAIRS,) * out_of_time()
-    found = repairs or None if cut else repairs  # a cut search has not shown that there is none
+    found = repairs or None if cut else repairs  # after the time limit others may exist
     return replace(solved, repairs=found, seconds={**solved.seconds, "repairs": seconds}, cut=(*solved.cut, *cut))
 
 
@@ -167,16 +170,17 @@ def repairs_of_design(
     ----------
     stated : the problem's document
     judgement : judgement of the design
-    changed : numbers that were edited since the design was solved, with their earlier values as limits. If none are
-        known, vctune solves the problem; a design that differs from the solution in one number counts as edited there
+    changed : numbers that the user edited since the design was solved, with their earlier values as limits. If it is
+        empty, vctune solves the problem. If the design then differs from the solution in one number, this number counts
+        as edited
     progress : function that receives the current stage
 
     Returns
     -------
     list of Repair
-        First the numbers restored to those of the solved design. If none of these passes, each number at its value with
-        the least error, or at its least change if solving finds none. Then the least changes of the problem. In each
-        part the least error comes first.
+        First the changes of the design's numbers, then the least changes of the problem; in each part the least error
+        comes first. A number of the design returns to its value in the solved design. If no such change passes, the
+        number takes the value with the least error or, if the optimiser finds none, the least change that passes.
     """
     pasted = stated | design_tables(judgement.kind, judgement.gains, judgement.coupling)
     problem, _ = pose(pasted, "")
@@ -199,12 +203,12 @@ def repairs_of_design(
 
 
 def find_cures(document: dict[str, Any], problem: Problem, progress: Progress = lambda stage: None) -> list[Repair]:
-    """Return the least changes of one constraint after which a problem has a design that uses its velocity loop.
+    """Return the least changes of one constraint after which the best design uses its velocity loop.
 
     Parameters
     ----------
     document : parsed document
-    problem : problem that the document states, whose own design does not use its loop
+    problem : problem that the document states; its best design hardly uses the loop
     progress : function that receives the current stage
     """
     test = OF_FIXED_IN_USE if problem.bounds.fixed else OF_FREE_IN_USE
@@ -230,16 +234,16 @@ def find_repairs(
     progress: Progress = lambda stage: None,
     posed: Posed = _posed,
 ) -> list[Repair]:
-    """Return the least changes of one number that repair a problem, as many as time permits.
+    """Return the least changes of one number that repair a problem, as many as the search finds in `LONGEST` seconds.
 
-    The search tries each change as a user would: it changes the number in the document and reads the problem again with
-    its defaults. It then solves the problem or, if every number is fixed, judges it. It tries small changes of all
-    numbers before large changes of any.
+    The search makes each change as a user would: it changes the number in the document and reads the problem again,
+    with its defaults. Then the search solves the problem or, if every number of the design is fixed, judges the design.
+    It tries small changes of all numbers before large changes of any number.
 
     Parameters
     ----------
     document : parsed document
-    changes : the numbers that may be changed
+    changes : the changes to try
     test : functions that test changed problems
     progress : function that receives the current stage
     posed : function that returns the problem that a document states, or None
@@ -247,8 +251,8 @@ def find_repairs(
     Returns
     -------
     list of Repair
-        The least error first. Among equal errors, as where a constraint on given gains is eased, the smallest change
-        first.
+        The repair with the least error first. If the errors are equal, for example if each change relaxes a constraint
+        on given gains, the smallest change comes first.
     """
     found: list[Repair] = []
     with suppress(OutOfTimeError), time_limit(LONGEST):
@@ -285,7 +289,11 @@ class _Search:
     posed: Posed
 
     def hopeless(self) -> bool:
-        """Return whether no change suffices, if a larger change only eases the constraints."""
+        """Return whether no change of this number suffices, because even the largest change does not.
+
+        The result is False if a smaller change might suffice although the largest does not, or if the test does not try
+        the largest change first.
+        """
         furthest = self.change.relative_change(self.change.limit)
         return self.test.furthest_first and self.change.eases and not self.promising(furthest)
 
@@ -300,14 +308,13 @@ class _Search:
         posed = self.posed(self.change.applied(self.document, new))
         check_time()
         judgement = self.test.verify(posed) if posed is not None else None
-        check_time()  # a result that was cut is not an answer
+        check_time()  # at the time limit the judgement may be incomplete
         return judgement
 
     def least(self, low: float, high: float) -> Repair | None:
-        """Return the least change that repairs the problem while `SHARE` of it does not; None if `ROUNDS` do not find
-        it.
+        """Return the least change that repairs the problem while `SHARE` of it does not; None if the search finds none.
 
-        If any change of a 0 repairs the problem, the function uses the first change that was tried.
+        If the old value is 0 and any change of it repairs the problem, the function uses the change `high`.
 
         Parameters
         ----------
@@ -318,7 +325,7 @@ class _Search:
             design = self.certified(change.limit)
             return repair_of(change, change.limit, design) if design is not None else None
         relative = self._narrowed(low, high)
-        if change.old == 0 and relative <= change.least:  # any change from 0 seems to suffice: take the first
+        if change.old == 0 and relative <= change.least:  # any change from 0 suffices: use the tried one
             new = change.rounded(high, width / 2)
             design = self.certified(new)
             return repair_of(change, new, design) if design is not None else None
@@ -334,7 +341,7 @@ class _Search:
         return None
 
     def _narrowed(self, low: float, high: float) -> float:
-        """Return a relative change that seems to suffice, narrowed towards one that does not."""
+        """Return the least relative change that seems to suffice, to the relative accuracy of the test."""
         while low == 0 and high > self.change.least:
             low, high = (0.0, high / FINER) if self.promising(high / FINER) else (high / FINER, high)
         while 0 < low * (1 + self.test.width) < high < inf:

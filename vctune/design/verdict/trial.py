@@ -1,4 +1,4 @@
-"""How the search for repairs tests a changed problem."""
+"""Define the functions with which the search for repairs tests a changed problem."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from vctune.model.problem import Problem
 
 @dataclass(frozen=True, slots=True)
 class RepairTest:
-    """Functions and limits with which a changed problem is tested.
+    """Functions and limits with which the search for repairs tests a changed problem.
 
     Attributes
     ----------
     estimate : function that returns whether a problem seems to have a design
     verify : function that returns the problem's design if it is certified, else None
-    width : relative width to which the least change is bracketed
-    furthest_first : whether to give up a change at once if its furthest value does not suffice
+    width : relative accuracy of the least change that suffices
+    furthest_first : whether to try the largest change first, and no smaller one if it does not suffice
     """
 
     estimate: Callable[[Problem], bool]

@@ -1,4 +1,4 @@
-"""The record of a design on the devices of its box, and of the cost of the uncertainty."""
+"""Record the errors of a design on the devices of an uncertain box, which show the cost of the uncertainty."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vctune.model.problem import Problem
 
 
 def device_record(device: Device, problem: Problem) -> DeviceRecord:
-    """Return mass, damping and delay of a device, and the other numbers that are uncertain in the problem.
+    """Return mass, damping and delay of a device, and its other numbers for which the problem states an uncertainty.
 
     Parameters
     ----------
