@@ -196,7 +196,7 @@ def _dotted(unit: str) -> str:
 
 def _compiled(sources: dict[str, str]) -> bytes:
     """Return the shared library compiled from sources."""
-    compiler = next((found for name in COMPILERS if (found := shutil.which(name))), None)
+    compiler = next((path for name in COMPILERS if (path := shutil.which(name))), None)
     if compiler is None or (platform.system(), platform.machine()) != ("Linux", "x86_64"):
         message = "an FMU is built by a C compiler on 64-bit Linux: install gcc or clang there, or take --to c"
         raise InputError.of("fmu", "no-compiler", message)
@@ -204,9 +204,9 @@ def _compiled(sources: dict[str, str]) -> bytes:
         for name, text in sources.items():
             (Path(place) / name).write_text(text)
         command = [compiler, *OPTIONS, "-o", "out.so", "vctune_fmu.c", "-lm"]
-        done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            complaint = (done.stderr.strip().splitlines() or ["says nothing"])[0]
+        completed = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
+        if completed.returncode != 0:
+            complaint = (completed.stderr.strip().splitlines() or ["says nothing"])[0]
             raise InputError.of(
                 "fmu", "no-compiler", f"{compiler} cannot compile it: {complaint}; take another compiler"
             )

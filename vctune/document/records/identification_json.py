@@ -174,12 +174,12 @@ def device_text(record: IdentificationRecord) -> str:
         document["stability"] = {"criterion": "passive"}
     elif record.rotary:
         document["operator"] = {name: {"min": 0.0, "max": most} for name, most in ROTARY_HAND.items()}
-    document["uncertainty"] = {each.key: each.share for each in record.numbers}
+    document["uncertainty"] = {number.key: number.share for number in record.numbers}
     if record.unmodelled:
         document["uncertainty"]["unmodelled"] = record.unmodelled
     if record.friction is not None or record.force_noise:
         document["experiment"] = [_experiment(record)]
-    notes = {each.key: _note(each) for each in record.numbers}
+    notes = {number.key: _note(number) for number in record.numbers}
     body = _annotated(toml_text(document), notes, record)
     return "\n".join([*_head(record), "", body])
 
@@ -198,7 +198,7 @@ def _head(record: IdentificationRecord) -> list[str]:
         lines.append(
             f"#     {residual}chi2/dof {_short(recording.chi2)} with the noise alone, sha256 {recording.sha256}"
         )
-    if any(recording.low <= 0 for recording in record.numbers):
+    if any(number.low <= 0 for number in record.numbers):
         lines.append("# What may be 0 is written as plus or minus 99 %, down to a hundredth of its middle.")
     lines += [f"# warning: {printable(warning)}" for warning in record.warnings]
     lines += [f"# {printable(remark)}" for remark in record.remarks]
@@ -209,9 +209,10 @@ def _short(value: float | None) -> str:
     return "not known" if value is None else f"{value:.3g}"
 
 
-def _note(each: BoundedRecord) -> str:
-    found = "; ".join(f"{one.value:.6g} +- {_short(one.sigma)}" for one in each.estimates)
-    return f"# {each.low:.6g} to {each.high:.6g} {each.unit}".rstrip() + f", by {each.limit}; found {found}"
+def _note(number: BoundedRecord) -> str:
+    """Return the comment on a number: its interval, the reason for its width, and its estimates."""
+    estimates = "; ".join(f"{estimate.value:.6g} +- {_short(estimate.sigma)}" for estimate in number.estimates)
+    return f"# {number.low:.6g} to {number.high:.6g} {number.unit}".rstrip() + f", by {number.limit}; found {estimates}"
 
 
 def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -> str:
