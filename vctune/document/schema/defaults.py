@@ -2,14 +2,11 @@
 
 See document/README.md, section 1.
 
-Let tau be T/2 + delay plus the lags of actuator and velocity estimate. Let Z = m/tau + b, the impedance at which the
-loop
-runs out of phase. The transparency band is [0.00025, 0.015]/tau. The stability band ends at 0.05/tau, which is a tenth
-of
-the sampling rate if there is no delay. Z_0 = 2 pi f m at the transparency band's middle f, K_v <= 2 Z, and K_p <= 2
-Z/tau.
-The least K_v is 1e-8 m/T. This value is below 1e-5 Z for any supported delay, so the default need not depend on the
-delay.
+Let tau be T/2 + delay plus the lags of actuator and velocity estimate. Let Z = m/tau + b, which is about the device's
+impedance at the frequency 1/tau. There the lags begin to destabilise the loop. The transparency band is [0.00025,
+0.015]/tau. The stability band ends at 0.05/tau, which is a tenth of the sampling rate if there is no delay. Z_0 = 2 pi
+f m at the transparency band's middle f, K_v <= 2 Z, and K_p <= 2 Z/tau. The least K_v is 1e-8 m/T. This value is below
+1e-5 Z for any supported delay, so the default need not depend on the delay.
 """
 
 from __future__ import annotations
