@@ -41,8 +41,8 @@ class Evenness:
 
 
 LOOP, LINK = Evenness(0.05, 1.5), Evenness(0.25, 1.9)
-"""Limits for a loop that an interrupt runs, and for a robot's link. Samples over a link may be less even, because the fit
-of a servo uses the times that the log states."""
+"""Limits for a loop that an interrupt runs, and for a robot's link. Samples over a link may be less even, because the
+fit of a servo uses the times that the log states."""
 
 
 def check(recording: Recording, sample_time: float | None, *, servo: bool = False) -> float:
