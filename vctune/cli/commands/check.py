@@ -80,17 +80,17 @@ def check(
     admittances = [file for file in files if is_admittance(file)]
     if axes and not admittances:
         raise click.UsageError("--axis selects axes of a ROS 2 parameter file, and no .yaml file is named")
-    warn = partial(warn_of_doubts, quiet=quiet)
+    show_doubts = partial(warn_of_doubts, quiet=quiet)
     with progress_on_stderr("vctune check", shown=not quiet) as progress:
         if several is not None:
-            checks_found = _of_axes(several, files, axes, progress, warn)
+            checks_found = _of_axes(several, files, axes, progress, show_doubts)
         elif admittances and baseline is None:
             problems = [file for file in files if file not in admittances]
-            checks_found = check_parameter_files(problems, admittances, axes, progress, warn)
+            checks_found = check_parameter_files(problems, admittances, axes, progress, show_doubts)
         elif baseline is None:
-            checks_found = check_files(files, progress, warn)
+            checks_found = check_files(files, progress, show_doubts)
         else:
-            checks_found = _against(baseline, files, out, progress, warn)
+            checks_found = _against(baseline, files, out, progress, show_doubts)
     checks = [replace(checked, strict=strict) for checked in checks_found]
     if style != "text" or not quiet:
         emit(FORMATS[style](checks))
@@ -99,14 +99,14 @@ def check(
     return worst(of_check(checked.result) for checked in checks)
 
 
-def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, warn: Said) -> list[Checked]:
+def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, show_doubts: Said) -> list[Checked]:
     """Check a region and the gains files for its problem, and write the losses of the region."""
     from vctune import read_problem
     from vctune.api.checking import LOST, check_files, recheck, remove_lost, write_lost
     from vctune.api.folders import folder_name
 
     file = read_problem(files[0])
-    warn(file.problem)
+    show_doubts(file.problem)
     checked, again = recheck(file, baseline, progress)
     folder = out / folder_name(checked.name)
     if again.lost and not again.cut:
@@ -118,7 +118,7 @@ def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, w
 
 
 def _of_axes(
-    several: AxesFile, files: list[Path], axes: tuple[str, ...], progress: Progress, warn: Said
+    several: AxesFile, files: list[Path], axes: tuple[str, ...], progress: Progress, show_doubts: Said
 ) -> list[Checked]:
     """Check several axes with the numbers that they fix, with the gains in a folder of `vctune solve`, or with a ROS 2
     file."""
@@ -126,7 +126,7 @@ def _of_axes(
     from vctune.api.checking import is_admittance
     from vctune.api.uncoupled_axes import check_axes, check_parameters, gains_of_axes
 
-    warn(*(axis.file.problem for axis in several.axes))
+    show_doubts(*(axis.file.problem for axis in several.axes))
     if files and all(map(is_admittance, files)):
         return [check for path in files for check in check_parameters(several, path, axes, progress)]
     if len(files) > 1 or (files and not files[0].is_dir()):
